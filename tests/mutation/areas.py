@@ -33,27 +33,6 @@ def sources_of(area: str, root: Path = PROJECT) -> list[Path]:
     return [path.relative_to(root) for path in found if path.name not in _IDLE]
 
 
-def files_of_tests(root: Path = PROJECT) -> list[str]:
-    """The unit tests that import what is mutated, themselves or by helpers of tests."""
-    wanted = {source for area in AREAS for source in sources_of(area, root)}
-    return [
-        str(path.relative_to(root))
-        for path in sorted((root / "tests" / "unit").glob("test_*.py"))
-        if not wanted.isdisjoint(_with_helpers(root, path.relative_to(root)))
-    ]
-
-
-def _with_helpers(root: Path, path: Path) -> set[Path]:
-    found: set[Path] = set()
-    waiting = {path}
-    while waiting:
-        for each in imported(root, waiting.pop()) - found:
-            found.add(each)
-            if each.parts[0] == "tests":
-                waiting.add(each)
-    return found
-
-
 @cache
 def imported(root: Path, source: Path) -> frozenset[Path]:
     """The project's modules that a source imports, anywhere in it."""

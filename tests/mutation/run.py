@@ -7,8 +7,8 @@
 ``--count`` draws as many of all that ``tests/mutation/mutants.py`` finds, every one as likely, and
 says what share is noticed. Asked are the fast unit tests that call what the mistake is in, up to
 the first that fails and for ``--seconds`` of the processor at most; so the share is rather too
-small. A mistake that does not even import is noticed, and one with which a test takes ten times as
-long and ten seconds more. Which test calls what is recorded before and kept in ``build/mutation``.
+small. A mistake that does not even import is noticed, and one with which a test takes four seconds
+and three times what it takes without. What tests take is kept in ``build/mutation``.
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import IO
 
-from tests.mutation.areas import AREAS, PROJECT, files_of_tests, sources_of
-from tests.mutation.asked import Calls
-from tests.mutation.graph import callers_of, functions_of, kernels_from
+from tests.mutation.areas import AREAS, PROJECT, sources_of
+from tests.mutation.asked import Seconds, asked
+from tests.mutation.graph import functions_of, kernels_from, tests_of
 from tests.mutation.known import KNOWN
 from tests.mutation.mutants import Mutant, mutants_of, parses
 
@@ -70,17 +70,13 @@ class Copy:
                 there.parent.mkdir(parents=True, exist_ok=True)
                 shutil.copy2(right, there)
         kept.mkdir(parents=True, exist_ok=True)
-        self.calls = Calls(kept / "calls.jsonl")
+        self.taken = Seconds(kept / "seconds.json")
         self.variables = {
             "PYTHONPATH": str(self.root),
             "OMP_NUM_THREADS": "1",
             # no recordings
             "AUTOMAP_SHARED_DATA": str(folder / "none"),
         }
-
-    def record(self, files: Sequence[str]) -> None:
-        """Have the calls of all of some test files."""
-        self.calls.record(files, self.root, self.variables)
 
     def ask(self, mistakes: Sequence[Mistake]) -> Iterable[tuple[Mistake, str, str]]:
         """Of each mistake the state, killed or survived, and what noticed it."""
@@ -101,27 +97,24 @@ class Copy:
 
     def _ask(self, mistake: Mistake, to: IO[str], answers: IO[str]) -> tuple[str, str]:
         changed = functions_of(mistake.source, mistake.line)
-        plain = kernels_from(changed)
-        names = changed | callers_of(plain)
-        tests = self.calls.tests_of(names, mistake.source, self.root, self.seconds, mistake.only)
+        tests = asked(tests_of(changed), self.taken.of, mistake.only)
         if not tests:
-            return "survived", "no test calls it"
+            return "survived", "no test comes to it"
         job = {
             "source": str(mistake.source),
             "text": mistake.text,
-            "plain": sorted(plain),
-            "tests": [(t.test, t.whole) for t in tests],
+            "plain": sorted(kernels_from(changed)),
+            "tests": tests,
             "seconds": self.seconds,
         }
         to.write(json.dumps(job) + "\n")
         to.flush()
-        state, by = json.loads(answers.readline())
+        state, by, taken = json.loads(answers.readline())
+        self.taken.learn(taken)
         return state, by
 
 
 def _known(copy: Copy) -> int:
-    files = sorted({f"tests/unit/{name}" for known in KNOWN for name in known.tests})
-    copy.record(files)
     mistakes, passed = [], []
     for known in KNOWN:
         right = (PROJECT / known.source).read_text()
@@ -158,7 +151,6 @@ def drawn(
 
 
 def _sampled(copy: Copy, areas: Sequence[str], count: int, seed: int, out: Path) -> int:
-    copy.record(files_of_tests())
     mistakes = [
         Mistake(area, source, m.line, m.what, m.applied((PROJECT / source).read_text()))
         for area, source, m in drawn(PROJECT, areas, count, seed)

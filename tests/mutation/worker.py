@@ -1,8 +1,9 @@
 """Asks tests of mistakes, each in a fork of a process that has loaded the heavy libraries.
 
 ``python -m tests.mutation.worker FOLDER``: a copy of the project. A line of standard input is
-``{"source", "text", "plain", "tests", "seconds"}`` as JSON, the answer ``[state, by]``; ``plain``
-are the kernels that are interpreted, ``tests`` pairs of a test and its seconds.
+``{"source", "text", "plain", "tests", "seconds"}`` as JSON, the answer ``[state, by,
+seconds of tests that pass]``; ``plain`` are the kernels that are interpreted, ``tests`` pairs of a
+test and its seconds.
 
 Kernels that hold the mistake, and those that they are compiled into, are interpreted; all others
 come from the machine code of the sound sources, so that nothing is compiled. What fails there, or
@@ -13,6 +14,7 @@ from __future__ import annotations
 
 import importlib
 import json
+import math
 import os
 import resource
 import signal
@@ -37,9 +39,8 @@ _HEAVY = (
 _BYTES = 6 << 30
 """Of memory at most: some mistakes make an array grow without end."""
 
-_LEAST_S = 10.0
-_TIMES = 10.0
-"""A test may take so many seconds, and so many times what it takes, before it is broken off."""
+_LIMIT_S = 4.0
+"""Of a test, before it is broken off."""
 
 _CLEAR = 3.0
 """A mistake makes a test too long if it takes so many times less without it."""
@@ -58,8 +59,8 @@ class Stamp:
 class Watch:
     """A pytest plugin: breaks tests off that take too long, and writes down what happens."""
 
-    def __init__(self, seconds: dict[str, float], whole_s: float, told: IO[str]) -> None:
-        self.seconds, self.whole_s, self.told = seconds, whole_s, told
+    def __init__(self, whole_s: float, told: IO[str]) -> None:
+        self.whole_s, self.told = whole_s, told
         self.now = ""
         signal.signal(signal.SIGPROF, self._too_long)
 
@@ -77,8 +78,7 @@ class Watch:
         """Watch the time."""
         self.now = item.nodeid
         self.tell("begun", "")
-        limit_s = _LEAST_S + _TIMES * self.seconds.get(item.nodeid, 0.0)
-        signal.setitimer(signal.ITIMER_PROF, limit_s, 1.0)
+        signal.setitimer(signal.ITIMER_PROF, _LIMIT_S, 1.0)
         yield
         signal.setitimer(signal.ITIMER_PROF, 0)
         if time.process_time() > self.whole_s:
@@ -134,6 +134,10 @@ def write(path: Path, text: str) -> None:
         compiled.unlink()
 
 
+Told = list[tuple[str, str, str, float]]
+"""What happened, with which test, more about it, seconds of the processor since the fork."""
+
+
 class Asker:
     """Asks the tests of one mistake after the other."""
 
@@ -141,35 +145,40 @@ class Asker:
         self.root, self.stamp = root, Stamp()
         self._sound: dict[tuple[str, frozenset[str]], float | None] = {}
 
-    def ask(self, job: dict[str, Any]) -> tuple[str, str]:
-        """Whether one of the tests notices, and which."""
-        tests: list[tuple[str, float]] = [(name, s) for name, s in job["tests"]]
-        plain, left, asked = frozenset(job["plain"]), float(job["seconds"]), 0
+    def ask(self, job: dict[str, Any]) -> tuple[str, str, dict[str, float]]:
+        """Whether one of the tests notices, which, and what those took that pass."""
+        tests = [name for name, _ in job["tests"]]
+        plain, left = frozenset(job["plain"]), float(job["seconds"])
         silent: list[str] = []
+        passed: dict[str, float] = {}
         while tests and left > 0.0:
             told = self._with(job, plain, tests, left)
             left -= max((at for *_, at in told), default=0.0)
-            asked += sum(what == "passed" for what, *_ in told)
             for what, test, text, _ in told:
+                if what == "passed" and not plain:
+                    passed[_base(test)] = passed.get(_base(test), 0.0) + _took(told, test)
                 if what not in ("failed", "long", "died"):
                     continue
-                sound_s = self._sound_s(test, plain) if plain or what != "failed" else 0.0
+                known = what == "failed" and not plain and dict(job["tests"]).get(_base(test))
+                sound_s = known or self._sound_s(test, plain)
                 took_s = _took(told, test)
                 if sound_s is None or (what != "failed" and sound_s * _CLEAR > took_s):
                     silent.append(test)  # it says nothing in this way of running
+                    if not plain:
+                        passed[_base(test)] = math.inf
                     continue
                 why = text if what == "failed" else f"{what}: {took_s:.0f} s, {sound_s:.1f} else"
-                return "killed", f"{test} - {' '.join(why.split())[-200:]}"
-            last = told[-1][1] if told else ""
-            names = [name for name, _ in tests]
-            if told and told[-1][0] in ("passed", "skipped", "begun", "long") or last not in names:
+                return "killed", f"{test} - {' '.join(why.split())[-200:]}", passed
+            what, last = (told[-1][0], _base(told[-1][1])) if told else ("", "")
+            if what not in ("failed", "died") or last not in tests:
                 break
-            tests = tests[names.index(last) + 1 :]
-        return "survived", f"{asked} tests" + (f", silent {len(silent)}: {silent[0]}" if silent else "")
+            tests = tests[tests.index(last) + 1 :]
+        by = f"{len(passed)} tests" if not plain else f"{len(tests)} tests"
+        return "survived", by + (f", silent {len(silent)}: {silent[0]}" if silent else ""), passed
 
     def _with(
-        self, job: dict[str, Any], plain: frozenset[str], tests: list[tuple[str, float]], left: float
-    ) -> list[tuple[str, str, str, float]]:
+        self, job: dict[str, Any], plain: frozenset[str], tests: list[str], left: float
+    ) -> Told:
         path = self.root / job["source"]
         right, times = path.read_text(), path.stat()
         try:
@@ -183,18 +192,16 @@ class Asker:
         """The seconds of a test that passes on the sound sources, or None."""
         key = test, plain
         if key not in self._sound:
-            told = self._forked(plain, [(test, 0.0)], 3.0 * _LEAST_S)
+            told = self._forked(plain, [test], 2.0 * _LIMIT_S)
             passed = bool(told) and all(what in ("begun", "passed") for what, *_ in told)
             self._sound[key] = _took(told, told[-1][1]) if passed else None
         return self._sound[key]
 
-    def _forked(
-        self, plain: frozenset[str], tests: list[tuple[str, float]], left: float
-    ) -> list[tuple[str, str, str, float]]:
+    def _forked(self, plain: frozenset[str], tests: list[str], left: float) -> Told:
         with tempfile.TemporaryFile("w+") as told:
             child = os.fork()
             if child == 0:
-                hard_s = round(left + _LEAST_S + _TIMES * max(s for _, s in tests))
+                hard_s = round(left + 3.0 * _LIMIT_S)
                 resource.setrlimit(resource.RLIMIT_CPU, (hard_s, hard_s))
                 resource.setrlimit(resource.RLIMIT_AS, (_BYTES, _BYTES))
                 signal.alarm(10 * hard_s)  # who waits for ever uses no processor
@@ -203,13 +210,11 @@ class Asker:
             told.seek(0)
             lines = [tuple(json.loads(line)) for line in told.read().splitlines()]
             if status < 0 or not lines:
-                at = lines[-1][1] if lines else tests[0][0]
+                at = lines[-1][1] if lines else tests[0]
                 lines.append(("died", at, f"ended with {status}", left))
             return lines
 
-    def _run(
-        self, plain: frozenset[str], tests: list[tuple[str, float]], left: float, told: IO[str]
-    ) -> None:
+    def _run(self, plain: frozenset[str], tests: list[str], left: float, told: IO[str]) -> None:
         nothing = os.open(os.devnull, os.O_WRONLY)
         os.dup2(nothing, 1)
         os.dup2(nothing, 2)
@@ -217,11 +222,11 @@ class Asker:
         for name in [n for n in sys.modules if n.split(".")[0] in ("tests", "automap", "pipeline")]:
             del sys.modules[name]
         try:
-            watch = Watch(dict(tests), left, told)
-            watch.now = tests[0][0]
+            watch = Watch(left, told)
+            watch.now = tests[0]
             _with_kept_code(self.stamp, set(plain))
             options = ["-x", "-q", "--tb=line", "-p", "no:cacheprovider", "-p", "no:xdist"]
-            pytest.main([*options, *(name for name, _ in tests)], plugins=[watch])
+            pytest.main([*options, *tests], plugins=[watch])
         except BaseException as error:  # the mistake may be in what is imported first
             watch.tell("failed", repr(error))
         finally:
@@ -229,7 +234,11 @@ class Asker:
             os._exit(0)
 
 
-def _took(told: list[tuple[str, str, str, float]], test: str) -> float:
+def _base(test: str) -> str:
+    return test.split("[")[0]
+
+
+def _took(told: Told, test: str) -> float:
     times = [at for _, name, _, at in told if name == test]
     return max(times) - min(times) if times else 0.0
 

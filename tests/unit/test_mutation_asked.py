@@ -46,9 +46,13 @@ def test_what_is_shared_counts_once_and_its_tests_stay_together(tmp_path: Path) 
 def test_what_kernels_are_compiled_into_is_found_in_the_sources() -> None:
     path = "automap/fusion/kernels/axis.py"
     changed = {f"{path}:_sandwich"}
-    assert kernels_from(changed) == {f"{path}:{n}" for n in ("_sandwich", "_backward", "smooth_axis")}
+    assert kernels_from(changed) == {
+        f"{path}:{n}" for n in ("_sandwich", "_backward", "smooth_axis")
+    }
     assert "automap/fusion/fix_axes.py:smooth_epochs" in callers_of(kernels_from(changed))
-    line = next(n for n, s in enumerate(Path(path).read_text().splitlines(), 1) if "_sandwich(" in s)
+    line = next(
+        n for n, s in enumerate(Path(path).read_text().splitlines(), 1) if "_sandwich(" in s
+    )
     assert functions_of(Path(path), line + 2) <= {f"{path}:{n}" for n in ("_sandwich", "_backward")}
 
 
