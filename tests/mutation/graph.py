@@ -66,7 +66,7 @@ def kernels_from(changed: set[str]) -> set[str]:
         found |= more
 
 
-def tests_of(changed: set[str]) -> dict[str, int]:
+def reaching(changed: set[str]) -> dict[str, int]:
     """The tests that may come to one of some functions, and by how many calls at least."""
     found = {f: 0 for f in _functions() if str(f) in changed}
     last = set(found)

@@ -31,7 +31,7 @@ from typing import IO
 
 from tests.mutation.areas import AREAS, PROJECT, sources_of
 from tests.mutation.asked import Seconds, asked
-from tests.mutation.graph import functions_of, kernels_from, tests_of
+from tests.mutation.graph import functions_of, kernels_from, reaching
 from tests.mutation.known import KNOWN
 from tests.mutation.mutants import Mutant, mutants_of, parses
 
@@ -97,7 +97,7 @@ class Copy:
 
     def _ask(self, mistake: Mistake, to: IO[str], answers: IO[str]) -> tuple[str, str]:
         changed = functions_of(mistake.source, mistake.line)
-        tests = asked(tests_of(changed), self.taken.of, mistake.only)
+        tests = asked(reaching(changed), self.taken.of, mistake.only)
         if not tests:
             return "survived", "no test comes to it"
         job = {

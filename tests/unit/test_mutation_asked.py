@@ -1,46 +1,25 @@
-"""Which tests a mistake is asked: quick ones of its area first, what several share counts once."""
+"""Which tests are asked of a mistake, and how sources tell."""
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
-from tests.mutation.asked import MOST_S, Calls
-from tests.mutation.graph import callers_of, functions_of, kernels_from
+from tests.mutation.asked import MOST_S, QUICK_S, Seconds, asked
+from tests.mutation.graph import functions_of, kernels_from, reaching
 from tests.mutation.mutants import mutants_of
 
-SOURCE = Path("automap/a.py")
-PLACE = f"{SOURCE}:f"
+
+def test_the_nearest_are_asked_first_and_the_dear_ones_last_or_never() -> None:
+    near = {"a::1": 1, "a::2": 2, "a::3": 1, "b::1": 3, "b::2": 1}
+    seconds = {"a::1": QUICK_S + 1.0, "a::2": 0.2, "a::3": 0.1, "b::2": MOST_S + 1.0}
+    assert [test for test, _ in asked(near, seconds)] == ["a::3", "a::2", "b::1", "a::1"]
+    assert asked(near, seconds, ("b",)) == [("b::1", 0.0)]
 
 
-def told(seconds: float, **shared: float) -> dict[str, object]:
-    return {"seconds": seconds, "shared": shared, "calls": [PLACE]}
-
-
-def test_what_is_shared_counts_once_and_its_tests_stay_together(tmp_path: Path) -> None:
-    files = {
-        "tests/a.py": {"a1": told(0.5, run=8.0), "a2": told(0.3, run=8.0), "a3": told(0.1)},
-        "tests/b.py": {"b1": told(0.4), "b2": told(1.0, drive=3.0), "b3": told(MOST_S + 1.0)},
-        "tests/c.py": {"c1": told(0.6)},
-    }
-    (tmp_path / "tests").mkdir()
-    (tmp_path / "automap").mkdir()
-    (tmp_path / SOURCE).touch()
-    for name in files:
-        (tmp_path / name).write_text("from automap.a import f\n" if "c" in Path(name).stem else "")
-    lines = [json.dumps({"file": name, "tests": tests}) for name, tests in files.items()]
-    path = tmp_path / "calls.jsonl"
-    path.write_text("\n".join(lines))
-    kept = Calls(path)
-
-    def asked(seconds: float, *only: str) -> list[str]:
-        return [each.test for each in kept.tests_of({PLACE}, SOURCE, tmp_path, seconds, only)]
-
-    # 0.6 + 0.1 + 0.4 + 1 + 3 + 0.3 + 0.5 + 8 s
-    assert asked(14.0) == ["c1", "a3", "b1", "b2", "a2", "a1"]
-    assert asked(13.5) == ["c1", "a3", "b1", "b2", "a2"]
-    assert asked(14.0, "tests/b.py") == ["b1", "b2"]
-    assert not kept.tests_of({"automap/a.py:g"}, SOURCE, tmp_path, 14.0)
+def test_what_tests_take_is_learnt_once(tmp_path: Path) -> None:
+    Seconds(tmp_path / "kept").learn({"a": 1.0})
+    Seconds(tmp_path / "kept").learn({"a": 2.0, "b": float("inf")})
+    assert Seconds(tmp_path / "kept").of == {"a": 1.0, "b": float("inf")}
 
 
 def test_what_kernels_are_compiled_into_is_found_in_the_sources() -> None:
@@ -49,7 +28,9 @@ def test_what_kernels_are_compiled_into_is_found_in_the_sources() -> None:
     assert kernels_from(changed) == {
         f"{path}:{n}" for n in ("_sandwich", "_backward", "smooth_axis")
     }
-    assert "automap/fusion/fix_axes.py:smooth_epochs" in callers_of(kernels_from(changed))
+    near = reaching(changed)
+    own = "the_smoother_of_an_axis_is_the_conditional_mean_of_all_states_at_once"
+    assert near[f"tests/unit/test_fusion_closed_forms.py::test_{own}"] == 2
     line = next(
         n for n, s in enumerate(Path(path).read_text().splitlines(), 1) if "_sandwich(" in s
     )
