@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pytest
+
+from tests.mutation import graph
+from tests.mutation.areas import imported
 from tests.mutation.asked import MOST_S, QUICK_S, Seconds, asked
-from tests.mutation.graph import functions_of, kernels_from, reaching
 from tests.mutation.mutants import mutants_of
 
 
@@ -22,19 +25,39 @@ def test_what_tests_take_is_learnt_once(tmp_path: Path) -> None:
     assert Seconds(tmp_path / "kept").of == {"a": 1.0, "b": float("inf")}
 
 
-def test_what_kernels_are_compiled_into_is_found_in_the_sources() -> None:
-    path = "automap/fusion/kernels/axis.py"
-    changed = {f"{path}:_sandwich"}
-    assert kernels_from(changed) == {
-        f"{path}:{n}" for n in ("_sandwich", "_backward", "smooth_axis")
-    }
-    near = reaching(changed)
-    own = "the_smoother_of_an_axis_is_the_conditional_mean_of_all_states_at_once"
-    assert near[f"tests/unit/test_fusion_closed_forms.py::test_{own}"] == 2
-    line = next(
-        n for n, s in enumerate(Path(path).read_text().splitlines(), 1) if "_sandwich(" in s
-    )
-    assert functions_of(Path(path), line + 2) <= {f"{path}:{n}" for n in ("_sandwich", "_backward")}
+SOURCES = {
+    "automap/low.py": "LIMIT = 2\n@kernel\ndef leaf(x):\n    return x + LIMIT\n",
+    "automap/mid.py": "from automap.low import leaf\n@kernel\ndef tree(x):\n    return leaf(x)\n",
+    "automap/front.py": "from automap.mid import tree\n",
+    "automap/top.py": "from automap.front import tree\ndef run():\n    return tree(1)\n",
+    "automap/alien.py": "def tree():\n    pass\ndef alone():\n    tree()\n",
+    "tests/conftest.py": "",
+    "tests/unit/test_top.py": "from automap.top import run\ndef test_run():\n    run()\n",
+    "tests/unit/test_low.py": "from automap.low import leaf\ndef test_leaf():\n    leaf(1)\n",
+    "tests/unit/test_alien.py": "from automap.alien import alone\ndef test_it():\n    alone()\n",
+}
+
+
+def test_what_is_compiled_from_a_line_and_what_tests_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name, text in SOURCES.items():
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text(text)
+    monkeypatch.setattr(graph, "PROJECT", tmp_path)
+    kept = [f for f in vars(graph).values() if hasattr(f, "cache_clear") and f is not imported]
+    try:
+        for function in kept:
+            function.cache_clear()
+        for line in (1, 4):  # of a constant those that use it
+            changed = graph.functions_of(Path("automap/low.py"), line)
+            assert changed == {"automap/low.py:leaf"}
+        assert graph.kernels_from(changed) == {"automap/low.py:leaf", "automap/mid.py:tree"}
+        tests = {"tests/unit/test_low.py::test_leaf": 1, "tests/unit/test_top.py::test_run": 3}
+        assert graph.reaching(changed) == tests
+    finally:
+        for function in kept:
+            function.cache_clear()
 
 
 def test_a_mistake_leaves_all_else_on_its_line() -> None:
