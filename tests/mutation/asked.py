@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 QUICK_S = 1.0
@@ -14,6 +14,10 @@ MOST_S = 10.0
 
 MOST = 120
 """Tests that are asked of a mistake."""
+
+
+INTERPRETED = " interpreted"
+"""Behind the name of a test whose seconds are those with a part of the kernels interpreted."""
 
 
 class Seconds:
@@ -32,14 +36,20 @@ class Seconds:
 
 
 def asked(
-    near: Mapping[str, int], seconds: Mapping[str, float], only: Sequence[str] = ()
+    near: Mapping[str, int],
+    seconds: Mapping[str, float],
+    only: Sequence[str] = (),
+    interpreted: bool = False,
 ) -> list[tuple[str, float]]:
     """Of tests and their distances from a mistake those that are asked, with their seconds."""
-    found: Iterable[str] = (t for t in near if not only or t.split("::")[0] in only)
-    found = [t for t in found if seconds.get(t, 0.0) <= MOST_S]
+
+    def took(test: str) -> float:
+        known = seconds.get(test, 0.0)
+        return seconds.get(test + INTERPRETED, known) if interpreted else known
 
     def order(test: str) -> tuple[bool, int, float]:
-        took = seconds.get(test, 0.0)
-        return took > QUICK_S, near[test], took
+        return took(test) > QUICK_S, near[test], took(test)
 
-    return [(test, seconds.get(test, 0.0)) for test in sorted(found, key=order)[:MOST]]
+    found = (t for t in near if not only or t.split("::")[0] in only)
+    found = sorted((t for t in found if took(t) <= MOST_S), key=order)
+    return [(test, seconds.get(test, 0.0)) for test in found[:MOST]]

@@ -7,7 +7,7 @@
 ``--count`` draws as many of all that ``tests/mutation/mutants.py`` finds, every one as likely, and
 says what share is noticed. Asked are the fast unit tests that call what the mistake is in, up to
 the first that fails and for ``--seconds`` of the processor at most; so the share is rather too
-small. A mistake that does not even import is noticed, and one with which a test takes four seconds
+small. A mistake that does not even import is noticed, and one with which a test takes three seconds
 and three times what it takes without. What tests take is kept in ``build/mutation``.
 """
 
@@ -97,13 +97,14 @@ class Copy:
 
     def _ask(self, mistake: Mistake, to: IO[str], answers: IO[str]) -> tuple[str, str]:
         changed = functions_of(mistake.source, mistake.line)
-        tests = asked(reaching(changed), self.taken.of, mistake.only)
+        plain = kernels_from(changed)
+        tests = asked(reaching(changed), self.taken.of, mistake.only, bool(plain))
         if not tests:
             return "survived", "no test comes to it"
         job = {
             "source": str(mistake.source),
             "text": mistake.text,
-            "plain": sorted(kernels_from(changed)),
+            "plain": sorted(plain),
             "tests": tests,
             "seconds": self.seconds,
         }

@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import importlib
 import json
-import math
 import os
 import resource
 import signal
@@ -27,8 +26,10 @@ from types import FrameType
 from typing import IO, Any
 
 import pytest
+from numba.core import event
 
 from automap import jit
+from tests.mutation.asked import INTERPRETED
 
 _HEAVY = (
     *("numpy", "scipy.optimize", "scipy.linalg", "scipy.spatial", "scipy.stats"),
@@ -39,8 +40,11 @@ _HEAVY = (
 _BYTES = 6 << 30
 """Of memory at most: some mistakes make an array grow without end."""
 
-_LIMIT_S = 4.0
+_LIMIT_S = 3.0
 """Of a test, before it is broken off."""
+
+_COMPILING_S = 60.0
+"""For that at most."""
 
 _CLEAR = 3.0
 """A mistake makes a test too long if it takes so many times less without it."""
@@ -56,17 +60,44 @@ class Stamp:
             self.of[str(path)] = (told.st_mtime, told.st_size), jit.digest_of_sources(path)
 
 
+class Compiling(event.Listener):  # type: ignore[misc]
+    """Stops the clock while numba compiles: a mistake may give a kernel arrays of another kind."""
+
+    def __init__(self) -> None:
+        self.depth, self.begun, self.spent, self.left = 0, 0.0, 0.0, 0.0
+
+    def on_start(self, event: Any) -> None:
+        """The outermost counts: what is called is compiled within."""
+        self.depth += 1
+        if self.depth == 1:
+            self.begun = time.process_time()
+            self.left = signal.setitimer(signal.ITIMER_PROF, 0)[0]
+
+    def on_end(self, event: Any) -> None:
+        """The clock goes on."""
+        self.depth -= 1
+        if self.depth == 0:
+            self.spent += time.process_time() - self.begun
+            if self.left:
+                signal.setitimer(signal.ITIMER_PROF, self.left, 1.0)
+
+    def seconds(self) -> float:
+        """Of the processor, without those of compiling."""
+        return time.process_time() - self.spent
+
+
 class Watch:
     """A pytest plugin: breaks tests off that take too long, and writes down what happens."""
 
     def __init__(self, whole_s: float, told: IO[str]) -> None:
         self.whole_s, self.told = whole_s, told
-        self.now = ""
+        self.now, self.compiling = "", Compiling()
+        event.register("numba:compile", self.compiling)
         signal.signal(signal.SIGPROF, self._too_long)
 
     def tell(self, what: str, text: str) -> None:
         """A line that is there whatever happens next."""
-        self.told.write(json.dumps([what, self.now, text, time.process_time()]) + "\n")
+        self.told.write(json.dumps([what, self.now, text, self.compiling.seconds()]) + "\n")
         self.told.flush()
 
     def _too_long(self, number: int, frame: FrameType | None) -> None:
@@ -81,7 +112,7 @@ class Watch:
         signal.setitimer(signal.ITIMER_PROF, _LIMIT_S, 1.0)
         yield
         signal.setitimer(signal.ITIMER_PROF, 0)
-        if time.process_time() > self.whole_s:
+        if self.compiling.seconds() > self.whole_s:
             item.session.shouldstop = "no time left"
 
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
@@ -150,31 +181,36 @@ class Asker:
         tests = [name for name, _ in job["tests"]]
         plain, left = frozenset(job["plain"]), float(job["seconds"])
         silent: list[str] = []
-        passed: dict[str, float] = {}
+        taken: dict[str, float] = {}
+
+        def key(test: str) -> str:
+            return f"{_base(test)}{INTERPRETED if plain else ''}"
+
         while tests and left > 0.0:
             told = self._with(job, plain, tests, left)
             left -= max((at for *_, at in told), default=0.0)
             for what, test, text, _ in told:
-                if what == "passed" and not plain:
-                    passed[_base(test)] = passed.get(_base(test), 0.0) + _took(told, test)
+                if what == "passed":
+                    taken[key(test)] = max(taken.get(key(test), 0.0), _took(told, test))
                 if what not in ("failed", "long", "died"):
                     continue
+                if what == "long" and silent:
+                    continue  # one tells whether it is the mistake
                 known = what == "failed" and not plain and dict(job["tests"]).get(_base(test))
                 sound_s = known or self._sound_s(test, plain)
                 took_s = _took(told, test)
                 if sound_s is None or (what != "failed" and sound_s * _CLEAR > took_s):
                     silent.append(test)  # it says nothing in this way of running
-                    if not plain:
-                        passed[_base(test)] = math.inf
+                    taken[key(test)] = _LIMIT_S  # to be asked last
                     continue
                 why = text if what == "failed" else f"{what}: {took_s:.0f} s, {sound_s:.1f} else"
-                return "killed", f"{test} - {' '.join(why.split())[-200:]}", passed
+                return "killed", f"{test} - {' '.join(why.split())[-200:]}", taken
             what, last = (told[-1][0], _base(told[-1][1])) if told else ("", "")
             if what not in ("failed", "died") or last not in tests:
                 break
             tests = tests[tests.index(last) + 1 :]
-        by = f"{len(passed)} tests" if not plain else f"{len(tests)} tests"
-        return "survived", by + (f", silent {len(silent)}: {silent[0]}" if silent else ""), passed
+        by = f"{len(taken)} tests" + (f", silent {len(silent)}: {silent[0]}" if silent else "")
+        return "survived", by, taken
 
     def _with(
         self, job: dict[str, Any], plain: frozenset[str], tests: list[str], left: float
@@ -201,7 +237,7 @@ class Asker:
         with tempfile.TemporaryFile("w+") as told:
             child = os.fork()
             if child == 0:
-                hard_s = round(left + 3.0 * _LIMIT_S)
+                hard_s = round(left + 3.0 * _LIMIT_S + _COMPILING_S)
                 resource.setrlimit(resource.RLIMIT_CPU, (hard_s, hard_s))
                 resource.setrlimit(resource.RLIMIT_AS, (_BYTES, _BYTES))
                 signal.alarm(10 * hard_s)  # who waits for ever uses no processor
