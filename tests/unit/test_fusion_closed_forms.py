@@ -14,6 +14,8 @@ from automap.fusion.engine import _age_sd, _turn
 from automap.fusion.kernel_runs import PathStates
 from automap.fusion.kernels.axis import smooth_axis
 from automap.fusion.kernels.resample import interpolate_states
+from automap.fusion.kernels.transition import reach
+from automap.fusion.layout import N_NAV
 from automap.fusion.mechanisation import radii, rotate_left, rotate_right
 from automap.fusion.mounting import Mounting
 from automap.fusion.options import FusionOptions
@@ -224,3 +226,10 @@ def test_fixes_by_carrier_phase_are_of_the_instant_of_their_tag(
         assert found == pytest.approx(np.hypot(age, kept))
         known = FusionOptions(fixed={"gnss_latency": {"s": 0.1}})
         assert _age_sd(fixes, clock, known) == pytest.approx(kept)  # type: ignore[arg-type]
+
+
+def test_transition_rows_reach_to_the_last_column_that_is_not_zero() -> None:
+    for last in range(N_NAV + 4):
+        phi = np.zeros((N_NAV, N_NAV + 4))
+        phi[last % N_NAV, last] = -1e-9
+        assert reach(phi) == max(last + 1, N_NAV)

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 import pytest
 
 from automap.fusion import dense_pieces as pieces
 from automap.fusion.kernel_runs import PathStates, run_dense, run_forward, run_smoother
 from automap.fusion.nodes import Shift
-from automap.fusion.sections import filter_and_smooth
+from automap.fusion.sections import _bounds, filter_and_smooth
 from tests.unit.test_fusion_smoother import _problem
 
 
@@ -64,3 +67,19 @@ def test_states_at_the_samples_are_the_same_stretch_by_stretch(
         assert t[0] <= max(problem.t[0], problem.t[rows[0]] - 0.5)
         assert t[-1] >= min(problem.t[-1], problem.t[rows[-1]] + 0.5)
     assert done == len(problem.t)
+
+
+@pytest.mark.parametrize(
+    ("times", "wanted"),
+    [
+        ([0.0], [0, 0]),
+        ([0.0, 1.0, 2.0], [0, 2]),
+        ([0.0, 1.0, 2.0, 3.0, 4.0], [0, 2, 4]),
+        # no cut where no time passes after a node, be it up to the last
+        ([0.0, 1.0, 2.0, 2.0, 3.0, 4.0, 5.0], [0, 3, 5, 6]),
+        ([0.0, 1.0, 2.0, 2.0, 2.0], [0, 4]),
+    ],
+)
+def test_sections_end_where_time_passes(times: list[float], wanted: list[int]) -> None:
+    nodes: Any = SimpleNamespace(t=np.array(times))
+    assert _bounds(nodes, 2) == wanted

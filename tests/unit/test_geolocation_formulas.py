@@ -7,12 +7,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from geolocation_scene import ORIGIN, drive_path
+from geolocation_scene import ORIGIN, camera, drive_path
 from scipy.optimize import minimize
 
-from automap.earth import local_ned
+from automap.earth import from_local_ned, local_ned
+from automap.frames import rpy_to_matrix
 from automap.gates import gate, sigmas
-from automap.geolocation import limits
+from automap.geolocation import control, limits
 from automap.geolocation.bearing_rays import (
     BearingRules,
     Rays,
@@ -21,6 +22,7 @@ from automap.geolocation.bearing_rays import (
     in_plane,
     normal_equations,
 )
+from automap.geolocation.camera_hypotheses import Hypothesis, _mountings
 from automap.geolocation.existence import _aspect, _base_rate, probability
 from automap.geolocation.merging import class_agreement
 from automap.geolocation.path_relation import course_at, make_path, relate, side_of_path
@@ -248,3 +250,43 @@ def test_offsets_are_apart_by_their_own_sigmas_and_alike_by_their_costs() -> Non
     second, third = minimum(0.05, 10.0 + 0.99 * chance), minimum(-0.05, 10.0 + 1.01 * chance)
     assert alike([second, one, third]) == (1, (0.0, 0.05))
     assert alike([third, one]) == (1, ())
+
+
+def test_a_surveyed_sign_is_the_one_within_both_sigmas(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Along a slanting covariance twice as far as across it; another class makes no difference to
+    who is near enough, but to whom a place belongs."""
+    turn = np.array([[0.6, -0.8], [0.8, 0.6]])
+    covariance = np.eye(3)
+    covariance[:2, :2] = turn @ np.diag([3.75, 0.75]) @ turn.T
+    sd = 0.5
+    reach = np.sqrt(gate(limits.MISSED_PROBABILITY, 2))
+    place = np.array([40.0, -25.0, 0.0])
+    sighting: Any = SimpleNamespace(class_name="a")
+    monkeypatch.setattr(control, "combine", lambda sightings: (place, covariance))
+    for sigma, direction in ((2.0, turn[:, 0]), (1.0, turn[:, 1])):
+        for factor, name in ((0.98, "a"), (0.98, "b"), (1.02, "a")):
+            at = place[:2] + factor * reach * sigma * direction
+            lat, lon, _ = from_local_ned(np.array([*at, 0.0]), ORIGIN)
+            surveyed = control.ControlSigns(
+                *(np.array([float(v)]) for v in (lat, lon)),
+                np.array([name], object),
+                np.array([sd]),
+            )
+            found = control.match_control(surveyed, [sighting], [[0]], ORIGIN)
+            assert bool(found) == (factor < 1.0)
+            if found:
+                assert found[0][0][:2] == pytest.approx(at, abs=1e-3)
+                assert np.diag(found[0][1])[:2] == pytest.approx([sd**2] * 2)
+
+
+def test_cameras_that_are_turned_are_turned_by_right_angles_about_an_axis_of_theirs() -> None:
+    stated = camera()
+    mount = rpy_to_matrix(stated.mount_rpy)
+    found: Any = None
+    for one in _mountings(Hypothesis("", found, stated)):
+        new = rpy_to_matrix(one.camera.mount_rpy)
+        turn = mount.T @ new if "rolled" in one.what else new @ mount.T
+        about = 0 if "rolled" in one.what else 2
+        assert turn[about] == pytest.approx(np.eye(3)[about], abs=1e-12)
+        cosine = -1.0 if "other way" in one.what else 0.0
+        assert turn.trace() == pytest.approx(1.0 + 2.0 * cosine, abs=1e-12)
