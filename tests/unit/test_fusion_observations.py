@@ -181,6 +181,26 @@ def test_constraint_rows(model: StateModel, state: np.ndarray) -> None:
     assert np.abs(h[:, model.rows("nhc_lever_arm").start]).max() > 0.1
 
 
+@pytest.mark.parametrize("effect", ["vehicle_sideslip", "vehicle_pitch"])
+def test_an_effect_of_accelerations_acts_alone_as_beside_others(
+    effect: str, model: StateModel, state: np.ndarray
+) -> None:
+    """The only term of a model, or one of many of which the others are nothing."""
+    told = []
+    for one in (build_state_model(FusionOptions(effects=(effect,))), model):
+        params = np.zeros(len(one.prior_sd))
+        params[one.rows(effect).start - N_NAV] = 0.01
+
+        def block(pos, vel, c, xi, one=one):  # type: ignore[no-untyped-def]
+            columns = np.ones(len(one.signals))
+            return measured(CONSTRAINT, one, pos, vel, c, xi, rate=RATE, acc=ACC, signals=columns)
+
+        told.append(_evaluate(block, state, params)[1])
+        plain = _evaluate(block, state, 0.0 * params)[1]
+        assert np.abs(told[-1] - plain).max() > 1e-3
+    assert told[0] == pytest.approx(told[1])
+
+
 def test_zero_velocity_rows(model: StateModel, state: np.ndarray) -> None:
     def block(pos, vel, c, xi):  # type: ignore[no-untyped-def]
         return measured(ZERO_VELOCITY, model, pos, vel, c, xi)

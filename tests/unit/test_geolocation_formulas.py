@@ -23,7 +23,8 @@ from automap.geolocation.bearing_rays import (
     normal_equations,
 )
 from automap.geolocation.camera_hypotheses import Hypothesis, _mountings
-from automap.geolocation.existence import _aspect, _base_rate, probability
+from automap.geolocation.epipolar import PairGeometry, Pairs
+from automap.geolocation.existence import _apparent_heights, _aspect, _base_rate, probability
 from automap.geolocation.merging import class_agreement
 from automap.geolocation.path_relation import course_at, make_path, relate, side_of_path
 from automap.geolocation.time_minima import Minimum, alike, apart, starts
@@ -290,3 +291,34 @@ def test_cameras_that_are_turned_are_turned_by_right_angles_about_an_axis_of_the
         assert turn[about] == pytest.approx(np.eye(3)[about], abs=1e-12)
         cosine = -1.0 if "other way" in one.what else 0.0
         assert turn.trace() == pytest.approx(1.0 + 2.0 * cosine, abs=1e-12)
+
+
+def test_a_sign_is_in_view_where_a_margin_of_its_height_is_left_on_all_sides() -> None:
+    path = drive_path(4.0, turn_rate=0.0)
+    view = camera(mount_rpy=np.zeros(3), lever_arm_m=np.zeros(3))
+    row, size = 100, 0.9
+    here = np.asarray(
+        local_ned(path.lat_rad[row], path.lon_rad[row], path.height_m[row], ORIGIN)
+    ).reshape(3)
+    away, turn = 20.0, rpy_to_matrix(path.rpy[row])
+    height = 1000.0 * size / away
+    margin = limits.WHOLLY_IN_VIEW * height
+    for axis, last in ((0, 1279.0), (1, 719.0)):
+        for edge, inwards in ((0.0, 1.0), (last, -1.0)):
+            for beyond in (-0.3, 0.3):
+                pixel = np.array([640.0, 360.0])
+                pixel[axis] = edge + inwards * (margin - beyond)
+                ray = np.array([1.0, *((pixel - [640.0, 360.0]) / 1000.0)])
+                place = here + turn @ (away * ray)
+                t_ns = path.t_ns[[row]]
+                found = _apparent_heights(place, size, here[None], t_ns, path, view, ORIGIN)
+                assert found == pytest.approx([0.0 if beyond > 0.0 else height], rel=1e-6)
+
+
+@pytest.mark.parametrize("rate", [-0.01, 0.5])
+def test_stamps_that_run_slower_gain_a_part_of_the_time_since_the_first(rate: float) -> None:
+    pairs = Pairs(np.array([0, 1]), np.array([2, 3]))
+    t_ns = np.array([5, 9, 11, 14]) * 10**9
+    path = drive_path(1.0)
+    late = PairGeometry(path, camera(), ORIGIN, np.eye(4, 3), t_ns, pairs).paced(rate)
+    assert late._scene[-1].tolist() == [round(1e9 * (t + rate * (t - 5))) for t in (5, 9, 11, 14)]
