@@ -13,7 +13,7 @@ from scipy.optimize import minimize
 from automap.earth import from_local_ned, local_ned
 from automap.frames import rpy_to_matrix
 from automap.gates import gate, sigmas
-from automap.geolocation import control, limits
+from automap.geolocation import control, limits, tracking
 from automap.geolocation.bearing_rays import (
     BearingRules,
     Rays,
@@ -322,3 +322,20 @@ def test_stamps_that_run_slower_gain_a_part_of_the_time_since_the_first(rate: fl
     path = drive_path(1.0)
     late = PairGeometry(path, camera(), ORIGIN, np.eye(4, 3), t_ns, pairs).paced(rate)
     assert late._scene[-1].tolist() == [round(1e9 * (t + rate * (t - 5))) for t in (5, 9, 11, 14)]
+
+
+@pytest.mark.parametrize("number", [-1, 0, 7])
+@pytest.mark.parametrize("known", [set(), {0}, {7, 3}])
+def test_a_box_of_a_tracks_number_is_nearer_and_one_of_another_farther(
+    number: int, known: set[int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A number below zero is none, of a box or of a track."""
+    rules = tracking.TrackingRules()
+    monkeypatch.setattr(tracking, "distances_to", lambda *_: np.array([[1.5]]))
+    views: Any = SimpleNamespace(class_name=np.array(["a"], object), track=np.array([number]))
+    track = tracking._Track([0], Any, 0, {"a": 3.0, "b": 1.0}, known)  # type: ignore[arg-type]
+    cost = float(tracking._link_costs(views, [track], np.array([0]), rules)[0, 0])
+    wanted = 1.5 + 0.25 * rules.other_class
+    if number >= 0 and known:
+        wanted += -rules.same_track if number in known else rules.other_track
+    assert cost == pytest.approx(wanted)
