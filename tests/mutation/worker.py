@@ -194,14 +194,15 @@ class Asker:
                     taken[key(test)] = max(taken.get(key(test), 0.0), _took(told, test))
                 if what not in ("failed", "long", "died"):
                     continue
-                if what == "long" and silent:
-                    continue  # one tells whether it is the mistake
+                if what == "long":
+                    taken[key(test)] = _LIMIT_S  # to be asked last
+                    if silent:
+                        continue  # one tells whether it is the mistake
                 known = what == "failed" and not plain and dict(job["tests"]).get(_base(test))
                 sound_s = known or self._sound_s(test, plain)
                 took_s = _took(told, test)
                 if sound_s is None or (what != "failed" and sound_s * _CLEAR > took_s):
                     silent.append(test)  # it says nothing in this way of running
-                    taken[key(test)] = _LIMIT_S  # to be asked last
                     continue
                 why = text if what == "failed" else f"{what}: {took_s:.0f} s, {sound_s:.1f} else"
                 return "killed", f"{test} - {' '.join(why.split())[-200:]}", taken
