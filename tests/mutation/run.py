@@ -7,7 +7,7 @@
 ``--count`` draws as many of all that ``tests/mutation/mutants.py`` finds, every one as likely, and
 says what share is noticed. Asked are the fast unit tests that call what the mistake is in, up to
 the first that fails and for ``--seconds`` of the processor at most; so the share is rather too
-small. A mistake that does not even import is noticed, and one with which a test takes three seconds
+small. A mistake that does not even import is noticed, and one with which a test takes eight seconds
 and three times what it takes without. What tests take is kept in ``build/mutation``.
 """
 

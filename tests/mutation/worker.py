@@ -40,7 +40,7 @@ _HEAVY = (
 _BYTES = 6 << 30
 """Of memory at most: some mistakes make an array grow without end."""
 
-_LIMIT_S = 3.0
+_LIMIT_S = 8.0
 """Of a test, before it is broken off."""
 
 _COMPILING_S = 60.0
