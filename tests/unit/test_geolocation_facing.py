@@ -95,6 +95,8 @@ def test_a_box_that_is_hardly_believed_tells_less_of_the_face() -> None:
     view = camera()
     found, owner = boxes(path, roadside(path), view, np.random.default_rng(0))
     views = build_views(path, [found], {"front": view}, MeasurementNoise())
+    # narrow and broad ones in turn
+    views = replace(views, log_aspect=np.resize([-0.4, 0.3, -0.1], len(views)))
     rows = np.flatnonzero(owner[views.row] == owner[0])
     weight = np.linspace(0.1, 1.0, len(rows))
     sighting: Any = SimpleNamespace(
