@@ -222,6 +222,8 @@ def test_the_force_of_a_sample_is_the_mean_about_it() -> None:
     """Of as many readings as there are within the window, an odd number of them."""
     motion = city_drive(3.0, 3)
     imu = record(motion, PERFECT, 1)
+    noise = np.random.default_rng(3).normal(size=imu.accel.shape)
+    imu = replace(imu, accel=imu.accel + noise)
     problem = make_problem(imu, build_state_model(OPTIONS), OPTIONS)
     step = float(np.median(np.diff(problem.t)))
     beside = round(0.5 * FORCE_WINDOW_S / step)
