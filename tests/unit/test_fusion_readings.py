@@ -158,9 +158,7 @@ def test_a_shock_adds_noise_to_the_sensor_that_shows_it(first: int, column: int)
 
 
 @pytest.mark.parametrize(("t", "share"), [(2.0, 0.0), (2.15, 0.75), (2.9, 1.0)])
-def test_acceleration_is_the_turned_force_between_two_samples_and_gravity(
-    t: float, share: float
-) -> None:
+def test_acceleration_and_calm_rate_are_those_between_two_samples(t: float, share: float) -> None:
     rng = np.random.default_rng(2)
     force, c, out = rng.normal(size=(3, 3)), rng.normal(size=(3, 3)), np.zeros(3)
     problem = make_problem(
@@ -168,7 +166,11 @@ def test_acceleration_is_the_turned_force_between_two_samples_and_gravity(
         build_state_model(OPTIONS),
         OPTIONS,
     )
-    samples: Any = problem.samples._replace(t=np.array([1.0, 2.0, 2.2]), force=force)
+    calm = rng.normal(size=(3, 3))
+    samples: Any = problem.samples._replace(t=np.array([1.0, 2.0, 2.2]), force=force, calm=calm)
     acceleration(samples, 1, t, 9.8, c, out)
     wanted = c @ ((1.0 - share) * force[1] + share * force[2]) + [0.0, 0.0, 9.8]
     assert out == pytest.approx(wanted)
+    rate = np.ones(3)
+    calm_rate(samples, 1, t, rate)
+    assert rate == pytest.approx(1.0 + (1.0 - share) * calm[1] + share * calm[2])
