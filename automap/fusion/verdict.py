@@ -224,8 +224,8 @@ def _offsets(
     options: FusionOptions,
     levels: Mapping[str, float],
 ) -> list[Reason]:
-    """The reasons that offsets of the positions give; ``alone`` the path of ``fixes``, ``sd`` m what
-    the path that is judged is good to."""
+    """The reasons that offsets of the positions give; ``alone`` the path of ``fixes``, ``sd`` m an
+    axis what the path that is judged is good to."""
     return list(offset_doubts(usable_epochs(fixes, options), alone, options, levels, sd))
 
 

@@ -53,9 +53,12 @@ class Mutant:
     text: str
 
     def applied(self, source: str) -> str:
-        """The source with the mistake."""
+        """The source with the mistake, all else on its line: compiled code is found by it."""
         raw = source.encode()
-        return (raw[: self.start] + self.text.encode() + raw[self.end :]).decode()
+        lines = "\n" * (raw[self.start : self.end].count(b"\n") - self.text.count("\n"))
+        at = len(self.text) - self.text.endswith(")")
+        text = self.text[:at] + lines + self.text[at:]
+        return (raw[: self.start] + text.encode() + raw[self.end :]).decode()
 
 
 def mutants_of(source: str) -> list[Mutant]:

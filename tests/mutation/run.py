@@ -5,15 +5,16 @@
 
 ``--known`` makes the mistakes of ``tests/mutation/known.py`` and fails where one passes its tests;
 ``--count`` draws as many of all that ``tests/mutation/mutants.py`` finds, every one as likely, and
-says what share is noticed. Asked are the unit tests of the areas that call what the mistake is in,
-the quickest first, up to the first that fails and for ``--seconds`` at most; so the share is rather
-too small. A mistake that hangs, or does not even import, is noticed. Which test calls what is
-recorded before and kept in ``build/mutation``.
+says what share is noticed. Asked are the fast unit tests that call what the mistake is in, up to
+the first that fails and for ``--seconds`` of the processor at most; so the share is rather too
+small. A mistake that does not even import is noticed, and one with which a test takes eight seconds
+and three times what it takes without. What tests take is kept in ``build/mutation``.
 """
 
 from __future__ import annotations
 
 import argparse
+import filecmp
 import itertools
 import json
 import os
@@ -28,11 +29,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import IO
 
-from tests.mutation.areas import AREAS, PROJECT, own_tests, sources_of
-from tests.mutation.asked import COMPILED, Calls, functions_of
+from tests.mutation.areas import AREAS, PROJECT, sources_of
+from tests.mutation.asked import Seconds, asked
+from tests.mutation.graph import functions_of, kernels_from, reaching
 from tests.mutation.known import KNOWN
 from tests.mutation.mutants import Mutant, mutants_of, parses
-from tests.mutation.worker import write
 
 
 @dataclass(frozen=True)
@@ -59,24 +60,23 @@ class Copy:
             text=True,
             check=True,
         )
-        for name in filter(None, listed.stdout.split("\0")):
-            if (PROJECT / name).is_file():
-                (self.root / name).parent.mkdir(parents=True, exist_ok=True)
-                shutil.copy2(PROJECT / name, self.root / name)
+        names = list(filter(None, listed.stdout.split("\0")))
+        if not self.root.exists():  # with what is compiled already
+            compiled = PROJECT.rglob("__pycache__/*.nb[ic]")
+            names += [str(path.relative_to(PROJECT)) for path in compiled]
+        for name in names:
+            right, there = PROJECT / name, self.root / name
+            if right.is_file() and not (there.exists() and filecmp.cmp(right, there, False)):
+                there.parent.mkdir(parents=True, exist_ok=True)
+                shutil.copy2(right, there)
         kept.mkdir(parents=True, exist_ok=True)
-        self.calls = Calls(kept / "calls.json")
-        self._sound: dict[tuple[str, ...], bool] = {}
+        self.taken = Seconds(kept / "seconds.json")
         self.variables = {
             "PYTHONPATH": str(self.root),
-            "NUMBA_DISABLE_JIT": "1",
             "OMP_NUM_THREADS": "1",
             # no recordings
             "AUTOMAP_SHARED_DATA": str(folder / "none"),
         }
-
-    def record(self, files: Sequence[str]) -> None:
-        """Have the calls of all of some test files."""
-        self.calls.record(files, self.root, self.variables)
 
     def ask(self, mistakes: Sequence[Mistake]) -> Iterable[tuple[Mistake, str, str]]:
         """Of each mistake the state, killed or survived, and what noticed it."""
@@ -95,65 +95,27 @@ class Copy:
                 yield mistake, *self._ask(mistake, worker.stdin, worker.stdout)
             worker.stdin.close()
 
-    def compiled(self, mistake: Mistake) -> tuple[str, str]:
-        """The same of one mistake by whole test files with compiled kernels: minutes."""
-        if not self._pass(mistake.only):
-            return "unclear", "the tests fail without the mistake too"
-        path = self.root / mistake.source
-        right = path.read_text()
-        try:
-            write(path, mistake.text)
-            code, told = self._tested(mistake.only)
-        finally:
-            write(path, right)
-        return ("survived", "") if code == 0 else ("killed", told)
-
-    def _pass(self, files: tuple[str, ...]) -> bool:
-        """Whether test files pass without a mistake; after it all their kernels are compiled."""
-        if files not in self._sound:
-            self._sound[files] = self._tested(files)[0] == 0
-        return self._sound[files]
-
-    def _tested(self, files: tuple[str, ...]) -> tuple[int, str]:
-        done = subprocess.run(
-            [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", *files],
-            cwd=self.root,
-            env=os.environ | self.variables | {"NUMBA_DISABLE_JIT": "0"},
-            capture_output=True,
-            text=True,
-            check=False,
-        )
-        told = [s for s in done.stdout.splitlines() if s.startswith(("FAILED", "ERROR"))]
-        return done.returncode, (told or [""])[0]
-
     def _ask(self, mistake: Mistake, to: IO[str], answers: IO[str]) -> tuple[str, str]:
-        names = functions_of(mistake.source, mistake.line)
-        # where kernels import what is changed every one would be compiled anew
-        no_kernel = mistake.source.parts[0] == "pipeline"
-        tests = self.calls.tests_of(names, self.seconds, mistake.only, no_kernel)
+        changed = functions_of(mistake.source, mistake.line)
+        plain = kernels_from(changed)
+        tests = asked(reaching(changed), self.taken.of, mistake.only, bool(plain))
         if not tests:
-            return "survived", "no test calls it"
-        dear = tuple(sorted({t.test.split("::")[0] for t in tests} & set(COMPILED)))
-        if dear and not self._pass(dear):
-            return "unclear", f"{', '.join(dear)} fails without the mistake too"
-        shared = sum({name: s for t in tests for name, s in t.shared}.values())
+            return "survived", "no test comes to it"
         job = {
             "source": str(mistake.source),
             "text": mistake.text,
-            "tests": [t.test for t in tests],
-            "compiled": bool(dear),
-            # what takes so much longer does not end
-            "limit_s": round(30.0 + 5.0 * sum(t.seconds for t in tests) + 5.0 * shared),
+            "plain": sorted(plain),
+            "tests": tests,
+            "seconds": self.seconds,
         }
         to.write(json.dumps(job) + "\n")
         to.flush()
-        state, by = json.loads(answers.readline())
-        return state, by or f"{len(tests)} tests"
+        state, by, taken = json.loads(answers.readline())
+        self.taken.learn(taken)
+        return state, by
 
 
 def _known(copy: Copy) -> int:
-    files = sorted({f"tests/unit/{name}" for known in KNOWN for name in known.tests})
-    copy.record(files)
     mistakes, passed = [], []
     for known in KNOWN:
         right = (PROJECT / known.source).read_text()
@@ -165,8 +127,6 @@ def _known(copy: Copy) -> int:
         text = right.replace(known.old, known.new)
         mistakes.append(Mistake("known", Path(known.source), line, known.name, text, only))
     for mistake, state, by in copy.ask(mistakes):
-        if state != "killed":
-            state, by = copy.compiled(mistake)
         print(f"{state:9} {mistake.what}: {by[:120]}", flush=True)
         if state != "killed":
             passed.append(f"{mistake.what}: passes {', '.join(mistake.only)}")
@@ -192,7 +152,6 @@ def drawn(
 
 
 def _sampled(copy: Copy, areas: Sequence[str], count: int, seed: int, out: Path) -> int:
-    copy.record(sorted({t for area in areas for t in own_tests(area)}))
     mistakes = [
         Mistake(area, source, m.line, m.what, m.applied((PROJECT / source).read_text()))
         for area, source, m in drawn(PROJECT, areas, count, seed)
@@ -206,7 +165,7 @@ def _sampled(copy: Copy, areas: Sequence[str], count: int, seed: int, out: Path)
             row = {"area": mistake.area, "place": place, "what": mistake.what}
             stream.write(json.dumps(row | {"state": state, "by": by}) + "\n")
             stream.flush()
-            print(f"{state:9} {place} {mistake.what}", flush=True)
+            print(f"{state:9} {place} {mistake.what} | {by}", flush=True)
     print(table(counts))
     return 0
 

@@ -46,9 +46,10 @@ def measured(
     signals: np.ndarray | None = None,
     reading: np.ndarray | None = None,
     more_flags: int = 0,
+    lacking: int = 0,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Rows [r, n] and residuals [r] of a measurement; ``fix`` [6] position and velocity,
-    ``signals`` [e] those that the model's terms ask for."""
+    ``signals`` [e] those that the model's terms ask for, ``lacking`` flags that are not set."""
     none = np.zeros(3)
     columns = np.ones(len(model.signals)) if signals is None else signals
     values = np.zeros((1, N_VALUES))
@@ -56,7 +57,7 @@ def measured(
     values[0, WHEEL_SPEED] = speed
     nodes = NodeArrays(
         np.array([t]),
-        np.array([_ALL | more_flags]),
+        np.array([_ALL & ~lacking | more_flags]),
         values,
         np.ones((1, MAX_SCALARS)),
         columns[None].astype(float),

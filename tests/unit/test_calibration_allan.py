@@ -67,9 +67,10 @@ def test_only_the_longest_rest_is_used() -> None:
     n = 12_000
     gyro, accel = rng.normal(0, 0.01, (n, 3)), rng.normal(0, 0.02, (n, 3))
     gyro[2000:2500] += np.sin(np.arange(500) / 20.0)[:, None]
-    log = RawImu(
-        np.arange(n) * 10_000_000, gyro, accel, gyro_scale=np.ones(3), accel_scale=np.ones(3)
-    )
+    # in counts, of another scale on each axis
+    of_gyro, of_accel = np.array([0.5, 2.0, 4.0]), np.array([2.0, 1.0, 0.25])
+    times = np.arange(n) * 10_000_000
+    log = RawImu(times, gyro / of_gyro, accel / of_accel, gyro_scale=of_gyro, accel_scale=of_accel)
     result = resting_fits(log)
     assert result.start_s > 24.5
     assert result.seconds > 90.0

@@ -23,8 +23,14 @@ from automap.calibration.hand_motion import (
     final_response,
     hand_motion,
 )
-from automap.calibration.limits import LEAST_RUN, PEAK_PART, SAME_POSE, WINDOW_S
-from automap.calibration.plausible import refuse_saturation
+from automap.calibration.limits import (
+    LEAST_RUN,
+    PEAK_PART,
+    SAME_POSE,
+    SATURATION_PROBABILITY,
+    WINDOW_S,
+)
+from automap.calibration.plausible import _saturated, refuse_saturation
 from automap.calibration.poses import pose_name
 from automap.calibration.rest import _joined, _same_pose, _summary, quantisation_step
 from automap.errors import InputError
@@ -342,3 +348,15 @@ def test_rests_are_of_one_pose_where_they_are_near_in_time_and_alike() -> None:
         assert _same_pose(log, first, second, 1.01 * 0.05 / SAME_POSE) is wanted
         assert not _same_pose(log, first, second, 0.99 * 0.05 / SAME_POSE)
         assert not _same_pose(log, first, replace(second, log=1), 9.0 / SAME_POSE)
+
+
+@pytest.mark.parametrize(("n", "told"), [(30, False), (3000, True)])
+def test_a_run_at_the_extreme_is_judged_by_the_rule_of_succession(n: int, told: bool) -> None:
+    """Of n neighbours none was alike: the next is with a chance of 1 / (n + 2), and few readings
+    say little."""
+    ramp = np.linspace(0.0, 1.0, n)
+    x = np.concatenate([ramp, np.full(LEAST_RUN, 1.5), ramp[::-1] + 1e-5])
+    inner = 2 * n - 3
+    chance = len(x) * (1.0 / (inner + 2.0)) ** (LEAST_RUN - 1)
+    assert (chance < SATURATION_PROBABILITY) == told
+    assert (_saturated(x) is not None) == told

@@ -18,7 +18,7 @@ from automap.effects.gnss import (
     velocity_wander,
     wander,
 )
-from automap.effects.lens import box_variances, focal_length
+from automap.effects.lens import box_variances, focal_length, normalise
 from automap.effects.vehicle import lever_arm_motion, parameter, parameters
 from automap.records import Camera
 
@@ -150,3 +150,19 @@ def test_parameters_that_are_not_given_are_zero() -> None:
     assert parameters(values, "gnss_lever_arm").tolist() == [0.0, 2.0, 0.0]
     assert parameter({"gnss_outliers": {"fraction": 0.2}}, "gnss_outliers") == 0.2
     assert parameter({}, "gnss_outliers") == 0.0
+
+
+def test_pixels_beyond_the_fold_of_a_lens_have_no_direction() -> None:
+    """r + k r^3 is largest at r = 1 / sqrt(-3 k): no direction leads farther out."""
+    k, f = -0.3, 900.0
+    camera = Camera(
+        2000, 2000, np.array([[f, 0.0, 1000.0], [0.0, f, 1000.0], [0.0, 0.0, 1.0]]), np.array([k]),
+        np.zeros(3), np.zeros(3), 0.0, 0.0, 0.0,
+    )  # fmt: skip
+    farthest = f * 2.0 / 3.0 / np.sqrt(-3.0 * k)
+    off = np.array([-100.0, -2.0, 0.5, 3.0, 30.0])
+    pixels = np.column_stack([1000.0 + farthest + off, np.full(5, 1000.0)])
+    flat = normalise(camera, pixels)
+    assert np.isfinite(flat).all(axis=1).tolist() == [True, True, False, False, False]
+    r = flat[:2, 0]
+    assert r + k * r**3 == pytest.approx((farthest + off[:2]) / f, abs=1e-5)

@@ -24,6 +24,8 @@ from automap.effects.camera_kernels import (
 )
 from automap.effects.camera_user import depends_on_the_drive, drift, user_columns
 from automap.effects.path_signals import PathSignals, path_signals
+from automap.effects.term_sums import AXES, MATRIX, SIGNAL_ONE, new_room, sum_terms
+from automap.effects.term_sums import TURN as TERM_TURN
 from automap.effects.user import set_user_effects
 from automap.records import Camera, Detections, FloatArray, ImuData, Trajectory
 
@@ -239,3 +241,26 @@ def test_columns_of_a_camera_are_the_derivatives_of_what_it_sees_through_any_len
             ends.append(read(1.0 + (sign if k == 0 else 0.0), other))
         numeric = (ends[0] - ends[1]) / (2.0 * h)
         np.testing.assert_allclose(found[:, :, FOCAL + k], numeric, atol=1e-6)
+
+
+def test_a_matrix_follows_every_angle_that_changes() -> None:
+    """One room for all nodes of a run: angles change one at a time, others stay zero or alike."""
+    codes = np.array([[k, TERM_TURN, k, SIGNAL_ONE] for k in range(3)])
+    room, now = new_room(), np.array([1.0, 0.0, 0.0, 0.0])
+    for angles in (
+        (0, 0.2, 0),
+        (0, 0, 0),
+        (0.2, 0, 0),
+        (0.2, 0, 0.2),
+        (0.2, 0.1, 0.2),
+        (0, 0, 0.3),
+    ):
+        sum_terms(codes, np.ones(3), now, np.array(angles, float), room)
+        matrix = Rotation.from_euler("ZYX", angles[::-1]).as_matrix()
+        np.testing.assert_allclose(room[MATRIX : MATRIX + 3], matrix, atol=1e-15)
+        for k, axis in enumerate(room[AXES : AXES + 3]):
+            moved = Rotation.from_euler(
+                "ZYX", (np.array(angles) + 1e-6 * (np.arange(3) == k))[::-1]
+            )
+            turned = Rotation.from_rotvec(1e-6 * axis).as_matrix() @ matrix
+            np.testing.assert_allclose(turned, moved.as_matrix(), atol=1e-11)

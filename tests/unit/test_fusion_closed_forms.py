@@ -4,21 +4,26 @@ from __future__ import annotations
 
 from dataclasses import replace
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 from automap.fusion import limits
+from automap.fusion.alignment import level
 from automap.fusion.engine import _age_sd, _turn
 from automap.fusion.kernel_runs import PathStates
 from automap.fusion.kernels.axis import smooth_axis
 from automap.fusion.kernels.resample import interpolate_states
+from automap.fusion.kernels.transition import reach
+from automap.fusion.layout import N_NAV
 from automap.fusion.mechanisation import radii, rotate_left, rotate_right
 from automap.fusion.mounting import Mounting
 from automap.fusion.options import FusionOptions
 from automap.fusion.passes import Session
 from automap.fusion.relinearise import _largest_turn
+from automap.fusion.standstill import _rolling_sd
 from automap.records import ClockModel, FixType, FloatArray, ImuData
 
 TAU = (9.0, 3.0)
@@ -224,3 +229,38 @@ def test_fixes_by_carrier_phase_are_of_the_instant_of_their_tag(
         assert found == pytest.approx(np.hypot(age, kept))
         known = FusionOptions(fixed={"gnss_latency": {"s": 0.1}})
         assert _age_sd(fixes, clock, known) == pytest.approx(kept)  # type: ignore[arg-type]
+
+
+def test_transition_rows_reach_to_the_last_column_that_is_not_zero() -> None:
+    for last in range(N_NAV + 4):
+        phi = np.zeros((N_NAV, N_NAV + 4))
+        phi[last % N_NAV, last] = -1e-9
+        assert reach(phi) == max(last + 1, N_NAV)
+
+
+@pytest.mark.parametrize(("part", "told"), [(1.0, True), (0.6, True), (0.4, False), (0.0, False)])
+def test_levelling_takes_velocities_over_half_of_the_window(part: float, told: bool) -> None:
+    """A vehicle askew that gathers speed: the force is its acceleration less gravity, if there is
+    any velocity to tell the one."""
+    window = limits.LEVELLING_WINDOW_S
+    t = 100.0 + np.arange(0.0, window + 1.0, 0.02)
+    gained = np.array([1.2, -0.5, 0.0])
+    c = Rotation.from_euler("ZYX", [0.3, -0.2, 0.1]).as_matrix()
+    force = c.T @ (gained - [0.0, 0.0, 9.8])
+    raw = np.column_stack([np.zeros((len(t), 3)), np.tile(force, (len(t), 1))])
+    problem: Any = SimpleNamespace(t=t, samples=SimpleNamespace(raw=raw))
+    at = np.linspace(100.0, 100.0 + part * window, 12)
+    values = np.zeros((12, 6))
+    values[:, 3:5] = [7.0, 3.0] + (at - 100.0)[:, None] * gained[:2]
+    fixes: Any = SimpleNamespace(t=at, values=values, flags=np.full(12, 4 if part else 0))
+    tilt, free = level(problem, fixes, 100.0, np.zeros(3))
+    wanted = (gained if told else 0.0) - np.array([0.0, 0.0, 9.8])
+    assert free == pytest.approx(wanted / np.linalg.norm(wanted), abs=1e-9)
+    assert tilt @ force == pytest.approx(free * np.linalg.norm(force))
+
+
+def test_the_spread_about_a_reading_is_that_of_the_window_over_all_axes() -> None:
+    values = np.random.default_rng(7).normal(5.0, [1.0, 0.2, 3.0], (40, 3))
+    found = _rolling_sd(values, 7)
+    wanted = [np.sqrt(values[k - 3 : k + 4].var(axis=0).sum()) for k in range(3, 37)]
+    assert found[3:37] == pytest.approx(wanted)

@@ -12,7 +12,7 @@ import pytest
 from automap.frames import rpy_to_matrix
 from automap.fusion import kernels
 from automap.fusion.kernels.readings import correct, correction_of
-from automap.fusion.layout import N_NAV
+from automap.fusion.layout import HAS_POS_H, HAS_POS_V, HAS_VEL_H, HAS_VEL_V, N_NAV
 from automap.fusion.mechanisation import quat_to_dcm
 from automap.fusion.model import StateModel, build_state_model
 from automap.fusion.options import FusionOptions
@@ -121,6 +121,29 @@ def test_position_rows(model: StateModel, state: np.ndarray) -> None:
     assert h[:, model.rows("gnss_correlated_noise")] == pytest.approx(np.diag(WANDER_SD))
 
 
+@pytest.mark.parametrize(
+    ("number", "level", "height"),
+    [(POSITION, HAS_POS_H, HAS_POS_V), (VELOCITY, HAS_VEL_H, HAS_VEL_V)],
+)
+def test_what_a_fix_lacks_has_no_row(
+    number: int, level: int, height: int, model: StateModel, state: np.ndarray
+) -> None:
+    fix = np.concatenate([state[:3] + np.array([2e-7, -3e-7, 1.0]), state[3:6] + ACC])
+
+    def rows(lacking: int) -> tuple[np.ndarray, np.ndarray]:
+        def block(pos, vel, c, xi):  # type: ignore[no-untyped-def]
+            return measured(
+                number, model, pos, vel, c, xi, fix, t=T, signals=WANDER_SD, lacking=lacking
+            )
+
+        return _evaluate(block, state, _params(model))
+
+    h, z = rows(0)
+    for lacking, left in ((height, [0, 1]), (level, [2]), (level | height, [])):
+        for found, whole in zip(rows(lacking), (h, z), strict=True):
+            np.testing.assert_array_equal(found, whole[left])
+
+
 def test_velocity_rows(model: StateModel, state: np.ndarray) -> None:
     fix = np.concatenate([state[:3], state[3:6] + 0.3])
 
@@ -156,6 +179,26 @@ def test_constraint_rows(model: StateModel, state: np.ndarray) -> None:
     h = _assert_rows(block, 2, state, model)
     assert np.abs(h[:, model.rows("imu_mounting").start]).max() < 2.0
     assert np.abs(h[:, model.rows("nhc_lever_arm").start]).max() > 0.1
+
+
+@pytest.mark.parametrize("effect", ["vehicle_sideslip", "vehicle_pitch"])
+def test_an_effect_of_accelerations_acts_alone_as_beside_others(
+    effect: str, model: StateModel, state: np.ndarray
+) -> None:
+    """The only term of a model, or one of many of which the others are nothing."""
+    told = []
+    for one in (build_state_model(FusionOptions(effects=(effect,))), model):
+        params = np.zeros(len(one.prior_sd))
+        params[one.rows(effect).start - N_NAV] = 0.01
+
+        def block(pos, vel, c, xi, one=one):  # type: ignore[no-untyped-def]
+            columns = np.ones(len(one.signals))
+            return measured(CONSTRAINT, one, pos, vel, c, xi, rate=RATE, acc=ACC, signals=columns)
+
+        told.append(_evaluate(block, state, params)[1])
+        plain = _evaluate(block, state, 0.0 * params)[1]
+        assert np.abs(told[-1] - plain).max() > 1e-3
+    assert told[0] == pytest.approx(told[1])
 
 
 def test_zero_velocity_rows(model: StateModel, state: np.ndarray) -> None:

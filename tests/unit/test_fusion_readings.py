@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import re
+from typing import Any
 
 import numpy as np
 import pytest
 
 from automap.fusion.filtered import full_covariance
 from automap.fusion.kernel_runs import run_dense, run_forward
-from automap.fusion.kernels.readings import calm_rate
+from automap.fusion.kernels.readings import acceleration, calm_rate
 from automap.fusion.model import build_state_model
 from automap.fusion.nodes import Shift
 from automap.fusion.options import FusionOptions
@@ -154,3 +155,22 @@ def test_a_shock_adds_noise_to_the_sensor_that_shows_it(first: int, column: int)
     expected = 0.02**2 * 60 / RATE_HZ**2
     assert grown[column] - plain[column] == pytest.approx(expected, rel=0.3)
     assert grown[other] - plain[other] < 0.05 * expected
+
+
+@pytest.mark.parametrize(("t", "share"), [(2.0, 0.0), (2.15, 0.75), (2.9, 1.0)])
+def test_acceleration_and_calm_rate_are_those_between_two_samples(t: float, share: float) -> None:
+    rng = np.random.default_rng(2)
+    force, c, out = rng.normal(size=(3, 3)), rng.normal(size=(3, 3)), np.zeros(3)
+    problem = make_problem(
+        ImuData(BASE_NS + np.arange(40) * 20_000_000, np.zeros((40, 3)), np.ones((40, 3))),
+        build_state_model(OPTIONS),
+        OPTIONS,
+    )
+    calm = rng.normal(size=(3, 3))
+    samples: Any = problem.samples._replace(t=np.array([1.0, 2.0, 2.2]), force=force, calm=calm)
+    acceleration(samples, 1, t, 9.8, c, out)
+    wanted = c @ ((1.0 - share) * force[1] + share * force[2]) + [0.0, 0.0, 9.8]
+    assert out == pytest.approx(wanted)
+    rate = np.ones(3)
+    calm_rate(samples, 1, t, rate)
+    assert rate == pytest.approx(1.0 + (1.0 - share) * calm[1] + share * calm[2])

@@ -4,18 +4,21 @@ from __future__ import annotations
 
 from dataclasses import replace
 from tempfile import TemporaryFile
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from automap.fusion import dense_pieces as pieces
 from automap.fusion import engine
-from automap.fusion.engine import Prior, fuse_imu_gnss
+from automap.fusion.engine import fuse_imu_gnss
 from automap.fusion.kernel_runs import PathStates, run_dense, run_forward, run_smoother
 from automap.fusion.nodes import Shift
 from automap.fusion.options import FusionOptions
 from automap.fusion.problem import stored
-from automap.fusion.sections import filter_and_smooth
+from automap.fusion.result import Prior
+from automap.fusion.sections import _bounds, filter_and_smooth
 from tests.unit.fusion_drive import CLOCK, Sensor, record
 from tests.unit.fusion_motion import city_drive
 from tests.unit.fusion_receiver import Receiver, receive
@@ -125,3 +128,19 @@ def test_a_long_drive_is_fused_as_a_short_one(monkeypatch: pytest.MonkeyPatch) -
             for name, values in vars(other).items():
                 assert np.array_equal(vars(one)[name], values), name
     assert np.array_equal(long.mounting.matrix, whole.mounting.matrix)
+
+
+@pytest.mark.parametrize(
+    ("times", "wanted"),
+    [
+        ([0.0], [0, 0]),
+        ([0.0, 1.0, 2.0], [0, 2]),
+        ([0.0, 1.0, 2.0, 3.0, 4.0], [0, 2, 4]),
+        # no cut where no time passes after a node, be it up to the last
+        ([0.0, 1.0, 2.0, 2.0, 3.0, 4.0, 5.0], [0, 3, 5, 6]),
+        ([0.0, 1.0, 2.0, 2.0, 2.0], [0, 4]),
+    ],
+)
+def test_sections_end_where_time_passes(times: list[float], wanted: list[int]) -> None:
+    nodes: Any = SimpleNamespace(t=np.array(times))
+    assert _bounds(nodes, 2) == wanted

@@ -15,6 +15,7 @@ from automap.earth import from_local_ned, local_ned
 from automap.errors import InputError
 from automap.geolocation.bearings import BearingRules, locate_from_bearings
 from automap.geolocation.depth_scale import fit_depth_scale
+from automap.geolocation.limits import CONFIDENCE_SD_M, VIEW_EVIDENCE
 from automap.io.bearings_csv import read_bearings
 from automap.records import Bearings
 
@@ -66,6 +67,19 @@ def street() -> tuple[np.ndarray, np.ndarray]:
     )
     cameras = np.column_stack([np.arange(-10.0, 150.0, 6.0), np.zeros(27)])
     return lamps, cameras
+
+
+@pytest.mark.parametrize("n", [2, 3])
+def test_confidence_falls_with_fewer_cameras_and_a_less_sure_place(n: int) -> None:
+    """The chance that one camera at least is right, over the root of one and the mean variance in
+    units of the place that halves it."""
+    cameras = np.array([[-9.0, 0.0], [0.0, -2.0], [9.0, 1.0]])[:n]
+    rays, _ = sightings(np.array([[1.0, 7.0]]), cameras, np.random.default_rng(4), False)
+    signs, _ = locate_from_bearings(rays)
+    variance = (signs[0].cov_enu[0, 0] + signs[0].cov_enu[1, 1]) / 2.0
+    assert variance > 0.01
+    wanted = (1.0 - (1.0 - VIEW_EVIDENCE) ** n) / np.sqrt(1.0 + variance / CONFIDENCE_SD_M**2)
+    assert [s.confidence for s in signs] == pytest.approx([wanted])
 
 
 def test_a_street_of_lamps(street) -> None:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,8 +15,10 @@ from automap.export.osm_tags import direction_tag
 from automap.frames import rpy_to_matrix
 from automap.gates import sigmas
 from automap.geolocation import limits
-from automap.geolocation.facing import expected_aspect
+from automap.geolocation.facing import _observed, expected_aspect
+from automap.geolocation.landmark import view_sd
 from automap.geolocation.locate import locate_signs
+from automap.geolocation.path_relation import make_path
 from automap.geolocation.views import MeasurementNoise, build_views
 from automap.simulation.boxes import face_box, face_outline
 from automap.simulation.scene import SceneSign
@@ -83,3 +87,25 @@ def test_openstreetmap_gets_directions_that_are_known_to_a_cardinal_point_of_eig
     assert direction_tag(90.0, 12.0) == {}
     assert direction_tag(90.0, float("nan")) == {}
     assert direction_tag(float("nan"), 4.0) == {}
+
+
+def test_a_box_that_is_hardly_believed_tells_less_of_the_face() -> None:
+    """A log aspect errs by its height's share and its width's; a weight is a variance's."""
+    path = drive_path(duration_s=14.0, turn_rate=0.0)
+    view = camera()
+    found, owner = boxes(path, roadside(path), view, np.random.default_rng(0))
+    views = build_views(path, [found], {"front": view}, MeasurementNoise())
+    # narrow and broad ones in turn
+    views = replace(views, log_aspect=np.resize([-0.4, 0.3, -0.1], len(views)))
+    rows = np.flatnonzero(owner[views.row] == owner[0])
+    weight = np.linspace(0.1, 1.0, len(rows))
+    sighting: Any = SimpleNamespace(
+        landmark=SimpleNamespace(rows=rows, weight=weight),
+        facing=np.array([1.0, 0.0, 0.0]),
+        position=np.array([20.0, 5.0, 0.0]),
+    )
+    seen = _observed(views, [sighting], make_path(path, views.origin))
+    aspect = np.exp(views.log_aspect[rows])
+    height_sd = view_sd(views, rows)[:, 2]
+    wanted = height_sd**2 * (1.0 + np.maximum(1.0 / aspect, 1.0) ** 2) / weight
+    assert seen.sd**2 == pytest.approx(wanted)

@@ -7,12 +7,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from geolocation_scene import ORIGIN, drive_path
+from geolocation_scene import ORIGIN, camera, drive_path
 from scipy.optimize import minimize
 
-from automap.earth import local_ned
+from automap.earth import from_local_ned, local_ned
+from automap.frames import rpy_to_matrix
 from automap.gates import gate, sigmas
-from automap.geolocation import limits
+from automap.geolocation import control, limits, splitting, tracking
 from automap.geolocation.bearing_rays import (
     BearingRules,
     Rays,
@@ -21,7 +22,9 @@ from automap.geolocation.bearing_rays import (
     in_plane,
     normal_equations,
 )
-from automap.geolocation.existence import _aspect, _base_rate, probability
+from automap.geolocation.camera_hypotheses import Hypothesis, _mountings
+from automap.geolocation.epipolar import PairGeometry, Pairs
+from automap.geolocation.existence import _apparent_heights, _aspect, _base_rate, probability
 from automap.geolocation.merging import class_agreement
 from automap.geolocation.path_relation import course_at, make_path, relate, side_of_path
 from automap.geolocation.time_minima import Minimum, alike, apart, starts
@@ -248,3 +251,124 @@ def test_offsets_are_apart_by_their_own_sigmas_and_alike_by_their_costs() -> Non
     second, third = minimum(0.05, 10.0 + 0.99 * chance), minimum(-0.05, 10.0 + 1.01 * chance)
     assert alike([second, one, third]) == (1, (0.0, 0.05))
     assert alike([third, one]) == (1, ())
+
+
+def test_a_surveyed_sign_is_the_one_within_both_sigmas(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Along a slanting covariance twice as far as across it; another class makes no difference to
+    who is near enough, but to whom a place belongs."""
+    turn = np.array([[0.6, -0.8], [0.8, 0.6]])
+    covariance = np.eye(3)
+    covariance[:2, :2] = turn @ np.diag([3.75, 0.75]) @ turn.T
+    sd = 0.5
+    reach = np.sqrt(gate(limits.MISSED_PROBABILITY, 2))
+    place = np.array([40.0, -25.0, 0.0])
+    sighting: Any = SimpleNamespace(class_name="a")
+    monkeypatch.setattr(control, "combine", lambda sightings: (place, covariance))
+    for sigma, direction in ((2.0, turn[:, 0]), (1.0, turn[:, 1])):
+        for factor, name in ((0.98, "a"), (0.98, "b"), (1.02, "a")):
+            at = place[:2] + factor * reach * sigma * direction
+            lat, lon, _ = from_local_ned(np.array([*at, 0.0]), ORIGIN)
+            surveyed = control.ControlSigns(
+                *(np.array([float(v)]) for v in (lat, lon)),
+                np.array([name], object),
+                np.array([sd]),
+            )
+            found = control.match_control(surveyed, [sighting], [[0]], ORIGIN)
+            assert bool(found) == (factor < 1.0)
+            if found:
+                assert found[0][0][:2] == pytest.approx(at, abs=1e-3)
+                assert np.diag(found[0][1])[:2] == pytest.approx([sd**2] * 2)
+
+
+def test_cameras_that_are_turned_are_turned_by_right_angles_about_an_axis_of_theirs() -> None:
+    stated = camera()
+    mount = rpy_to_matrix(stated.mount_rpy)
+    found: Any = None
+    for one in _mountings(Hypothesis("", found, stated)):
+        new = rpy_to_matrix(one.camera.mount_rpy)
+        turn = mount.T @ new if "rolled" in one.what else new @ mount.T
+        about = 0 if "rolled" in one.what else 2
+        assert turn[about] == pytest.approx(np.eye(3)[about], abs=1e-12)
+        cosine = -1.0 if "other way" in one.what else 0.0
+        assert turn.trace() == pytest.approx(1.0 + 2.0 * cosine, abs=1e-12)
+
+
+def test_a_sign_is_in_view_where_a_margin_of_its_height_is_left_on_all_sides() -> None:
+    path = drive_path(4.0, turn_rate=0.0)
+    view = camera(mount_rpy=np.zeros(3), lever_arm_m=np.zeros(3))
+    row, size = 100, 0.9
+    here = np.asarray(
+        local_ned(path.lat_rad[row], path.lon_rad[row], path.height_m[row], ORIGIN)
+    ).reshape(3)
+    away, turn = 20.0, rpy_to_matrix(path.rpy[row])
+    height = 1000.0 * size / away
+    margin = limits.WHOLLY_IN_VIEW * height
+    for axis, last in ((0, 1279.0), (1, 719.0)):
+        for edge, inwards in ((0.0, 1.0), (last, -1.0)):
+            for beyond in (-0.3, 0.3):
+                pixel = np.array([640.0, 360.0])
+                pixel[axis] = edge + inwards * (margin - beyond)
+                ray = np.array([1.0, *((pixel - [640.0, 360.0]) / 1000.0)])
+                place = here + turn @ (away * ray)
+                t_ns = path.t_ns[[row]]
+                found = _apparent_heights(place, size, here[None], t_ns, path, view, ORIGIN)
+                assert found == pytest.approx([0.0 if beyond > 0.0 else height], rel=1e-6)
+
+
+@pytest.mark.parametrize("rate", [-0.01, 0.5])
+def test_stamps_that_run_slower_gain_a_part_of_the_time_since_the_first(rate: float) -> None:
+    pairs = Pairs(np.array([0, 1]), np.array([2, 3]))
+    t_ns = np.array([5, 9, 11, 14]) * 10**9
+    path = drive_path(1.0)
+    late = PairGeometry(path, camera(), ORIGIN, np.eye(4, 3), t_ns, pairs).paced(rate)
+    assert late._scene[-1].tolist() == [round(1e9 * (t + rate * (t - 5))) for t in (5, 9, 11, 14)]
+
+
+@pytest.mark.parametrize("number", [-1, 0, 7])
+@pytest.mark.parametrize("known", [set(), {0}, {7, 3}])
+def test_a_box_of_a_tracks_number_is_nearer_and_one_of_another_farther(
+    number: int, known: set[int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A number below zero is none, of a box or of a track."""
+    rules = tracking.TrackingRules()
+    monkeypatch.setattr(tracking, "distances_to", lambda *_: np.array([[1.5]]))
+    views: Any = SimpleNamespace(class_name=np.array(["a"], object), track=np.array([number]))
+    track = tracking._Track([0], Any, 0, {"a": 3.0, "b": 1.0}, known)  # type: ignore[arg-type]
+    cost = float(tracking._link_costs(views, [track], np.array([0]), rules)[0, 0])
+    wanted = 1.5 + 0.25 * rules.other_class
+    if number >= 0 and known:
+        wanted += -rules.same_track if number in known else rules.other_track
+    assert cost == pytest.approx(wanted)
+
+
+@pytest.mark.parametrize(
+    ("distances", "adopted"),
+    [
+        ([1.0, 2.0, 3.0, 4.0], 2),  # the first has a box in this frame, the second is of old
+        ([1.0, 1.0, 9.0, 2.0], 3),  # of another class, but nearer by more than that costs
+        ([1.0, 1.0, 8.5, 3.0], 2),
+        ([1.0, 1.0, 99.0, 98.0], -1),
+    ],
+)
+def test_a_loose_box_goes_to_the_nearest_that_may_have_it(
+    distances: list[float], adopted: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rules = tracking.TrackingRules()
+    assert 8.5 < 3.0 + rules.other_class < 9.5
+    assert 9.0 < rules.gate < 98.0
+    views: Any = SimpleNamespace(
+        t_ns=np.array([50, 50, 10, 49, 48]) * 10**9,
+        frame=np.array([7, 7, 1, 6, 5]),
+        class_name=np.array(["a", "a", "a", "a", "b"], object),
+    )
+    marks: Any = [SimpleNamespace(rows=np.array([k])) for k in (1, 2, 3, 4)]
+    span = np.array([[50, 50], [10, 40], [49, 49], [48, 48]]) * 10**9
+    # the second's boxes are of old, though its time reaches near
+    monkeypatch.setattr(
+        splitting, "distances_to", lambda v, some, rows, slack: np.array([distances])
+    )
+    grown: Any = SimpleNamespace(weight=np.ones(2))
+    monkeypatch.setattr(splitting, "fit_landmark", lambda v, rows, prior: grown)
+    found = splitting._adopt(views, 0, marks, span, Any, rules)  # type: ignore[arg-type]
+    assert found == adopted
+    assert [m is grown for m in marks] == [k == adopted for k in range(4)]

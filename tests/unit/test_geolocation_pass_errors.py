@@ -84,6 +84,12 @@ def test_an_error_of_the_pass_is_found_within_its_sigma(approach) -> None:
     settled = solve_with_pass_errors(shifted, plain, PRIOR)
     off = [float(np.linalg.norm(m.position - landmark.position)) for m in (plain, settled)]
     assert off[1] < off[0]
+    # where sign and errors of the pass settle, the gradient of both is nothing
+    sd = pass_sd(shifted, settled.rows)
+    assert settled.pass_bias[10] > 0.5 * 0.15
+    found = equations(shifted, settled, settled.parameters, settled.pass_bias, PRIOR)[2]
+    off = sd**2 * found[:N_COMMON, -1] - settled.pass_bias
+    assert (np.abs(off) <= 0.01 * sd).all()
     assert settled.pass_covariance[2, 2] > 0.0
     assert np.linalg.eigvalsh(settled.pass_covariance).min() > -1e-9
 

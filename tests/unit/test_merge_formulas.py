@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
+
 import numpy as np
 import pytest
 from scipy.stats import multivariate_normal, norm
@@ -21,6 +23,7 @@ from automap.mapping.candidates import (
 )
 from automap.mapping.grid import delta, filled_table, neighbours
 from automap.mapping.limits import FACING_LIMIT, NEW_PER_M, NEW_PER_M2
+from automap.mapping.sightings import stack_sightings
 
 
 def test_the_mean_place_of_a_sign_is_that_of_the_normal_equations() -> None:
@@ -97,3 +100,9 @@ def test_a_difference_of_places_is_the_short_way_round(a: float, b: float) -> No
     assert delta(0.6, b, 0.7, a, per_lat, per_lon) == pytest.approx(
         (-apart * per_lon, -0.1 * per_lat)
     )
+
+
+def test_of_no_drives_there_are_no_sightings() -> None:
+    none = stack_sightings([])
+    columns = {f.name: getattr(none, f.name) for f in fields(none)}
+    assert {name: len(values) for name, values in columns.items() if len(values)} == {"first": 1}
