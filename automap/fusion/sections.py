@@ -102,7 +102,8 @@ def _moved(room: Columns, name: str, start: int, told: Any, skip: int = 0) -> An
     for the first ``skip``."""
     cov: AnyFloats = told
     room.write(name, start + skip, cov[skip:].reshape(len(cov) - skip, -1))
-    return cov[:0]
+    # a view would keep them all
+    return cov[:0].copy()
 
 
 def _bounds(nodes: Nodes, section_nodes: int) -> list[int]:
