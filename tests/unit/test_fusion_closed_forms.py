@@ -248,7 +248,11 @@ def test_levelling_takes_velocities_over_half_of_the_window(part: float, told: b
     c = Rotation.from_euler("ZYX", [0.3, -0.2, 0.1]).as_matrix()
     force = c.T @ (gained - [0.0, 0.0, 9.8])
     raw = np.column_stack([np.zeros((len(t), 3)), np.tile(force, (len(t), 1))])
-    problem: Any = SimpleNamespace(t=t, samples=SimpleNamespace(raw=raw))
+
+    def samples_at(rows: slice) -> SimpleNamespace:
+        return SimpleNamespace(t=t[rows], raw=raw[rows])
+
+    problem: Any = SimpleNamespace(t=t, samples_at=samples_at)
     at = np.linspace(100.0, 100.0 + part * window, 12)
     values = np.zeros((12, 6))
     values[:, 3:5] = [7.0, 3.0] + (at - 100.0)[:, None] * gained[:2]
