@@ -24,7 +24,7 @@ from automap.geolocation.bearing_rays import (
 )
 from automap.geolocation.camera_hypotheses import Hypothesis, _mountings
 from automap.geolocation.epipolar import PairGeometry, Pairs
-from automap.geolocation.existence import _apparent_heights, _aspect, _base_rate, probability
+from automap.geolocation.existence import _aspect, _base_rate, apparent_heights, probability
 from automap.geolocation.merging import class_agreement
 from automap.geolocation.path_relation import course_at, make_path, relate, side_of_path
 from automap.geolocation.time_minima import Minimum, alike, apart, starts
@@ -311,7 +311,7 @@ def test_a_sign_is_in_view_where_a_margin_of_its_height_is_left_on_all_sides() -
                 ray = np.array([1.0, *((pixel - [640.0, 360.0]) / 1000.0)])
                 place = here + turn @ (away * ray)
                 t_ns = path.t_ns[[row]]
-                found = _apparent_heights(place, size, here[None], t_ns, path, view, ORIGIN)
+                found = apparent_heights(place, size, here[None], t_ns, path, view, ORIGIN)
                 assert found == pytest.approx([0.0 if beyond > 0.0 else height], rel=1e-6)
 
 
