@@ -60,7 +60,7 @@ def test_candidates_are_the_crossings_of_all_pairs_and_the_ends_of_rays_with_dep
             continue
         A = np.column_stack([direction[i], -direction[j]])
         along = np.linalg.solve(A, rays.centre[j] - rays.centre[i])
-        if limits.NEAREST_OBJECT_M < along.min() and along.max() < RULES.max_range_m:
+        if along.min() > limits.NEAREST_OBJECT_M and along.max() < RULES.max_range_m:
             wanted.append(rays.centre[i] + along[0] * direction[i])
     for k in np.flatnonzero(np.isfinite(rays.log_depth)):
         wanted.append(rays.centre[k] + np.exp(rays.log_depth[k]) * direction[k])
