@@ -229,12 +229,12 @@ def test_rests_are_taken_at_the_limit_that_leaves_the_narrowest_intervals(
     monkeypatch.setattr(rest_search, "_log_widths", lambda r, g, n: widths[r[0]])
     monkeypatch.setattr(rest_search, "_log_bias", lambda r: biases[r[0]])
     monkeypatch.setattr(rest_search, "_without_outliers", lambda r, g, n: (r, []))
-    found = rest_search.find_rests([], GRAVITY, 9)
+    found: Any = rest_search.find_rests([], GRAVITY, 9)
     assert (found.rests[0], found.gyro_rests[0], found.determined) == (5, 7, True)
     assert (found.limit, found.gyro_limit) == (limits.THRESHOLDS[5], limits.THRESHOLDS[7])
     assert found.tried == tuple((limit, 2) for limit in limits.THRESHOLDS)
     widths = {k: np.full(3, np.inf) for k in range(count)}
-    none = rest_search.find_rests([], GRAVITY, 9)
+    none: Any = rest_search.find_rests([], GRAVITY, 9)
     assert not none.determined
     assert none.limit == none.gyro_limit == limits.THRESHOLDS[count // 2]
     assert none.rests[0] == count // 2
@@ -295,8 +295,8 @@ def test_leaving_a_turn_out_moves_a_linear_fit_by_what_the_fit_without_it_says()
     turns, p = 5, 4
     X, y, sd = rng.normal(size=(3 * turns + 6, p)), rng.normal(size=21), rng.uniform(0.5, 2.0, 21)
     A = X / sd[:, None]
-    x = np.linalg.lstsq(A, y / sd, rcond=None)[0]
-    fit = Fit(x, np.linalg.inv(A.T @ A), X @ x - y, sd, X, np.zeros(1), 9.0)
+    x = np.asarray(np.linalg.lstsq(A, y / sd, rcond=None)[0], np.float64)
+    fit = Fit(x, np.asarray(np.linalg.inv(A.T @ A), np.float64), X @ x - y, sd, X, np.zeros(1), 9.0)
     moved = _without_each_turn(fit, turns)
     for k in range(turns):
         rows = np.delete(np.arange(21), np.arange(3 * k, 3 * k + 3))
@@ -369,9 +369,9 @@ def test_an_accelerometers_errors_go_into_the_gyros_as_the_fit_would_follow_them
     used[:, :4] = True
     K = np.zeros((3, N_SIGNALS))
     K[:, :4] = rng.normal(size=(3, 4))
-    dt = np.full(7, 0.02)
+    dt, zero = np.full(7, 0.02), np.zeros(3)
     turns = [
-        Turn(np.column_stack([np.ones(8), rng.normal(size=(8, 6))]), dt, *np.zeros((3, 3)), k)
+        Turn(np.column_stack([np.ones(8), rng.normal(size=(8, 6))]), dt, zero, zero, zero, k)
         for k in range(3)
     ]
     rows = 9 + 12
@@ -472,7 +472,7 @@ def test_rests_end_where_movement_begins_and_where_readings_are_missing() -> Non
 
 def test_a_resting_sensor_is_turned_by_its_gyro_in_body_axes() -> None:
     """A constant rate from any attitude: gravity goes round the axis of the rate."""
-    rate, t = np.array([0.02, -0.01, 0.03]), np.arange(1001) * 0.01
+    rate, t = np.array([0.02, -0.01, 0.03]), 0.01 * np.arange(1001.0)
     down = np.array([0.48, -0.6, 0.64])
     accel = np.tile(-GRAVITY * down, (1001, 1))
     found = rest_attitude(t + 5.0, np.tile(rate, (1001, 1)), accel, 11)

@@ -177,7 +177,10 @@ def test_a_yaw_by_the_course_holds_to_it_and_not_to_the_heading(
         asked["sd"] = sd
         return information, pull
 
-    marks = [SimpleNamespace(rows=np.array([0, 1]), anchor=1), SimpleNamespace(rows=np.array([0]))]
+    marks: list[Any] = [
+        SimpleNamespace(rows=np.array([0, 1]), anchor=1),
+        SimpleNamespace(rows=np.array([0])),
+    ]
     views: Any = SimpleNamespace(
         C_cam_body=np.array([np.eye(3), C]),
         attitude_sd=np.array([[0.003, 0.002, 0.1], [0.001, 0.004, 0.2]]),
@@ -195,7 +198,7 @@ def test_a_yaw_by_the_course_holds_to_it_and_not_to_the_heading(
         camera(),
         correction,
         SizePrior(),
-        CameraPriors(),  # type: ignore[arg-type]
+        CameraPriors(),
     )
     assert found == (2.0, 2.0)
     assert asked["usable"] == marks[:1]

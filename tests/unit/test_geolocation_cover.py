@@ -124,7 +124,8 @@ def greedy(
     rays: Rays, places: FloatArray, rules: BearingRules
 ) -> tuple[list[FloatArray], IntArray]:
     """The same choice with every gain reckoned anew each time."""
-    owner, points = np.full(len(rays.centre), -1, np.int64), []
+    owner = np.full(len(rays.centre), -1, np.int64)
+    points: list[FloatArray] = []
     while True:
         best: tuple[float, FloatArray, IntArray] | None = None
         free = np.flatnonzero(owner < 0)

@@ -135,7 +135,7 @@ def test_a_place_seen_from_a_view_is_that_place() -> None:
     behind = views.centre[0] - views.C_cam_ref[0].T @ [limits.MIN_FORWARD_M, 0.0, 0.0]
     assert seen_from(views, 0, behind, 0.0) is None
     # rays of one place and direction do not cross
-    twice = SimpleNamespace(**{k: np.repeat(v[:1], 3, axis=0) for k, v in vars(views).items()})
+    twice: Any = SimpleNamespace(**{k: np.repeat(v[:1], 3, axis=0) for k, v in vars(views).items()})
     assert _crossing_depth(twice, np.arange(3), 0) == 0.0
 
 
@@ -399,9 +399,12 @@ def test_pieces_are_one_where_the_common_fit_costs_no_more_than_three_coordinate
 
     common = mark(0, 1, 2, 3, cost=12.0 + factor * gate(limits.SPLIT_PROBABILITY, 3))
     asked: list[list[int]] = []
-    monkeypatch.setattr(
-        splitting, "fit_landmark", lambda v, rows, p: asked.append(list(rows)) or common
-    )
+
+    def fit(views: Any, rows: Any, prior: Any) -> Any:
+        asked.append(list(rows))
+        return common
+
+    monkeypatch.setattr(splitting, "fit_landmark", fit)
     monkeypatch.setattr(splitting, "distances_to", lambda *_: np.array([[0.99 * rules.gate]]))
     pieces = [mark(2, 3, cost=7.0), mark(0, 1)]
     found = splitting.join_pieces(views, pieces, Any, rules)  # type: ignore[arg-type]
@@ -419,7 +422,7 @@ def test_pieces_are_one_where_the_common_fit_costs_no_more_than_three_coordinate
     assert splitting._joined(views, mark(0, 1), mark(2, 4), Any, rules) is None  # type: ignore[arg-type]
     assert splitting._joined(views, mark(0, 1), mark(1, 3), Any, rules) is None  # type: ignore[arg-type]
     monkeypatch.setattr(splitting, "distances_to", lambda *_: np.array([[1.01 * rules.gate]]))
-    assert splitting._joined(views, *pieces, Any, rules) is None  # type: ignore[arg-type]
+    assert splitting._joined(views, pieces[0], pieces[1], Any, rules) is None  # type: ignore[arg-type]
     # and a longer silence than the tracker's
     monkeypatch.setattr(splitting, "distances_to", lambda *_: np.array([[0.0]]))
     for silence, count in ((0.99, 1), (1.01, 2)):

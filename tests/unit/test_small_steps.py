@@ -22,6 +22,7 @@ from automap.gap.noise import combine
 from automap.records import FloatArray
 from automap.sync import held_values, limits, steps
 from automap.sync.held_values import _jump_after, in_long_repeats, stuck_velocities
+from automap.sync.receiver_path import ComplexArray
 from automap.sync.steps import find_step
 
 
@@ -57,7 +58,8 @@ def test_drives_joined_are_their_information_added_and_the_prior_counted_once(p:
     sd = np.array([0.5, 2.0, 1.0])[:p]
     names = tuple(("e", str(k)) for k in range(p))
     fits, gains = [], [0.7, -1.1]
-    N, g, nats = np.diag(sd**-2.0), np.zeros(p), 0.0
+    N, g = np.diag(sd**-2.0), np.zeros(p)
+    nats: Any = 0.0
     for gain in gains:
         root = rng.normal(size=(p, p + 1))
         told = root @ root.T
@@ -169,7 +171,7 @@ def test_halts_are_looked_for_in_the_fixes_time_and_told_in_the_readings(
     np.testing.assert_allclose(seen["spans"], wanted)
 
 
-def path_of(place: FloatArray, velocity: FloatArray) -> Any:
+def path_of(place: ComplexArray, velocity: ComplexArray) -> Any:
     class Many(SimpleNamespace):
         def __len__(self) -> int:
             return len(self.t)
@@ -182,7 +184,7 @@ def test_a_jump_after_a_stretch_is_to_the_row_after_it_or_to_the_last(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     rng = np.random.default_rng(3)
-    place, right = (rng.normal(size=(9, 2)) @ [1.0, 1.0j] for _ in range(2))
+    place, right = (rng.normal(size=9) + 1j * rng.normal(size=9) for _ in range(2))
     monkeypatch.setattr(
         held_values, "plausible_sd", lambda path, over: 0.1 * (over.last - over.first)
     )
@@ -197,8 +199,8 @@ def test_a_jump_after_a_stretch_is_to_the_row_after_it_or_to_the_last(
 
 def test_long_repeats_are_those_of_a_walk_along_the_rows() -> None:
     rng = np.random.default_rng(4)
-    place = np.cumsum(rng.random(80) < 0.25) * (1.0 + 0.5j)
-    velocity = np.cumsum(rng.random(80) < 0.5) * (2.0 - 1.0j)
+    place: ComplexArray = np.cumsum(rng.random(80) < 0.25) * np.complex128(1.0 + 0.5j)
+    velocity: ComplexArray = np.cumsum(rng.random(80) < 0.5) * np.complex128(2.0 - 1.0j)
     wanted = np.zeros(80, bool)
     for values in (place, velocity):
         for k in range(80):
