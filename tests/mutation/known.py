@@ -63,8 +63,8 @@ KNOWN = (
     Known(
         "lateral acceleration that keeps the gyro's bias",
         "automap/fusion/passes.py",
-        "imu.gyro - np.median(imu.gyro, axis=0)",
-        "imu.gyro",
+        "gyro - np.median(gyro, axis=0)",
+        "gyro",
         ("test_fusion_nodes.py",),
     ),
     Known(

@@ -1,0 +1,384 @@
+"""What signs say of a camera, against all unknowns solved at once; when a camera is doubted."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from math import comb
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from geolocation_scene import boxes, camera, drive_path, roadside
+
+from automap.frames import rpy_to_matrix
+from automap.gates import gate, sigmas
+from automap.geolocation import boresight, camera_explanation, carriers, course_yaw, limits
+from automap.geolocation.boresight import CameraPriors, evidence_of, prior_covariance, solve_camera
+from automap.geolocation.camera_doubt import as_unknown, beyond_stated, doubtful, misfit
+from automap.geolocation.landmark import SizePrior, fit_landmark
+from automap.geolocation.landmark_kernels import N_COMMON
+from automap.geolocation.pass_errors import equations
+from automap.geolocation.views import CameraCorrection, MeasurementNoise, build_views
+from automap.records import FloatArray
+
+
+def positive(rng: np.random.Generator, n: int, scale: FloatArray) -> FloatArray:
+    """A full information matrix of quantities that are of the sizes ``scale`` [n]."""
+    root = rng.normal(size=(n, n + 3))
+    return np.asarray((root @ root.T) / np.outer(scale, scale))
+
+
+def test_priors_of_a_camera_are_its_sigmas_in_the_order_of_its_errors() -> None:
+    view = camera(mount_sd=0.01, time_offset_sd=0.02, lever_arm_sd=0.3)
+    sd = np.sqrt(np.diag(prior_covariance(view, CameraPriors(0.004, 3.0))))
+    # of a thousand pixels
+    assert sd == pytest.approx([0.01] * 3 + [0.02, 0.004] + [0.3] * 3 + [0.003])
+
+
+@pytest.mark.parametrize("before", [np.zeros(9), np.linspace(-0.01, 0.02, 9)])
+def test_a_camera_is_the_mean_of_its_signs_with_attitude_errors_of_their_minutes(
+    before: FloatArray,
+) -> None:
+    """Camera and the attitude's error of each window as unknowns of one dense problem."""
+    rng = np.random.default_rng(1)
+    view, priors = camera(lever_arm_sd=0.2), CameraPriors()
+    prior = prior_covariance(view, priors)
+    scale = np.sqrt(np.diag(prior))
+    window = limits.ATTITUDE_WINDOW_S
+    t_s = np.array([0.0, 0.4 * window, 0.99 * window, 1.01 * window, 3.5 * window])
+    views: Any = SimpleNamespace(t_ns=np.int64(5e12) + np.rint(t_s * 1e9).astype(np.int64))
+    marks: Any = [SimpleNamespace(rows=np.array([k])) for k in range(5)]
+    evidence = [(positive(rng, 9, scale), rng.normal(size=9) / scale) for _ in range(5)]
+    variance = [rng.uniform(0.2, 2.0, 3) * scale[:3] ** 2 for _ in range(5)]
+    # what all have in common, then each window's own
+    number = np.array([0, 0, 0, 1, 2])
+    N, g = np.zeros((18, 18)), np.zeros(18)
+    held = prior.copy()
+    held[5:8, 5:8] = 1e-12 * np.eye(3)
+    N[:9, :9] = np.linalg.inv(held)
+    g[:9] = -N[:9, :9] @ before
+    for k in range(3):
+        at = slice(9 + 3 * k, 12 + 3 * k)
+        members = np.flatnonzero(number == k)
+        N[at, at] = np.diag(1.0 / np.mean([variance[m] for m in members], axis=0))
+        for m in members:
+            design = np.zeros((9, 18))
+            design[:, :9] = np.eye(9)
+            design[:3, at] = np.eye(3)
+            N += design.T @ evidence[m][0] @ design
+            g += design.T @ evidence[m][1]
+    joint = np.linalg.inv(N)
+    found, covariance = solve_camera(views, marks, evidence, variance, before, view, priors)
+    free = [0, 1, 2, 3, 4, 8]
+    assert found[free] == pytest.approx((before + (joint @ g)[:9])[free], rel=1e-6)
+    np.testing.assert_allclose(
+        covariance[np.ix_(free, free)] / np.outer(scale[free], scale[free]),
+        joint[np.ix_(free, free)] / np.outer(scale[free], scale[free]),
+        rtol=1e-6, atol=1e-9,
+    )  # fmt: skip
+    np.testing.assert_allclose(covariance[5:8], prior[5:8])
+    np.testing.assert_allclose(covariance[:, 5:8], prior[:, 5:8])
+
+
+@pytest.mark.parametrize("noise_px", [0.3, 12.0])
+def test_what_a_sign_says_of_a_camera_has_its_place_and_its_passs_errors_taken_out(
+    noise_px: float,
+) -> None:
+    """Sign, camera and the errors of the pass as unknowns of one dense problem; boxes that scatter
+    by more than is stated say less by that."""
+    path = drive_path(14.0)
+    found, owner = boxes(
+        path, roadside(path), camera(), np.random.default_rng(2), noise_px=noise_px
+    )
+    views = build_views(path, [found], {"front": camera()}, MeasurementNoise())
+    rows = np.flatnonzero(owner[views.row] == np.bincount(owner).argmax())
+    prior = SizePrior()
+    mark = fit_landmark(views, rows, prior)
+    sd = np.array([1e-3, 2e-3, 3e-3, 5e-3, 1e-2, 0.1, 0.1, 0.1, 2e-3, 0.05, 0.06, 0.07])
+    N, A, shared, _, _, chi2 = equations(views, mark, mark.parameters, np.zeros(N_COMMON), prior)
+    scale = max(1.0, chi2 / mark.dof)
+    assert (scale > 1.2) == (noise_px > 5.0)
+    S, s, g = shared[:N_COMMON, :N_COMMON], shared[:N_COMMON, -1], shared[N_COMMON:, -1]
+    whole = np.block([[N, A, A], [A.T, S, S], [A.T, S, S]]) / scale
+    whole[-N_COMMON:, -N_COMMON:] += np.diag(sd**-2)
+    right = np.concatenate([g, s, s]) / scale
+    size = np.sqrt(np.diag(whole))
+    whole, right = whole / np.outer(size, size), right / size
+    of = np.arange(4, 4 + N_COMMON)
+    other = np.setdiff1d(np.arange(len(whole)), of)
+    gone = whole[np.ix_(of, other)] @ np.linalg.inv(whole[np.ix_(other, other)])
+    information = whole[np.ix_(of, of)] - gone @ whole[np.ix_(other, of)]
+    pull = right[of] - gone @ right[other]
+    own, step = evidence_of(views, mark, prior, sd)
+    # none says more of an error than what it is of the pass
+    unit = sd[:9]
+    information *= np.outer(size[of], size[of])
+    np.testing.assert_allclose(
+        own * np.outer(unit, unit), information[:9, :9] * np.outer(unit, unit), atol=1e-6
+    )
+    np.testing.assert_allclose(step * unit, (size[of] * pull)[:9] * unit, atol=1e-5)
+
+
+def test_signs_of_another_camera_with_few_views_or_without_a_place_say_nothing_of_it() -> None:
+    views: Any = SimpleNamespace(camera=np.array([0] * 6 + [1] * 6))
+    least = limits.CAMERA_VIEWS
+
+    def mark(first: int, count: int, ok: bool = True) -> Any:
+        return SimpleNamespace(rows=np.arange(first, first + count), ok=ok)
+
+    marks = [mark(0, least), mark(0, least - 1), mark(6, least), mark(4, least), mark(1, 5, False)]
+    assert boresight.usable_landmarks(views, marks, 0) == [marks[0]]
+    assert boresight.usable_landmarks(views, marks, 1) == [marks[2]]
+
+
+def test_the_course_is_that_of_the_vehicle_not_of_its_camera() -> None:
+    """A camera off the middle of a car that turns moves aside; slow and turning rows are left."""
+    rng = np.random.default_rng(3)
+    n, view = 8, camera(lever_arm_m=np.array([1.5, 0.4, -0.8]))
+    slow, turning = np.array([0, 3]), np.array([5])
+    velocity = np.column_stack([np.full(n, 12.0), rng.normal(0.0, 0.4, n), rng.normal(0.0, 0.2, n)])
+    velocity[slow, 0] = 0.99 * limits.COURSE_SPEED
+    rate = 0.5 * limits.COURSE_TURN_RATE * rng.uniform(-1.0, 1.0, (n, 3))
+    rate[turning, 2] = -1.01 * limits.COURSE_TURN_RATE
+    C = np.array([rpy_to_matrix(x) for x in rng.normal(0.0, 0.3, (n, 3))])
+    at_camera = velocity + np.cross(rate, view.lever_arm_m)
+    views: Any = SimpleNamespace(
+        C_cam_body=C, velocity=np.einsum("nij,nj->ni", C, at_camera),
+        rate=np.einsum("nij,nj->ni", C, rate),
+    )  # fmt: skip
+    used = np.setdiff1d(np.arange(n), np.concatenate([slow, turning]))
+    wanted = -np.mean(np.arctan2(velocity[used, 1], velocity[used, 0]))
+    mark: Any = SimpleNamespace(rows=np.arange(n))
+    assert course_yaw._off_course(views, mark, view) == pytest.approx(wanted, abs=1e-12)
+    # two of five straight are too few, two of four enough
+    some: Any = SimpleNamespace(rows=np.array([0, 3, 5, 1, 2]))
+    assert course_yaw._off_course(views, some, view) is None
+    half: Any = SimpleNamespace(rows=np.array([0, 3, 1, 2]))
+    assert course_yaw._off_course(views, half, view) is not None
+
+
+def test_a_yaw_by_the_course_holds_to_it_and_not_to_the_heading(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A sign's evidence is moved by the heading's error as it shows in camera axes, and its own
+    error of the course is the slip."""
+    rng = np.random.default_rng(4)
+    scale = np.sqrt(np.diag(prior_covariance(camera(), CameraPriors())))
+    information, pull = positive(rng, 9, scale), rng.normal(size=9) / scale
+    C = rpy_to_matrix(np.array([0.1, -0.2, 0.3]))
+    asked: dict[str, Any] = {}
+
+    def solve(views: Any, usable: Any, evidence: Any, variance: Any, before: Any, *_: Any) -> Any:
+        asked.update(evidence=evidence, variance=variance, before=before, usable=usable)
+        return np.arange(9.0), np.diag(np.arange(9.0) ** 2)
+
+    def evidence(views: Any, mark: Any, prior: Any, sd: FloatArray) -> Any:
+        asked["sd"] = sd
+        return information, pull
+
+    marks: list[Any] = [
+        SimpleNamespace(rows=np.array([0, 1]), anchor=1),
+        SimpleNamespace(rows=np.array([0])),
+    ]
+    views: Any = SimpleNamespace(
+        C_cam_body=np.array([np.eye(3), C]),
+        attitude_sd=np.array([[0.003, 0.002, 0.1], [0.001, 0.004, 0.2]]),
+    )
+    monkeypatch.setattr(course_yaw, "usable_landmarks", lambda *_: marks)
+    monkeypatch.setattr(course_yaw, "_off_course", lambda v, m, c: 0.02 if m is marks[0] else None)
+    monkeypatch.setattr(course_yaw, "pass_sd", lambda *_, **__: np.arange(12.0) + 1.0)
+    monkeypatch.setattr(course_yaw, "evidence_of", evidence)
+    monkeypatch.setattr(course_yaw, "solve_camera", solve)
+    correction = CameraCorrection(np.array([1.0, 2.0, 3.0]), 4.0, np.eye(9))
+    found = course_yaw.yaw_by_course(
+        views,
+        marks,
+        0,
+        camera(),
+        correction,
+        SizePrior(),
+        CameraPriors(),
+    )
+    assert found == (2.0, 2.0)
+    assert asked["usable"] == marks[:1]
+    turned = np.concatenate([C[:, 2] * 0.02, np.zeros(6)])
+    assert asked["evidence"][0][1] == pytest.approx(pull + information @ turned)
+    assert asked["variance"][0] == pytest.approx([5e-6, 1e-5, limits.SLIP_SD**2])
+    # the velocity to the right, the second of the last three
+    assert np.flatnonzero(asked["sd"] == 0.0).tolist() == [10]
+    assert asked["before"][:4].tolist() == [1.0, 2.0, 3.0, 4.0]
+
+
+@pytest.mark.parametrize("k", range(5))
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_camera_is_beyond_what_is_stated_by_its_own_sigmas(k: int, sign: float) -> None:
+    view = camera(mount_sd=0.01, time_offset_sd=0.02)
+    sd = [0.01, 0.01, 0.01, 0.02, 0.004]
+    most = sigmas(limits.BEYOND_MANIFEST_PROBABILITY)
+    for factor in (0.99, 1.01):
+        values = np.zeros(5)
+        values[k] = sign * factor * most * sd[k]
+        found = CameraCorrection(values[:3], values[3], np.eye(9), focal_log=values[4])
+        assert beyond_stated(found, view, 0.004) == (factor > 1.0)
+    # the margin is the detector's
+    wide = CameraCorrection(np.zeros(3), 0.0, np.eye(9), margin=1.0)
+    assert not beyond_stated(wide, view, 0.004)
+
+
+def test_a_camera_is_let_go_but_not_held_closer_than_stated() -> None:
+    sure, unsure = (
+        camera(mount_sd=1e-4, time_offset_sd=1e-4),
+        camera(mount_sd=2.0, time_offset_sd=9.0),
+    )
+    assert as_unknown(sure).mount_sd == limits.DOUBTED_TURN_RAD
+    assert as_unknown(sure).time_offset_sd == limits.DOUBTED_TIME_S
+    assert (as_unknown(unsure).mount_sd, as_unknown(unsure).time_offset_sd) == (2.0, 9.0)
+
+
+def statuses(weak: int, of: int) -> Any:
+    some = [SimpleNamespace(status="weak_geometry")] * weak
+    return some + [SimpleNamespace(status="ok")] * (of - weak)
+
+
+def test_weak_signs_are_told_beyond_what_chance_makes_of_their_usual_share() -> None:
+    """Against the sum of the binomial distribution's tail."""
+    n, p = 40, limits.USUAL_WEAK
+    tail = [
+        sum(comb(n, k) * p**k * (1.0 - p) ** (n - k) for k in range(weak, n + 1))
+        for weak in range(n + 1)
+    ]
+    least = int(np.argmax(np.array(tail) <= limits.MISFIT_PROBABILITY))
+    used, note = np.ones(60, bool), np.full(60, "", object)
+    alone = [SimpleNamespace(status="single_view")] * 50
+    for weak in (0, 1, least - 1, least, least + 1, n):
+        told = misfit(used, note, statuses(weak, n) + alone)
+        assert bool(told) == (weak >= least)
+        if told:
+            assert f"{weak} of {n} signs" in told[0]
+
+
+def test_boxes_are_told_to_be_lost_where_half_of_many_are() -> None:
+    least = limits.LEAST_LOST
+    for count, lost, wanted in (
+        (least, limits.LOST_SHARE, True), (least, limits.LOST_SHARE - 0.02, False),
+        (least - 2, 1.0, False),
+    ):  # fmt: skip
+        # those that nothing could be placed by do not count
+        note = np.array(["no_pose", "no_direction", "too_far", "back"] * 30 + [""] * count, object)
+        used = np.zeros(len(note), bool)
+        used[120 + round(lost * count) :] = True
+        told = misfit(used, note, statuses(0, 5))
+        assert bool(told) == wanted
+        if told:
+            assert f"{lost:.0%} of them" in told[0]
+
+
+def test_a_doubtful_sign_is_as_unsure_as_it_was_far() -> None:
+    @dataclass(frozen=True)
+    class Sign:
+        status: str
+        cov_enu: FloatArray
+        confidence: float
+
+    sign: Any = Sign("ok", np.diag([1.0, 2.0, 3.0]), 0.5)
+    found = doubtful(sign, 12.0)
+    np.testing.assert_allclose(found.cov_enu, np.diag([145.0, 146.0, 147.0]))
+    assert found.status == "doubtful"
+    assert found.confidence == pytest.approx(0.5 * limits.IMPLAUSIBLE_CONFIDENCE)
+
+
+def test_a_cameras_rows_are_where_its_record_lies_among_all() -> None:
+    class Record(SimpleNamespace):
+        def __len__(self) -> int:
+            return int(self.count)
+
+    records: Any = [Record(camera=c, count=n) for c, n in (("a", 3), ("b", 5), ("c", 2))]
+    trial = camera_explanation.Trial(records, {}, Any)  # type: ignore[arg-type]
+    found = {name: (trial.rows(name).start, trial.rows(name).stop) for name in "abcd"}
+    assert found == {"a": (0, 3), "b": (3, 8), "c": (8, 10), "d": (0, 0)}
+
+
+def located(used: FloatArray, scales: tuple[float, ...]) -> Any:
+    return SimpleNamespace(
+        observations=SimpleNamespace(
+            used=np.asarray(used, bool), note=np.full(len(used), "", object),
+            sign_id=np.array(["s"] * len(used), object),
+        ),
+        noise=SimpleNamespace(scales=scales), signs=[],
+    )  # fmt: skip
+
+
+def test_boxes_fit_where_most_are_used_and_they_scatter_as_boxes_do() -> None:
+    most = limits.SCATTER_LIMITS[1]
+    rows = slice(10, 110)
+    for share, scales, wanted in (
+        (limits.FITS_SHARE, (1.0, 1.0, 9.0), True),
+        (limits.FITS_SHARE - 0.01, (1.0, 1.0, 1.0), False),
+        (1.0, (most, most, 1.0), False),
+        (1.0, (most, 1.0, most), True),
+        (1.0, (1.0, most, 1.0), True),
+    ):
+        used = np.zeros(120)
+        used[10 : 10 + round(100 * share)] = 1.0
+        assert camera_explanation._fits(located(used, scales), rows) is wanted
+    assert camera_explanation._scatter(located(np.ones(2), (3.0, 4.0, 9.0))) == pytest.approx(5.0)
+
+
+@pytest.mark.parametrize("excess", [0.5, 3.0])
+@pytest.mark.parametrize("factor", [0.99, 1.01])
+def test_what_moves_along_is_likelier_by_the_gate_in_sigmas_that_its_boxes_show(
+    excess: float, factor: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Costs are squares in stated sigmas, which are too small by the root of ``excess``."""
+    dof, scale = 30, max(1.0, excess)
+    moving = excess * dof
+    lead = factor * gate(limits.CARRIER_PROBABILITY, 1) * scale
+    standing = SimpleNamespace(anchor=2, cost=moving + lead, dof=dof)
+    asked: list[tuple[FloatArray, FloatArray]] = []
+
+    def solve(first: FloatArray, M: FloatArray, b: FloatArray, *_: Any) -> tuple[FloatArray, float]:
+        asked.append((first, b))
+        return first, moving + abs(float(b[0, 0]) - 0.1)
+
+    b = np.ones((4, 3))
+    monkeypatch.setattr(carriers, "fit_landmark", lambda *_: standing)
+    monkeypatch.setattr(carriers, "relative_views", lambda *_: (np.zeros((4, 3, 3)), b))
+    monkeypatch.setattr(carriers, "view_sd", lambda *_: np.ones((4, 3)))
+    monkeypatch.setattr(carriers, "view_drift", lambda *_: np.zeros(4))
+    monkeypatch.setattr(carriers, "solve_landmark", solve)
+    measured = np.array([[0.1, 0.2, -3.0]] * 4)
+    measured[2] = 0.3, -0.1, -2.0
+    views: Any = SimpleNamespace(measured=measured, class_name=np.array(["a"] * 4, object))
+    prior = SizePrior(0.9)
+    assert carriers.moves_along(views, np.arange(4), prior) == (factor > 1.0)
+    # where its size puts it in the nearest view, and every part of the way that it comes near by
+    wanted = [0.3, -0.1, np.log(0.9) + 2.0, np.log(0.9)]
+    assert asked[0][0] == pytest.approx(wanted)
+    assert [float(b[0, 0]) for _, b in asked] == pytest.approx(list(limits.CARRIER_CLOSING))
+
+
+def test_refining_is_one_step_from_the_values_before(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The solution's nine values and those of a correction are in one order."""
+    values = np.arange(1.0, 10.0)
+    seen: dict[str, Any] = {}
+
+    def solve(views: Any, usable: Any, evidence: Any, attitude: Any, before: Any, *_: Any) -> Any:
+        seen.update(before=before, attitude=attitude)
+        return values, np.eye(9)
+
+    mark = SimpleNamespace(rows=np.array([0, 1]))
+    views: Any = SimpleNamespace(attitude_sd=np.array([[1.0, 2.0, 3.0], [3.0, 2.0, 1.0]]))
+    monkeypatch.setattr(boresight, "usable_landmarks", lambda *_: [mark])
+    monkeypatch.setattr(boresight, "pass_sd", lambda *_, **__: np.zeros(12))
+    monkeypatch.setattr(boresight, "evidence_of", lambda *_: (np.eye(9), np.zeros(9)))
+    monkeypatch.setattr(boresight, "solve_camera", solve)
+    rest: Any = (camera(), None, SizePrior(), CameraPriors())
+    found = boresight.refine_correction(views, [], 0, *rest)
+    assert found.turn.tolist() == [1.0, 2.0, 3.0]
+    assert (found.time_s, found.focal_log, found.margin) == (4.0, 5.0, 9.0)
+    assert seen["before"].tolist() == [0.0] * 9
+    assert seen["attitude"][0] == pytest.approx([5.0, 4.0, 5.0])
+    boresight.refine_correction(views, [], 0, camera(), found, SizePrior(), CameraPriors())
+    assert np.delete(seen["before"], [5, 6, 7]).tolist() == [1.0, 2.0, 3.0, 4.0, 5.0, 9.0]
+    assert replace(found, time_s=0.0).values[3] == 0.0

@@ -1,0 +1,431 @@
+"""How boxes become signs of the map: likelihoods, stretches of frames, what is said of a sign."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from geolocation_scene import ORIGIN, camera, drive_path
+
+from automap.earth import from_local_ned, tangent_rotation
+from automap.frames import rotation_vector_to_matrix
+from automap.gates import gate
+from automap.geolocation import assembly, backs, existence, limits, merging, splitting
+from automap.geolocation.assembly import AssemblyRules, _status, class_beliefs
+from automap.geolocation.landmark import (
+    _crossing_depth,
+    elapsed_s,
+    place,
+    position_jacobian,
+    relative_views,
+    seen_from,
+    view_sd,
+)
+from automap.geolocation.path_relation import make_path
+from automap.geolocation.stamp_scatter import Residuals, _fitted, told, tracked_or_linked
+from automap.geolocation.tracking import TrackingRules
+from automap.records import FloatArray
+
+FREEDOM = 4.0
+
+
+def test_a_signs_likelihood_is_students_with_full_matrices() -> None:
+    """Each box's errors with a dense covariance; the fit solved with dense weights."""
+    rng = np.random.default_rng(1)
+    n, m = 5, 4
+    value, by_fit = rng.normal(size=(n, 3)), rng.normal(size=(n, 3, m))
+    moved, own, weight = rng.normal(size=(n, 3)), rng.uniform(0.3, 2.0, 3), rng.uniform(0.2, 1.0, n)
+    prior = rng.uniform(0.1, 2.0, m)
+    C = np.array([np.diag(own) + np.outer(d, d) for d in moved])
+    W = np.linalg.inv(C)
+    N = np.linalg.inv(
+        sum(w * B.T @ V @ B for w, B, V in zip(weight, by_fit, W, strict=True)) + np.diag(prior)
+    )
+    x = N @ sum(w * B.T @ V @ z for w, B, V, z in zip(weight, by_fit, W, value, strict=True))
+    r = value - by_fit @ x
+    square = np.einsum("ni,nij,nj->n", r, W, r)
+    whole = np.diag(prior) + sum(B.T @ V @ B for B, V in zip(by_fit, W, strict=True))
+    total = np.sum((FREEDOM + 3.0) * np.log1p(square / FREEDOM) + np.linalg.slogdet(C)[1])
+    total += x @ (prior * x) + np.linalg.slogdet(whole)[1]
+    # the own part of each box's error given its residual, of which what the fit took is unknown
+    D = np.diag(own)
+    squares = np.zeros(3)
+    for k in range(n):
+        mean = D @ W[k] @ r[k]
+        B = W[k] @ by_fit[k]
+        left = D - D @ (W[k] - weight[k] * B @ N @ B.T) @ D
+        squares += weight[k] * mean**2 + np.diag(left)
+    found = _fitted(Residuals(value, moved, by_fit, prior), moved, own, weight)
+    assert found[0] == pytest.approx(total)
+    assert found[1] == pytest.approx(square)
+    assert found[2] == pytest.approx(squares)
+
+
+def test_stamps_are_told_to_err_beyond_a_uniform_ones_sigma() -> None:
+    stamps = [np.array([0, 0, 100, 300, 200]) * 10**6, np.array([5, 5]) * 10**6]
+    for factor in (0.999, 1.001):
+        found = told(factor * 0.1 / np.sqrt(12.0), stamps)
+        assert bool(found) == (factor > 1.0)
+    assert told(1e9, []) == []
+
+
+def test_boxes_of_single_signs_are_the_detectors_tracks_where_most_have_one() -> None:
+    class Many(SimpleNamespace):
+        def __len__(self) -> int:
+            return len(self.track)
+
+    often = limits.SCATTER_VIEWS
+    track = np.array([3] * often + [5] * (often - 1) + [3] * often + [-1] * 9)
+    views: Any = Many(track=track, camera=np.array([0] * (2 * often - 1) + [1] * (often + 9)))
+    marks: Any = [
+        SimpleNamespace(rows=np.arange(often), ok=True),
+        SimpleNamespace(rows=np.arange(often), ok=False),
+        SimpleNamespace(rows=np.arange(2), ok=True),
+    ]
+    found = tracked_or_linked(views, marks)
+    assert [rows.tolist() for rows in found] == [
+        list(range(often)), list(range(2 * often - 1, 3 * often - 1))
+    ]  # fmt: skip
+    views.track = np.where(np.arange(len(track)) < often, 3, -1)
+    assert [rows.tolist() for rows in tracked_or_linked(views, marks)] == [list(range(often))]
+    # of many signs an even part
+    many: Any = [SimpleNamespace(rows=np.arange(k, k + often), ok=True) for k in range(150)]
+    some = [int(rows[0]) for rows in tracked_or_linked(views, many)]
+    assert some == list(range(0, 150, 3))
+
+
+def scene(rng: np.random.Generator, n: int = 6) -> Any:
+    """Cameras on a line that look at a place 30 m ahead, and what they measure of it."""
+    C = np.array([rotation_vector_to_matrix(v) for v in 0.1 * rng.normal(size=(n, 3))])
+    centre = np.column_stack([3.0 * np.arange(n), rng.normal(size=n), 0.1 * rng.normal(size=n)])
+    point = np.array([40.0, 5.0, -2.0])
+    q = np.einsum("nij,nj->ni", C, point - centre)
+    measured = np.column_stack([q[:, 1:] / q[:, :1], np.log(0.8 / q[:, 0])])
+    views = SimpleNamespace(
+        C_cam_ref=C, centre=centre, measured=measured, sd=np.tile([0.01, 0.02, 0.03], (n, 1)),
+        t_ns=np.arange(n) * 10**8,
+    )  # fmt: skip
+    return views, point
+
+
+def test_a_place_seen_from_a_view_is_that_place() -> None:
+    views, point = scene(np.random.default_rng(2))
+    for anchor in (0, 4):
+        x = seen_from(views, anchor, point, np.log(0.8))
+        assert x is not None
+        assert x[:2] == pytest.approx(views.measured[anchor, :2])
+        assert x[3] - x[2] == pytest.approx(views.measured[anchor, 2])
+        assert place(views, anchor, x) == pytest.approx(point)
+        J = np.column_stack(
+            [
+                (place(views, anchor, x + e) - place(views, anchor, x - e)) / 2e-6
+                for e in 1e-6 * np.eye(4)
+            ]
+        )
+        mark: Any = SimpleNamespace(parameters=x, anchor=anchor)
+        np.testing.assert_allclose(position_jacobian(views, mark), J, atol=1e-6)
+        M, b = relative_views(views, np.arange(6), anchor)
+        q = views.C_cam_ref[anchor] @ (point - views.centre[anchor])
+        for k in range(6):
+            own = views.C_cam_ref[k] @ (point - views.centre[k])
+            assert M[k] @ q + b[k] == pytest.approx(own)
+        assert _crossing_depth(views, np.arange(6), anchor) == pytest.approx(np.exp(x[2]))
+    behind = views.centre[0] - views.C_cam_ref[0].T @ [limits.MIN_FORWARD_M, 0.0, 0.0]
+    assert seen_from(views, 0, behind, 0.0) is None
+    # rays of one place and direction do not cross
+    twice: Any = SimpleNamespace(**{k: np.repeat(v[:1], 3, axis=0) for k, v in vars(views).items()})
+    assert _crossing_depth(twice, np.arange(3), 0) == 0.0
+
+
+def test_views_from_one_place_count_as_one_in_whatever_order_they_come() -> None:
+    views, _ = scene(np.random.default_rng(3), 8)
+    step = limits.SAME_PLACE_M
+    along = step * np.array([0.0, 0.1, 0.2, 1.4, 1.5, 9.2, 20.7, 20.8])
+    views.centre = np.column_stack([along, np.zeros(8), np.zeros(8)])
+    count = np.array([3, 3, 3, 2, 2, 1, 2, 2])
+    for order in (np.arange(8), np.random.default_rng(4).permutation(8)):
+        wanted = views.sd[order] * np.sqrt(count[order])[:, None]
+        np.testing.assert_allclose(view_sd(views, order), wanted)
+    # a slow drift of the speed's error: in proportion at first, and no more than for some seconds
+    views.t_ns = np.array([0, 1, -1, 100, 10**6, -(10**6), 3, 4]) * 10**8
+    seconds = elapsed_s(views, np.arange(6), 0)
+    assert seconds[1] == pytest.approx(0.1, rel=1e-3)
+    assert seconds[1] == -seconds[2]
+    assert seconds[4] == pytest.approx(limits.VELOCITY_ERROR_S)
+    assert seconds[5] == -seconds[4]
+
+
+@pytest.mark.parametrize("offset_s", [0.0, 0.03])
+def test_stretches_of_missed_frames_are_those_a_walk_along_the_frames_finds(
+    offset_s: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A sign boxed in some of sixty frames, due where it is as tall as in its smallest box."""
+    rng = np.random.default_rng(5)
+    tall = rng.random(60)
+    step = np.int64(10**8)
+    boxed = np.array([20, 21, 26, 40])
+    grid_frames = SimpleNamespace(frame=np.arange(60), t_ns=np.arange(60) * step)
+    grid = existence.FrameGrid(grid_frames)  # type: ignore[arg-type]
+    view = camera(time_offset_s=offset_s)
+    exposed = boxed * step + np.int64(round(offset_s * 1e9))
+    focal, least = 1000.0, 0.5
+    views: Any = SimpleNamespace(
+        camera_names=("front",), camera=np.zeros(4, np.int64), centre=np.zeros((4, 3)),
+        measured=np.column_stack([np.zeros((4, 2)), np.log([0.9, least, 0.7, 0.8])]), origin=ORIGIN,
+    )  # fmt: skip
+    mark: Any = SimpleNamespace(anchor=0, rows=np.arange(4), position=np.zeros(3), size_m=1.0)
+    limit = limits.LIKE_SEEN * least * focal
+    asked: list[int] = []
+
+    def heights(position: Any, size: Any, seen: Any, t_ns: Any, *_: Any) -> FloatArray:
+        asked.extend(np.rint(t_ns / step).astype(int).tolist())
+        return np.array([limit * (1.001 if tall[round(t / step)] < 0.6 else 0.999) for t in t_ns])
+
+    monkeypatch.setattr(existence, "apparent_heights", heights)
+    found = existence._missed(views, mark, {"front": grid}, Any, {"front": view}, exposed)  # type: ignore[arg-type]
+    near = sorted(
+        {
+            k
+            for b in boxed
+            for k in range(b - limits.FRAMES_AROUND, b + limits.FRAMES_AROUND + 1)
+            if k not in boxed
+        }
+    )
+    assert asked == near
+    wanted, before = [], None
+    for k in near:
+        due = tall[k] < 0.6
+        if due and before == k - 1:
+            wanted[-1] += 1
+        elif due:
+            wanted.append(1)
+        before = k if due else None
+    assert found.tolist() == wanted
+
+
+def beliefs(n: int, rng: np.random.Generator) -> Any:
+    names = np.array(["a", "b"], object)[rng.integers(0, 2, n)]
+    p = np.where(rng.random(n) < 0.3, np.nan, rng.random(n))
+    return SimpleNamespace(
+        score=np.concatenate([[0.0], rng.random(n - 1)]), class_name=names,
+        class_probability=p, group_probability=p + 0.5 * (1.0 - p),
+    )  # fmt: skip
+
+
+def test_a_class_is_believed_by_what_tracks_tell_each_box_by_its_score() -> None:
+    """Against a walk over the boxes; those of another class tell against it."""
+    views = beliefs(12, np.random.default_rng(6))
+    rows = np.arange(12)
+    above, below = 0.0, 0.0
+    for k in rows:
+        p = views.class_probability[k]
+        if np.isfinite(p):
+            w = max(views.score[k], limits.LEAST_SCORE)
+            below += w
+            above += w * p * (views.class_name[k] == "a")
+    found = class_beliefs(views, rows, "a")
+    assert found[0] == pytest.approx(above / below)
+    assert found[1] >= found[0]
+    views.class_probability[:] = np.nan
+    assert np.isnan(class_beliefs(views, rows, "a")).all()
+    s = np.array([0.9, 0.3, 1.4])
+    one = 1.0 - (1.0 - 0.9 * limits.VIEW_EVIDENCE) * (1.0 - 0.3 * limits.VIEW_EVIDENCE) * (
+        1.0 - limits.VIEW_EVIDENCE
+    )
+    assert assembly._belief_by_scores(s) == pytest.approx(one)
+
+
+def sighting(depth: float = 20.0, sd: float = 0.1, contradictory: bool = False) -> Any:
+    return SimpleNamespace(
+        landmark=SimpleNamespace(depth_m=depth, depth_log_sd=sd), contradictory=contradictory
+    )
+
+
+@pytest.mark.parametrize(
+    ("seen", "size", "height", "n", "wanted"),
+    [
+        ([sighting()], 0.7, 2.0, 3, "ok"),
+        ([sighting()], 0.7, 2.0, 1, "single_view"),
+        ([sighting()], 0.149, 2.0, 1, "implausible"),
+        ([sighting()], 6.01, 2.0, 3, "implausible"),
+        ([sighting()], 0.15, -2.0, 3, "ok"),
+        ([sighting()], 6.0, 15.0, 3, "ok"),
+        ([sighting()], 0.7, 15.1, 3, "implausible"),
+        ([sighting()], 0.7, -2.1, 3, "implausible"),
+        ([sighting(contradictory=True), sighting()], 0.7, 2.0, 4, "ok"),
+        ([sighting(90.0, 0.9, True)], 0.7, 2.0, 4, "contradictory"),
+        ([sighting(61.0, 0.9), sighting(60.0)], 0.7, 2.0, 4, "ok"),
+        ([sighting(61.0, 0.9), sighting(60.1)], 0.7, 2.0, 4, "far"),
+        ([sighting(sd=0.26), sighting(sd=0.25)], 0.7, 2.0, 4, "ok"),
+        ([sighting(sd=0.26), sighting(sd=0.3)], 0.7, 2.0, 4, "weak_geometry"),
+    ],
+)
+def test_what_is_said_first_of_a_sign(
+    seen: list[Any], size: float, height: float, n: int, wanted: str
+) -> None:
+    assert _status(seen, size, height, n, AssemblyRules()) == wanted
+
+
+def test_a_sign_of_the_map_has_place_and_covariance_where_it_stands() -> None:
+    """Kilometres from the origin, where north is another one; sizes by their variances."""
+    rng = np.random.default_rng(7)
+    path = make_path(drive_path(4.0), ORIGIN)
+    root = rng.normal(size=(3, 3))
+    position, covariance = np.array([900.0, 60_000.0, -250.0]), root @ root.T
+    sd, log_size = np.array([0.1, 0.3]), np.log([0.7, 0.9])
+    seen: Any = [
+        SimpleNamespace(
+            landmark=SimpleNamespace(
+                rows=np.array(rows), depth_m=20.0, depth_log_sd=0.1,
+                covariance=np.diag([1.0, 1.0, 1.0, sd[k] ** 2]),
+                parameters=np.array([0, 0, 0, log_size[k]]),
+            ),
+            covariance=np.diag([1.0, 1.0, 4.0 + 9.0 * k]), path_sd=np.array([9.0, 9.0, 1.5]),
+            class_score={"a": 1.0, "b": 1.5 * k}, contradictory=False,
+        )
+        for k, rows in enumerate(([4, 1], [2]))
+    ]  # fmt: skip
+    t_ns = path.t_ns[np.array([0, 5, 30, 0, 9])]
+    views: Any = SimpleNamespace(
+        origin=ORIGIN, t_ns=t_ns, score=np.full(5, 0.4), row=np.array([9, 8, 7, 6, 5]),
+        class_name=np.array(["a"] * 5, object), class_probability=np.full(5, np.nan),
+        group_probability=np.full(5, np.nan),
+    )  # fmt: skip
+    facing: Any = SimpleNamespace(rad=0.3, sd_rad=0.2)
+    # heights are said of the path, and far from it anything goes
+    rules = AssemblyRules(1.2, 0.4, height_limits_m=(-1e4, 1e4), drive="d")
+    found = assembly.assemble_sign(views, seen, (position, covariance), path, facing, 7, rules, 0.8)
+    lat, lon, height = (float(v) for v in from_local_ned(position, ORIGIN))
+    assert (found.lat_rad, found.lon_rad, found.height_m) == (lat, lon, height)
+    # axes at the sign by differences of places
+    axes = np.zeros((3, 3))
+    for k, e in enumerate(np.eye(3)):
+        moved = np.array([float(v) for v in from_local_ned(position + e, ORIGIN)])
+        change = moved - [lat, lon, height]
+        axes[:, k] = change[1] * 6.386e6 * np.cos(lat), change[0] * 6.357e6, change[2]
+    np.testing.assert_allclose(found.cov_enu, axes @ covariance @ axes.T, atol=0.03)
+    C = tangent_rotation(np.array([lat]), np.array([lon]), ORIGIN)[0].T
+    turn = np.arctan2(C[1, 0], C[0, 0])
+    assert abs(turn) > 1e-3
+    assert found.facing_rad == pytest.approx((0.3 + turn) % (2.0 * np.pi), abs=1e-4)
+    w = sd**-2.0
+    assert found.size_m == pytest.approx(np.exp(np.sum(w * log_size) / w.sum()))
+    # of the best pass less what the path's own error lifts both by
+    assert found.sd_above_road_m == pytest.approx(np.hypot(np.sqrt(4.0 - 1.5**2), 0.4))
+    assert found.class_name == "a"
+    assert found.confidence == pytest.approx(0.8 * (1.0 - (1.0 - 0.4 * limits.VIEW_EVIDENCE) ** 3))
+    assert found.detection_rows.tolist() == [5, 7, 8]
+    assert (found.first_seen_ns, found.last_seen_ns) == (t_ns[1], t_ns[2])
+    assert (found.n_views, found.drives, found.id, found.existence) == (3, ("d",), "s0007", 0.8)
+    above = found.height_above_road_m - 1.2
+    nearest = path.position[np.argmin(np.linalg.norm(path.position[:, :2] - position[:2], axis=1))]
+    assert above == pytest.approx(nearest[2] - position[2], abs=0.5)
+
+
+@pytest.mark.parametrize("factor", [0.98, 1.02])
+@pytest.mark.parametrize("axis", [0, 2])
+def test_a_back_is_near_its_front_by_both_sigmas_and_a_plates_thickness(
+    factor: float, axis: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    slack = [limits.THICKNESS_M, limits.THICKNESS_M, limits.HEIGHT_SLACK_M][axis]
+    sd = 0.3
+    monkeypatch.setattr(backs, "difference_covariance", lambda a, b: sd**2 * np.eye(3))
+    distance = factor * np.sqrt(gate(limits.BACK_PROBABILITY, 3) * (sd**2 + slack**2))
+    assert distance < limits.BACK_REACH_M
+    views: Any = SimpleNamespace(frame=np.array([1, 2, 3, 4]))
+    turned = np.array([limits.AWAY_COSINE, np.sqrt(1.0 - limits.AWAY_COSINE**2)])
+
+    def one(where: float, facing: FloatArray, rows: list[int]) -> Any:
+        return SimpleNamespace(
+            position=where * np.eye(3)[axis], facing=facing, landmark=SimpleNamespace(rows=rows)
+        )
+
+    ahead = np.array([1.0, 0.0])
+    back = one(-distance, turned * [1.001, 1.0], [0, 1])
+    assert backs._is_other_side(views, back, one(0.0, ahead, [2])) == (factor < 1.0)
+    assert not backs._is_other_side(
+        views, one(0.0, turned * [0.999, 1.0], [0]), one(0.0, ahead, [2])
+    )
+    assert not backs._is_other_side(views, one(0.0, -ahead, [0, 1]), one(0.0, ahead, [1]))
+    far = 1.001 * limits.BACK_REACH_M
+    monkeypatch.setattr(backs, "difference_covariance", lambda a, b: 1e6 * np.eye(3))
+    for where, wanted in ((far, False), (-far, False), (0.998 * far, True)):
+        found = backs._is_other_side(views, one(where, -ahead, [0]), one(0.0, ahead, [2]))
+        assert found is wanted
+
+
+def test_two_passes_are_of_one_sign_by_their_distance_in_sigmas_and_their_classes(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    rng = np.random.default_rng(8)
+    root = rng.normal(size=(3, 3))
+    monkeypatch.setattr(merging, "difference_covariance", lambda a, b: root @ root.T)
+
+    def one(at: FloatArray, facing: FloatArray, **score: float) -> Any:
+        return SimpleNamespace(
+            position=at,
+            facing=facing,
+            class_score=score,
+            class_name=max(score, key=score.__getitem__),
+        )
+
+    a = one(np.zeros(3), np.array([1.0, 0.0]), x=3.0)
+    b = one(rng.normal(size=3), np.array([0.01, 1.0]), y=3.0, x=1.0)
+    slack = np.diag([limits.FACE_SD_M**2] * 2 + [limits.HEIGHT_SLACK_M**2])
+    wanted = b.position @ np.linalg.inv(root @ root.T + slack) @ b.position
+    wanted += 0.75 * limits.MERGE_OTHER_CLASS
+    assert merging._link_cost(a, b) == pytest.approx(wanted)
+    assert merging._link_cost(b, a) == pytest.approx(wanted)
+    away = one(b.position, np.array([-0.01, 1.0]), x=1.0)
+    assert np.isinf(merging._link_cost(a, away))
+
+
+@pytest.mark.parametrize("factor", [0.99, 1.01])
+def test_pieces_are_one_where_the_common_fit_costs_no_more_than_three_coordinates(
+    factor: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rules = TrackingRules()
+    views: Any = SimpleNamespace(
+        class_name=np.array(["a", "a", "b", "a", "c"], object), frame=np.array([1, 2, 3, 4, 5]),
+        t_ns=np.array([0, 1, 2, 3, 4]) * 10**8,
+    )  # fmt: skip
+
+    def mark(*rows: int, cost: float = 5.0) -> Any:
+        return SimpleNamespace(
+            rows=np.array(rows), cost=cost, ok=True, weight=np.ones(len(rows)), anchor=rows[0]
+        )
+
+    common = mark(0, 1, 2, 3, cost=12.0 + factor * gate(limits.SPLIT_PROBABILITY, 3))
+    asked: list[list[int]] = []
+
+    def fit(views: Any, rows: Any, prior: Any) -> Any:
+        asked.append(list(rows))
+        return common
+
+    monkeypatch.setattr(splitting, "fit_landmark", fit)
+    monkeypatch.setattr(splitting, "distances_to", lambda *_: np.array([[0.99 * rules.gate]]))
+    pieces = [mark(2, 3, cost=7.0), mark(0, 1)]
+    found = splitting.join_pieces(views, pieces, Any, rules)  # type: ignore[arg-type]
+    assert (found == [common]) == (factor < 1.0)
+    assert asked[0] == [0, 1, 2, 3]
+    if factor > 1.0:
+        return
+    # misfits, other classes, a common frame and distance keep them apart
+    for bad in ({"weight": np.array([1.0, 0.99 * limits.MISFIT_WEIGHT])}, {"ok": False}):
+        monkeypatch.setattr(
+            splitting, "fit_landmark", lambda *_, bad=bad: SimpleNamespace(**vars(common) | bad)
+        )
+        assert len(splitting.join_pieces(views, pieces, Any, rules)) == 2  # type: ignore[arg-type]
+    monkeypatch.setattr(splitting, "fit_landmark", lambda *_: common)
+    assert splitting._joined(views, mark(0, 1), mark(2, 4), Any, rules) is None  # type: ignore[arg-type]
+    assert splitting._joined(views, mark(0, 1), mark(1, 3), Any, rules) is None  # type: ignore[arg-type]
+    monkeypatch.setattr(splitting, "distances_to", lambda *_: np.array([[1.01 * rules.gate]]))
+    assert splitting._joined(views, pieces[0], pieces[1], Any, rules) is None  # type: ignore[arg-type]
+    # and a longer silence than the tracker's
+    monkeypatch.setattr(splitting, "distances_to", lambda *_: np.array([[0.0]]))
+    for silence, count in ((0.99, 1), (1.01, 2)):
+        gap = np.int64(silence * rules.max_silence_s * 1e9)
+        views.t_ns = np.array([0, 1, 1 + gap, 2 + gap, 3 + gap])
+        assert len(splitting.join_pieces(views, pieces, Any, rules)) == count  # type: ignore[arg-type]
