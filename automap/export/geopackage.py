@@ -87,6 +87,10 @@ def _triggers_of(file: sqlite3.Connection, layer: str) -> set[str]:
     return {name.replace(layer, "*") for (name,) in rows}
 
 
+_GPKG = int.from_bytes(b"GPKG")
+"""What SQLite's header says the file is (OGC GeoPackage 1.3, requirement 2)."""
+
+
 def lost_of(path: Path, counts: Mapping[str, int]) -> str:
     """What a GeoPackage lacks of layers with so many features, in words; "" where it has all.
 
@@ -97,6 +101,8 @@ def lost_of(path: Path, counts: Mapping[str, int]) -> str:
             (state,) = file.execute("PRAGMA quick_check(1)").fetchone()
             if state != "ok":
                 return f"it is damaged ({state})"
+            if file.execute("PRAGMA application_id").fetchone() != (_GPKG,):
+                return "its header does not say that it is a GeoPackage"
             for layer, count in counts.items():
                 (found,) = file.execute(f'SELECT COUNT(*) FROM "{layer}"').fetchone()
                 if found != count:

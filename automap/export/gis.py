@@ -9,6 +9,7 @@ import errno
 import json
 import os
 import shutil
+import warnings
 from collections.abc import Mapping, Sequence
 from io import BytesIO
 from pathlib import Path
@@ -89,27 +90,32 @@ def write_layers(
 
 
 def write_layer(path: Path | BytesIO, layer: Layer, driver: str, crs: str, **more: Any) -> None:
-    """Write one layer with GDAL; raises what pyogrio raises."""
+    """Write one layer with GDAL; raises what pyogrio raises.
+
+    What GDAL only warns of is not told: whether a file is whole is looked at afterwards.
+    """
     from pyogrio.raw import write
 
-    write(
-        path,
-        geometry=layer.wkb,
-        field_data=list(layer.columns.values()),
-        fields=list(layer.columns),
-        field_mask=[layer.missing.get(name) for name in layer.columns],
-        layer=layer.name,
-        driver=driver,
-        geometry_type=layer.geometry_type,
-        crs=crs,
-        nan_as_null=True,
-        gdal_tz_offsets={
-            name: np.full(len(layer), 100, np.int64)
-            for name, values in layer.columns.items()
-            if values.dtype.kind == "M"
-        },
-        **more,
-    )
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)
+        write(
+            path,
+            geometry=layer.wkb,
+            field_data=list(layer.columns.values()),
+            fields=list(layer.columns),
+            field_mask=[layer.missing.get(name) for name in layer.columns],
+            layer=layer.name,
+            driver=driver,
+            geometry_type=layer.geometry_type,
+            crs=crs,
+            nan_as_null=True,
+            gdal_tz_offsets={
+                name: np.full(len(layer), 100, np.int64)
+                for name, values in layer.columns.items()
+                if values.dtype.kind == "M"
+            },
+            **more,
+        )
 
 
 def failure_of(path: Path, layer: Layer, error: Exception) -> StageError:

@@ -68,6 +68,9 @@ class Running:
         return Ended(code, out, err, took, used.ru_maxrss / 1024, hung)
 
 
+_TOLD = {signal.SIGINT, signal.SIGTERM}
+
+
 def start(
     words: Sequence[str | bytes], before: Callable[[], None] = lambda: None, cwd: Path | None = None
 ) -> Running:
@@ -80,8 +83,11 @@ def start(
         handles.append(handle)
         files.append(Path(name))
     started = time.monotonic()
+    # who is told to end before it has begun is the system's to end: it waits until main() listens
+    signal.pthread_sigmask(signal.SIG_BLOCK, _TOLD)
     pid = os.fork()
     if pid:
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, _TOLD)
         for handle in handles:
             os.close(handle)
         return Running(pid, started, (files[0], files[1]))
@@ -96,8 +102,15 @@ def start(
         sys.stderr = open(2, "w", encoding="utf-8", closefd=False, buffering=1)  # noqa: SIM115
         if cwd is not None:
             os.chdir(cwd)
-        from pipeline.cli import main
+        from pipeline.cli import main, root
 
+        listen = root._interruptible
+
+        def listening() -> None:
+            listen()
+            signal.pthread_sigmask(signal.SIG_UNBLOCK, _TOLD)
+
+        root._interruptible = listening
         before()
         try:
             main([os.fsdecode(word) for word in words])

@@ -179,6 +179,9 @@ def test_a_geopackage_that_lost_features_is_not_whole(tmp_path: Path) -> None:
     assert lost_of(path, {"signs": count}) == (
         f"the layer signs does not say that it has {count} features"
     )
+    with closing(sqlite3.connect(path)) as file:
+        file.execute("PRAGMA application_id = 0")
+    assert "header" in lost_of(path, {"signs": count})
     content = path.read_bytes()
     path.write_bytes(content[: len(content) // 2])
     assert "damaged" in lost_of(path, {"signs": count})
