@@ -220,10 +220,10 @@ def test_a_stuck_velocity_is_told_by_positions_that_part_over_many_steps(
 ) -> None:
     """Twenty rows of one velocity while the positions go half a metre a second aside, and jump."""
     n = 40
-    velocity = np.arange(n) * (0.1 + 0.0j) + 10.0
+    velocity: ComplexArray = 0.1 * np.arange(n).astype(np.complex128) + 10.0
     velocity[10:31] = velocity[10]
     right = np.concatenate([[0.0], np.cumsum(velocity[:-1])])
-    aside = np.zeros(n, complex)
+    aside = np.zeros(n, np.complex128)
     aside[11:] += 0.5j * np.minimum(np.arange(n - 11) + 1.0, 20.0)
     aside[20:] += 7.0
     path = path_of(right + aside, velocity)
