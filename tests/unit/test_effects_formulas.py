@@ -19,6 +19,8 @@ from automap.effects.gnss import (
     wander,
 )
 from automap.effects.lens import box_variances, focal_length, normalise
+from automap.effects.limits import BLEND_S, FORCE_S
+from automap.effects.signals import signals_of_readings
 from automap.effects.vehicle import lever_arm_motion, parameter, parameters
 from automap.records import Camera
 
@@ -166,3 +168,27 @@ def test_pixels_beyond_the_fold_of_a_lens_have_no_direction() -> None:
     assert np.isfinite(flat).all(axis=1).tolist() == [True, True, False, False, False]
     r = flat[:2, 0]
     assert r + k * r**3 == pytest.approx((farthest + off[:2]) / f, abs=1e-5)
+
+
+@pytest.mark.parametrize("rate_hz", [50.0, 100.0])
+@pytest.mark.parametrize("period_s", [1.0, 6.0, 40.0])
+def test_the_acceleration_along_the_track_is_fast_from_the_force_and_slow_from_the_fixes(
+    rate_hz: float, period_s: float
+) -> None:
+    """Waves of either alone: a Gaussian blur of sigma s leaves exp(-(2 pi s / T)^2 / 2) of one."""
+    n = round(120.0 * rate_hz)
+    time = np.arange(n) / rate_hz
+    omega = 2.0 * np.pi / period_s
+    left = np.exp(-0.5 * (omega * BLEND_S) ** 2)
+    short = np.exp(-0.5 * (omega * FORCE_S) ** 2)
+    wave, still = np.sin(omega * time), np.zeros((n, 3))
+    accel = still.copy()
+    accel[:, 0] = wave + 0.3
+    steady = np.tile([9.0, 0.0, 0.0], (2, 1))
+    middle = slice(n // 3, 2 * n // 3)
+    found = signals_of_readings(time, still, accel, None, time[[0, -1]], steady).acceleration
+    wanted = short * (1.0 - left) * wave
+    assert found[middle] == pytest.approx(wanted[middle], abs=2e-3)
+    velocity = np.column_stack([15.0 - np.cos(omega * time) / omega, still[:, :2]])
+    found = signals_of_readings(time, still, still, None, time, velocity).acceleration
+    assert found[middle] == pytest.approx((left * wave)[middle], abs=5e-3)

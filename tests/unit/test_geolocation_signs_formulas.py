@@ -12,7 +12,7 @@ from geolocation_scene import ORIGIN, camera, drive_path
 from automap.earth import from_local_ned, tangent_rotation
 from automap.frames import rotation_vector_to_matrix
 from automap.gates import gate
-from automap.geolocation import assembly, backs, existence, limits, merging, splitting
+from automap.geolocation import assembly, backs, existence, facing, limits, merging, splitting
 from automap.geolocation.assembly import AssemblyRules, _status, class_beliefs
 from automap.geolocation.landmark import (
     _crossing_depth,
@@ -429,3 +429,44 @@ def test_pieces_are_one_where_the_common_fit_costs_no_more_than_three_coordinate
         gap = np.int64(silence * rules.max_silence_s * 1e9)
         views.t_ns = np.array([0, 1, 1 + gap, 2 + gap, 3 + gap])
         assert len(splitting.join_pieces(views, pieces, Any, rules)) == count  # type: ignore[arg-type]
+
+
+def test_a_boxs_size_is_the_mean_of_width_and_height_by_their_logarithms(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Wide and tall boxes of 10 to 90 px, of a focal length of 1000 px: those of one octave err
+    alike, and by a margin in pixels the more, the smaller they are."""
+    width = np.array([80.0, 20.0, 30.0, 12.0, 60.0])
+    height = np.array([90.0, 40.0, 10.0, 11.0, 50.0])
+    views: Any = SimpleNamespace(
+        log_aspect=np.log(width / height),
+        measured=np.column_stack([np.zeros((5, 2)), np.log(height / 1000.0)]),
+        class_name=np.array(["a"] * 5, object),
+        margin_sd=np.full(5, 0.002),
+        attitude_sd=np.zeros((5, 3)),
+    )
+    weight = np.array([1.0, 0.25, 1.0, 1.0, 1.0])
+    seen: Any = SimpleNamespace(
+        landmark=SimpleNamespace(rows=np.arange(5), weight=weight), facing=np.array([1.0, 0.0])
+    )
+    monkeypatch.setattr(facing, "view_sd", lambda *_: np.full((5, 3), 0.03))
+    monkeypatch.setattr(facing, "_against_traffic", lambda *_: np.zeros(1))
+    monkeypatch.setattr(
+        facing, "expected_aspect", lambda v, rows, grid, shape: np.zeros((5, len(grid)))
+    )
+    found = facing._observed(views, [seen], Any)  # type: ignore[arg-type]
+    size = np.sqrt(width * height)
+    octave = np.floor(np.log2(size / 1000.0))
+    assert (
+        np.diff(found.octave[np.argsort(octave, kind="stable")]).tolist()
+        == np.diff(np.sort(octave)).tolist()
+    )
+    assert len(set(octave)) == len(found.octaves) > 2
+    alike = np.hypot(2.0 / size, limits.FACE_ALIKE)
+    for k, one in enumerate(found.octaves):
+        np.testing.assert_allclose(
+            found.columns[:, 1 + k], np.where(found.octave == one, alike, 0.0)
+        )
+    # both sides err alike in pixels, a narrow box's width by more of itself
+    narrow = np.maximum(height / width, 1.0)
+    np.testing.assert_allclose(found.sd, 0.03 * np.sqrt(1.0 + narrow**2) / np.sqrt(weight))

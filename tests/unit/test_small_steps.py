@@ -13,11 +13,18 @@ import pytest
 from automap.effects.measured_kernels import vehicle_velocity
 from automap.effects.navigation import N_NAV
 from automap.effects.term_sums import SIGNAL_COLUMN, SIGNAL_ONE, TIME, TURN, new_room, set_signals
+from automap.errors import InputError
 from automap.frames import rotation_vector_to_matrix
 from automap.fusion import adapt, engine
 from automap.fusion.layout import HAS_POS_H
 from automap.fusion.levels import ALL_LEVELS, VELOCITY_WANDER
-from automap.fusion.limits import ABSENT, LASTING_ODDS_NATS, LEVEL_SPREAD
+from automap.fusion.limits import (
+    ABSENT,
+    FIX_EDGE_S,
+    LASTING_ODDS_NATS,
+    LEAST_FIXES,
+    LEVEL_SPREAD,
+)
 from automap.gap.noise import combine
 from automap.records import FloatArray
 from automap.sync import held_values, limits, steps
@@ -171,6 +178,34 @@ def test_halts_are_looked_for_in_the_fixes_time_and_told_in_the_readings(
     np.testing.assert_allclose(seen["spans"], wanted)
 
 
+@pytest.mark.parametrize("end", [0.0, 4.99])
+@pytest.mark.parametrize("inside", [True, False])
+def test_fixes_count_up_to_a_second_beside_the_readings(
+    end: float, inside: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class Many(SimpleNamespace):
+        def __len__(self) -> int:
+            return len(self.t_ns)
+
+    def reached(model: Any) -> Any:
+        raise ReachedError
+
+    beside = FIX_EDGE_S + (-0.01 if inside else 0.01)
+    at = end + (beside if end else -beside)
+    imu = Many(t_ns=np.arange(500) * 10**7, gyro=np.zeros((500, 3)), accel=np.zeros((500, 3)))
+    t = np.append(np.full(LEAST_FIXES - 1, 2.0), at)
+    fixes = SimpleNamespace(t=t, flags=np.full(len(t), HAS_POS_H), gps_s=t)
+    clock: Any = SimpleNamespace(t_ns=lambda gps_s: gps_s * 1e9)
+    monkeypatch.setattr(engine, "bridge_unusable", lambda imu: SimpleNamespace(imu=imu))
+    monkeypatch.setattr(engine, "model_fixes", lambda *_: fixes)
+    monkeypatch.setattr(engine, "screen_fixes", lambda *_: SimpleNamespace(fixes=fixes))
+    monkeypatch.setattr(engine, "shown_speed", reached)
+    options: Any = SimpleNamespace(wander_tau_s=1.0, effects=())
+    delay: Any = SimpleNamespace(mean=0.0, sd=0.1)
+    with pytest.raises(ReachedError if inside else InputError):
+        engine.fuse_imu_gnss(imu, fixes, clock, options, delay)  # type: ignore[arg-type]
+
+
 def path_of(place: ComplexArray, velocity: ComplexArray) -> Any:
     class Many(SimpleNamespace):
         def __len__(self) -> int:
@@ -220,10 +255,10 @@ def test_a_stuck_velocity_is_told_by_positions_that_part_over_many_steps(
 ) -> None:
     """Twenty rows of one velocity while the positions go half a metre a second aside, and jump."""
     n = 40
-    velocity = np.arange(n) * (0.1 + 0.0j) + 10.0
+    velocity: ComplexArray = 0.1 * np.arange(n).astype(np.complex128) + 10.0
     velocity[10:31] = velocity[10]
     right = np.concatenate([[0.0], np.cumsum(velocity[:-1])])
-    aside = np.zeros(n, complex)
+    aside = np.zeros(n, np.complex128)
     aside[11:] += 0.5j * np.minimum(np.arange(n - 11) + 1.0, 20.0)
     aside[20:] += 7.0
     path = path_of(right + aside, velocity)
