@@ -73,7 +73,8 @@ _RECEIVER = {
         one("s", "{} older", "{} newer"),
     ),
     "gnss_course_distance": Sentence(
-        "The direction of the receiver's velocities is that of a place {} behind.", one("m", "{}")
+        "The direction of the receiver's velocities is that of a place {} behind.",
+        one("m", "{}", unit="m"),
     ),
     "gnss_velocity_scale": Sentence(
         "The receiver's speeds are {}.",

@@ -53,6 +53,14 @@ def text_of(**given: Any) -> str:
     return " ".join(f"{lead} {text}" for lead, text in in_words(result(**given)))
 
 
+@pytest.mark.parametrize("name", sorted(SENTENCES))
+def test_a_size_is_told_in_the_unit_it_has(name: str) -> None:
+    units = {p.name: p.unit for p in CATALOGUE[name].parameters}
+    for parameter, part in SENTENCES[name].parts.items():
+        if part.factor == 1.0:
+            assert units[parameter].replace("^2", "²").removesuffix("/image height") == part.unit
+
+
 @pytest.mark.parametrize("name", sorted(CATALOGUE))
 def test_every_effect_of_the_catalogue_has_a_sentence(name: str) -> None:
     effect = CATALOGUE[name]
