@@ -13,6 +13,8 @@ _JUMP_NS = 1_000_000_000
 _FAR_NS = 3600 * _JUMP_NS
 """A few rows at either end that lie this far from the rest bear wrong stamps."""
 _FEW = 10
+_MOST_NS = (1 << 62) - 1
+"""Half of a 64-bit integer, 146 years from the clock's zero."""
 _MAX_PIECES = 2000
 
 
@@ -53,7 +55,8 @@ def order_stamps(t_ns: IntArray) -> StampOrder | None:
     whose clock was reset the larger part stays. None when the stamps jump so often that no
     clock can be seen in them.
     """
-    t_ns = np.asarray(t_ns, dtype=np.int64)
+    # of others the difference is no 64-bit integer
+    t_ns = np.clip(np.asarray(t_ns, dtype=np.int64), -_MOST_NS, _MOST_NS)
     rows = np.arange(len(t_ns), dtype=np.int64)
     steps = np.diff(t_ns)
     if np.all(steps > 0) and not np.any(steps > _FAR_NS):

@@ -377,3 +377,12 @@ def test_a_table_whose_threads_lose_a_chunk_is_read_by_one(
     assert threads == [True, False]
     assert table.columns["gx"].tolist() == [2.5, 4.0]
     assert table.bad_rows == 0
+
+
+def test_stamps_at_the_ends_of_what_a_number_holds_are_lost_alone() -> None:
+    t_ns = np.arange(30) * 10**7 + 10**12
+    t_ns[0], t_ns[9] = np.iinfo(np.int64).min, np.iinfo(np.int64).max
+    with np.errstate(all="raise"):
+        order = order_stamps(t_ns)
+    assert order is not None
+    assert order.keep.tolist() == [k for k in range(30) if k not in (0, 9)]
