@@ -119,7 +119,8 @@ def guessed_form(
         usual = np.log(USUAL_HZ[kind])
         unit = min(
             ("s", "ms", "us", "ns"),
-            key=lambda name: abs(np.log(1e9 / (step * UNITS["time"][name])) - usual),
+            # the logarithm of a quotient that may be no number
+            key=lambda name: abs(np.log(1e9 / UNITS["time"][name]) - np.log(step) - usual),
         )
     if unit is None:
         return None
