@@ -60,6 +60,8 @@ class TimeForm:
         return f"{self.clock}_{self.unit}" if self.clock in ("unix", "gps") else str(self.unit)
 
 
+_MOST = 1e20
+"""Of a time in any unit: nanoseconds since 1970 are 2e18."""
 EXCEL = TimeForm("unix", "d", excel=True)
 
 
@@ -74,7 +76,7 @@ def stated_form(time_format: str) -> TimeForm:
 
 
 def numbers_of(cells: Sequence[str], decimal: str) -> FloatArray:
-    """Cells [n] as numbers, NaN where one is none."""
+    """Cells [n] as numbers, NaN where one is none, or none of a time."""
     values = np.full(len(cells), np.nan)
     for row, cell in enumerate(cells):
         text = cell.replace(",", ".") if decimal == "," else cell
@@ -83,6 +85,7 @@ def numbers_of(cells: Sequence[str], decimal: str) -> FloatArray:
                 values[row] = float(text)
             except ValueError:
                 continue
+    values[np.abs(values) > _MOST] = np.nan
     return values
 
 
