@@ -77,8 +77,9 @@ def are_signs(cells: Sequence[str], letters: str) -> bool:
 
 
 def from_degrees_minutes(values: FloatArray) -> FloatArray:
-    """Degrees [n] of numbers [n] in which the hundreds are degrees and the rest minutes."""
-    size = np.abs(values)
+    """Degrees [n] of numbers [n] in which the hundreds are degrees and the rest minutes; NaN beyond
+    a whole turn."""
+    size = np.where(np.abs(values) < 100.0 * 360.0, np.abs(values), np.nan)
     whole = np.floor(size / 100.0)
     return np.asarray(np.copysign(whole + (size - 100.0 * whole) / 60.0, values))
 

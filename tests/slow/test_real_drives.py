@@ -116,7 +116,9 @@ def test_the_antenna_is_where_it_was_mounted(rtk: Path) -> None:
     """Five centimetres to the left, as the author says; velocities that are means between
     positions would have it 0.17 m further to the front."""
     run = json.loads((rtk / "run.json").read_text())
-    assert [r["code"] for r in run["verdict"]["reasons"]] == ["velocity_of_positions"]
+    codes = [r["code"] for r in run["verdict"]["reasons"]]
+    # its logging delay is said to be of roughly so much: that it changes by 0.05 s may be so
+    assert codes == ["velocity_of_positions", "age_changes"]
     assert run["verdict"]["state"] == "good"
     table = read_table(rtk / "imu_errors.parquet", COLUMNS)
     arm = np.array([floats(table, name)[-1] for name in COLUMNS])
