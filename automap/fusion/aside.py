@@ -7,7 +7,9 @@ motion alone, and what is written of it goes stretch by stretch.
 
 from __future__ import annotations
 
+import errno
 import math
+import os
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, fields
 from typing import IO, Any
@@ -41,7 +43,9 @@ class Columns:
         shape = (rows.stop - rows.start,) if width is None else (rows.stop - rows.start, width)
         out = np.empty(shape)
         self.file.seek(8 * (begin + rows.start * (1 if width is None else width)))
-        self.file.readinto(out.reshape(-1).view(np.uint8).data)  # type: ignore[attr-defined]
+        got = self.file.readinto(out.reshape(-1).view(np.uint8).data)  # type: ignore[attr-defined]
+        if got != out.nbytes:
+            raise OSError(errno.EIO, os.strerror(errno.EIO))
         return out
 
 

@@ -9,7 +9,7 @@ import re
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 
@@ -45,6 +45,24 @@ def make_folder(path: Path) -> Path:
     except OSError as error:
         raise write_failure(path, error) from error
     return path
+
+
+@contextmanager
+def scratch_file(folder: Path) -> Iterator[IO[bytes]]:
+    """A file without a name in ``folder``, gone when the block ends.
+
+    Raises StageError where it cannot be written: what it holds has no other place.
+    """
+    from tempfile import TemporaryFile
+
+    try:
+        with TemporaryFile(dir=folder) as file:
+            yield file
+    except OSError as error:
+        # that of a file with a name says which
+        if error.filename is not None:
+            raise
+        raise write_failure(folder, error) from error
 
 
 @contextmanager

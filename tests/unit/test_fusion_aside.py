@@ -2,19 +2,53 @@
 
 from __future__ import annotations
 
+import re
+import resource
 from dataclasses import fields, replace
 from itertools import pairwise
+from pathlib import Path
 from tempfile import TemporaryFile
 
 import numpy as np
 import pytest
 
+from automap.errors import StageError
 from automap.fusion import aside as aside_module
 from automap.fusion.aside import put_aside, whole_trajectory
 from automap.fusion.doubts.reason import Reason
 from automap.fusion.widening import widen, widening
+from automap.io.atomic import scratch_file
 from automap.records import Trajectory
 from tests.unit.test_fusion_doubted_sigmas import NONE, winding_path
+
+
+def test_a_file_that_has_lost_its_end_is_no_path() -> None:
+    path = winding_path()
+    with TemporaryFile() as file:
+        aside = put_aside([path], path.t_ns, file)
+        file.truncate(file.seek(0, 2) - 8)
+        with pytest.raises(OSError, match="Input/output"):
+            list(aside.stretches())
+
+
+def test_scratch_that_finds_no_room_is_told_by_its_folder(tmp_path: Path) -> None:
+    path = winding_path()
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+
+    def put() -> None:
+        with scratch_file(tmp_path) as file:
+            put_aside([path], path.t_ns, file)
+
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1000, hard))
+    try:
+        with pytest.raises(StageError, match=f"cannot write {re.escape(str(tmp_path))}: "):
+            put()
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    # what has a name speaks for itself
+    with pytest.raises(FileNotFoundError), scratch_file(tmp_path):
+        (tmp_path / "none").read_bytes()
+    assert list(tmp_path.iterdir()) == []
 
 
 def cut(path: Trajectory, *at: int) -> list[Trajectory]:

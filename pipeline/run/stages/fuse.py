@@ -98,10 +98,9 @@ def _smooth_fixes(context: StageContext, clock: ClockModel, reason: str) -> None
 
 
 def _fuse(context: StageContext) -> None:
-    from tempfile import TemporaryFile
-
     from automap.fusion.aside import put_aside
     from automap.fusion.verdict import weigh
+    from automap.io.atomic import scratch_file
     from automap.io.trajectory_table import write_trajectory
     from pipeline.run.fusion_inputs import read_inputs
     from pipeline.settings.presets import fusion_options
@@ -115,8 +114,8 @@ def _fuse(context: StageContext) -> None:
     options, presets = fusion_options(context.drive, settings)
     is_clock = inputs.delay_is_clock
     # of a long drive path, filter and samples are gigabytes: put into files, and let go
-    with TemporaryFile(dir=context.work) as file:
-        with TemporaryFile(dir=context.work) as scratch:
+    with scratch_file(context.work) as file:
+        with scratch_file(context.work) as scratch:
             result = inputs.fuse(options, progress=context.progress, scratch=scratch)
             for text in result.warnings:
                 context.warn(text)
