@@ -217,10 +217,13 @@ def test_a_delay_that_stays_is_not_said_to_change() -> None:
 def test_a_delay_that_becomes_another_is_told_with_its_size() -> None:
     (reason,) = constancy_doubts(known_by_and_by(0.25, 3))
     assert (reason.code, reason.state) == ("age_changes", "doubtful")
+    assert "cut the drive there" in reason.text
     assert reason.late_s == pytest.approx(0.25, abs=0.06)
     # what receivers' delays vary by leaves a path good, and as unsure as that
     (reason,) = constancy_doubts(known_by_and_by(0.1, 3))
     assert reason.state == "good"
+    assert "the sigmas hold it" in reason.text
+    assert "cut" not in reason.text
     path = winding_path()
     wide = widen(path, [reason], NONE, replace(path, vel_ned=path.vel_ned + 1.0))
     assert wide.sd_vel_ned.max() < 0.8

@@ -71,8 +71,13 @@ def constancy_doubts(filtered: ParameterHistory) -> Iterator[Reason]:
         yield Reason(
             "age_changes",
             f"delays between IMU, positions and velocities are others by {size:.2f} s after "
-            f"{age.at_s:.0f} s of the drive than before: a clock was set, or fixes are another "
-            "receiver's or antenna's from there on; cut the drive there",
+            f"{age.at_s:.0f} s of the drive than before: "
+            + (
+                "no more than receivers' delays vary by, and the sigmas hold it"
+                if steady
+                else "a clock was set, or fixes are another receiver's or antenna's from there on; "
+                "cut the drive there"
+            ),
             late_s=size,
             state="good" if steady else "doubtful",
         )
