@@ -92,12 +92,12 @@ def write_layers(
 def write_layer(path: Path | BytesIO, layer: Layer, driver: str, crs: str, **more: Any) -> None:
     """Write one layer with GDAL; raises what pyogrio raises.
 
-    What GDAL only warns of is not told: whether a file is whole is looked at afterwards.
+    Of a header that GDAL could not write it only warns; ``lost_of`` looks at it afterwards.
     """
     from pyogrio.raw import write
 
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RuntimeWarning)
+        warnings.filterwarnings("ignore", "GPKG: bad application_id", RuntimeWarning)
         write(
             path,
             geometry=layer.wkb,
