@@ -130,6 +130,7 @@ def test_a_viewer_under_requests_keeps_its_memory(tmp_path: Path) -> None:
                 head = f"GET /{token}/{path} HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\n"
                 statuses.add(ask(port, f"{head}Connection: close\r\n\r\n".encode()))
                 asked += 1
+            time.sleep(0.2)  # as a few people would ask
             if asked % (40 * len(paths)) == 0:
                 # decisions are kept; now and then is what a reviewer makes of them
                 body = json.dumps({"row": asked % 40, "kind": "accept"}).encode()
