@@ -13,7 +13,8 @@ from automap.io.recording import Recording, read_recording
 from automap.records import Fixes
 from automap.timebase import gps_to_unix
 from pipeline.cli.root import run_command
-from tests.unit.stranger_tables import WRITERS, Truth
+from tests.unit.strangers import WRITERS
+from tests.unit.strangers.drive import Truth
 
 SAID: dict[str, tuple[int, str]] = {
     "utm": (3, "holds eastings and northings; convert them"),
