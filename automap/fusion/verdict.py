@@ -46,6 +46,7 @@ from automap.fusion.free_inertial import free_inertial
 from automap.fusion.gnss_only import smooth_fixes, unaveraged, uncorrected
 from automap.fusion.levels import VELOCITY_WANDER
 from automap.fusion.limits import STATED_ARM_SD_M
+from automap.fusion.measurements.position import age_sd_of, by_carrier
 from automap.fusion.nodes import as_shown, model_fixes
 from automap.fusion.options import FusionOptions
 from automap.fusion.result import FusionResult, Prior
@@ -138,12 +139,15 @@ def weigh(
     except InputError:
         alone = None
     off = math.inf if alone is None else off_course(path, alone)
+    # a delay that is the clock's is minus the receiver's, and of any sign
+    clock_only = delay_is_clock or LATENCY_STATE in found
+    age_sd = math.inf if clock_only else age_sd_of(fixes, clock, options)
     reasons = [
         *of_receiver,
         *steps,
         *of_imu,
-        *unexpected_delay(found, delay.mean, delay.sd, float(np.median(speed))),
-        *(constancy_doubts(result.filtered_parameters) if believed else ()),
+        *unexpected_delay(found, delay.mean, delay.sd, float(np.median(speed)), age_sd),
+        *(constancy_doubts(result.filtered_parameters, by_carrier(fixes)) if believed else ()),
         *(contradicted_arm(found, lever_arm, STATED_ARM_SD_M) if believed else ()),
         *height_doubts(path, fixes),
         *askew,
