@@ -101,7 +101,8 @@ def course_errors(
     lateral = north * change[:, 1] - east * change[:, 0]
     slides = np.hypot(options.nhc_sd, options.nhc_slip * lateral)
     swings = _TO_AXLE_SD * lateral / least
-    return np.minimum(np.sqrt(across**2 + slides**2 + swings**2) / least, UNKNOWN_HEADING_SD)
+    off = np.sqrt(across**2 + slides**2 + swings**2) / least
+    return np.asarray(np.minimum(off, UNKNOWN_HEADING_SD))
 
 
 def unaveraged(
