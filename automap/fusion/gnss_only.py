@@ -62,10 +62,16 @@ def smooth_fixes(
     lat, lon, h = from_local_ned(position, ref)
     speed = np.hypot(velocity[:, 0], velocity[:, 1])
     rpy = np.zeros((len(t), 3))
-    rpy[:, 2] = _hold(np.arctan2(velocity[:, 1], velocity[:, 0]), speed > COURSE_SPEED)
+    course, moves = np.arctan2(velocity[:, 1], velocity[:, 0]), speed > COURSE_SPEED
+    rpy[:, 2] = _hold(course, moves)
     rpy[:, 1] = np.where(speed > COURSE_SPEED, np.arctan2(-velocity[:, 2], speed), 0.0)
     lean = np.full(len(t), UNKNOWN_LEAN_SD)
     sd_heading = course_errors(t, velocity[:, :2], sd_vel[:, :2], options)
+    # a vehicle at rest does not turn: it is as unsure as it was, and by what it turned creeping
+    turned = _hold(course[::-1], moves[::-1])[::-1] - rpy[:, 2]
+    held = np.hypot(_hold(sd_heading, moves), np.angle(np.exp(1j * turned)))
+    if moves.any():
+        sd_heading = np.where(moves, sd_heading, np.minimum(held, UNKNOWN_HEADING_SD))
     sd_rpy = np.stack([lean, lean, sd_heading], axis=1)
     gps_s = fixes.gps_s[at.row]
     return Trajectory(

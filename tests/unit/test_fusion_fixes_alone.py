@@ -179,7 +179,11 @@ def test_attitude_is_that_of_the_velocity_where_there_is_any() -> None:
         slides = OPTIONS.nhc_sd / level
         assert path.sd_rpy[row, 2] == pytest.approx(np.hypot(scatter, slides), rel=0.1)
     np.testing.assert_array_equal(path.sd_rpy[:, :2], UNKNOWN_LEAN_SD)
-    assert path.sd_rpy[still, 2].max() <= UNKNOWN_HEADING_SD
+    # held, and as unsure as it was when the vehicle stopped
+    slow = np.hypot(v[:, 0], v[:, 1]) <= 1.0
+    last = np.flatnonzero(~slow)[-1]
+    assert path.sd_rpy[slow, 2] == pytest.approx(path.sd_rpy[last, 2])
+    assert path.sd_rpy[last, 2] < 0.5 < UNKNOWN_HEADING_SD
 
 
 def test_a_course_in_a_bend_is_as_unsure_as_the_axle_is_far() -> None:
