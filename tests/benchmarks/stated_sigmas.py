@@ -85,8 +85,8 @@ def lasting(out: Path, truth_file: Path) -> str:
 
     best = [max(score(k, w, v) for w in steps[:6] for v in steps[1:6]) for k in steps]
     errors = raw_fix_errors(fixes, read_truth_trajectory(truth_file), np.zeros(3))[:, :2]
-    rms = float(np.sqrt(np.mean(errors**2)))
-    return f"lasts x{steps[int(np.argmax(best))]:.2g} errs {rms:.2f} m"
+    errs = f"{np.sqrt(np.mean(errors**2)):.2f} m" if len(errors) else "unknown, without GPS time"
+    return f"lasts x{steps[int(np.argmax(best))]:.2g} errs {errs}"
 
 
 def _line(name: str, how: str, found: dict[str, tuple[float, float]], told: str = "") -> str:
