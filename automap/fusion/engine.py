@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import replace
 from typing import IO
@@ -20,6 +19,7 @@ from automap.fusion.delay_states import DELAY_STATE, LATENCY_STATE, WHEELS_STATE
 from automap.fusion.dense_pieces import MARGIN_S, dense_pieces
 from automap.fusion.kernel_runs import Start
 from automap.fusion.layout import HAS_POS_H
+from automap.fusion.measurements.position import age_sd_of
 from automap.fusion.mounting import Mounting, estimate_mounting
 from automap.fusion.nodes import FixModel, Shift, model_fixes
 from automap.fusion.options import FusionOptions
@@ -33,7 +33,6 @@ from automap.fusion.wheels import Wheels, prepare_wheels
 from automap.records import (
     ClockModel,
     Fixes,
-    FixType,
     FloatArray,
     ImuData,
     WheelSpeed,
@@ -105,7 +104,7 @@ def fuse_imu_gnss(
     tells_arm = "gnss_lever_arm" in effects or _median_sd(model) < limits.ARM_TOLD_SD_M
     if (tells_arm or lever_arm is not None) and "gnss_lever_arm" not in effects:
         effects = (*effects, "gnss_lever_arm")
-    age_sd = 0.0 if delay_is_clock else _age_sd(fixes, clock, options)
+    age_sd = 0.0 if delay_is_clock else age_sd_of(fixes, clock, options)
     if delay.sd < limits.BETTER_KNOWN * age_sd and "gnss_latency" not in effects:
         # the stamps are known better than the age of the fixes, which looks like their delay
         effects = (*effects, "gnss_latency")
@@ -217,16 +216,6 @@ def _median_sd(model: FixModel) -> float:
     """The level accuracy that fixes state, m."""
     has = (model.flags & HAS_POS_H) > 0
     return float(np.median(model.stated_sd[has, :2])) if has.any() else np.inf
-
-
-def _age_sd(fixes: Fixes, clock: ClockModel, options: FusionOptions) -> float:
-    """Sigma, s, of what dates all fixes of a drive wrong: their age, and the clock between them and
-    the stamps. Carrier-phase solutions are of the instant of their tag, while a navigation filter's
-    own may be of one a little before or after."""
-    kind = fixes.fix_type[fixes.fix_type > FixType.NONE]
-    carrier = (kind == FixType.FIXED) | (kind == FixType.FLOAT)
-    known = "gnss_latency" in options.fixed or np.count_nonzero(carrier) > 0.5 * len(kind)
-    return math.hypot(0.0 if known else limits.FIX_AGE_SD_S, min(clock.sd_offset_s, 1.0))
 
 
 def _basis_of(session: Session, scratch: IO[bytes] | None) -> Basis:

@@ -14,10 +14,10 @@ from types import MappingProxyType
 import numpy as np
 
 from automap.earth import from_local_ned
+from automap.effects import CATALOGUE
 from automap.effects.limits import COURSE_SPEED
 from automap.fusion.fix_axes import smooth_epochs, usable_epochs
 from automap.fusion.limits import (
-    COURSE_SLIP_SD,
     LEAST_COURSE_SPEED,
     UNKNOWN_HEADING_SD,
     UNKNOWN_LEAN_SD,
@@ -26,6 +26,8 @@ from automap.fusion.measurements.position import common_errors, lasting_share, u
 from automap.fusion.nodes import model_fixes
 from automap.fusion.options import FusionOptions
 from automap.records import BoolArray, ClockModel, Fixes, FloatArray, Trajectory
+
+_TO_AXLE_SD = CATALOGUE["nhc_lever_arm"].parameters[0].prior_sd
 
 
 def smooth_fixes(
@@ -60,11 +62,16 @@ def smooth_fixes(
     lat, lon, h = from_local_ned(position, ref)
     speed = np.hypot(velocity[:, 0], velocity[:, 1])
     rpy = np.zeros((len(t), 3))
-    rpy[:, 2] = _hold(np.arctan2(velocity[:, 1], velocity[:, 0]), speed > COURSE_SPEED)
+    course, moves = np.arctan2(velocity[:, 1], velocity[:, 0]), speed > COURSE_SPEED
+    rpy[:, 2] = _hold(course, moves)
     rpy[:, 1] = np.where(speed > COURSE_SPEED, np.arctan2(-velocity[:, 2], speed), 0.0)
-    sd_course = np.hypot(sd_vel[:, 0], sd_vel[:, 1]) / np.maximum(speed, LEAST_COURSE_SPEED)
     lean = np.full(len(t), UNKNOWN_LEAN_SD)
-    sd_heading = np.minimum(sd_course + COURSE_SLIP_SD, UNKNOWN_HEADING_SD)
+    sd_heading = course_errors(t, velocity[:, :2], sd_vel[:, :2], options)
+    # a vehicle at rest does not turn: it is as unsure as it was, and by what it turned creeping
+    turned = _hold(course[::-1], moves[::-1])[::-1] - rpy[:, 2]
+    held = np.hypot(_hold(sd_heading, moves), np.angle(np.exp(1j * turned)))
+    if moves.any():
+        sd_heading = np.where(moves, sd_heading, np.minimum(held, UNKNOWN_HEADING_SD))
     sd_rpy = np.stack([lean, lean, sd_heading], axis=1)
     gps_s = fixes.gps_s[at.row]
     return Trajectory(
@@ -79,6 +86,29 @@ def smooth_fixes(
         sd_vel,
         sd_rpy,
     )
+
+
+def course_errors(
+    t: FloatArray, velocity: FloatArray, sd: FloatArray, options: FusionOptions
+) -> FloatArray:
+    """Sigma [n] rad of the courses of ``velocity`` [n, 2] with ``sd`` [n, 2] m/s at ``t`` [n] s, as
+    headings.
+
+    A course errs by the velocity's error across it. A nose is off it by what the vehicle slides,
+    as in the vehicle constraint, and in a bend, where the antenna is not over the axle that does
+    not slide, by the arm over the bend's radius (Rajamani, Vehicle Dynamics and Control, 2.2).
+    """
+    speed = np.hypot(velocity[:, 0], velocity[:, 1])
+    least = np.maximum(speed, LEAST_COURSE_SPEED)
+    change = np.gradient(velocity, t, axis=0) if len(t) > 1 else np.zeros_like(velocity)
+    north, east = (velocity / least[:, None]).T
+    across = np.hypot(east * sd[:, 0], north * sd[:, 1])
+    across = np.where(speed < LEAST_COURSE_SPEED, np.hypot(sd[:, 0], sd[:, 1]), across)
+    lateral = north * change[:, 1] - east * change[:, 0]
+    slides = np.hypot(options.nhc_sd, options.nhc_slip * lateral)
+    swings = _TO_AXLE_SD * lateral / least
+    off = np.sqrt(across**2 + slides**2 + swings**2) / least
+    return np.asarray(np.minimum(off, UNKNOWN_HEADING_SD))
 
 
 def unaveraged(

@@ -64,9 +64,8 @@ SCREENING_ROUNDS = 6
 """Chosen: a bound for fixes that are wild in one round and right in the next."""
 UNKNOWN_LEAN_SD = 0.05
 """Roll and grade of a road and of a body on it that no IMU has seen, rad."""
-COURSE_SLIP_SD, LEAST_COURSE_SPEED = 0.03, 0.3
-"""A vehicle's nose is off its course by its slip, rad. Below that speed, m/s, a course is
-anything, and is not called less sure any more."""
+LEAST_COURSE_SPEED = 0.3
+"""Below that speed, m/s, a course is anything, and is not called less sure any more."""
 
 MAX_DELAY_S, MAX_SKEW = 1.0, 0.01
 """Larger delays and skews are none, but an estimate that ran away."""

@@ -33,7 +33,13 @@ from automap.fusion.doubts.estimates import (
 from automap.fusion.doubts.heights import height_doubts
 from automap.fusion.doubts.offsets import offset_doubts
 from automap.fusion.doubts.outcome import leaning, mounted_askew, refused, unsure_path, weak_heading
-from automap.fusion.doubts.path import Misses, contradicted, fix_misses, local_error, spans_of
+from automap.fusion.doubts.path import fix_misses, off_the_fixes
+from automap.fusion.doubts.position_jump import (
+    beside_readings,
+    exact_places,
+    jump_doubts,
+    position_jumps,
+)
 from automap.fusion.doubts.readings import reading_doubts
 from automap.fusion.doubts.reason import Reason, Verdict, verdict_of
 from automap.fusion.doubts.receiver import accuracy_doubts, dated_velocities, receiver_doubts
@@ -42,10 +48,11 @@ from automap.fusion.doubts.turns import turn_doubts
 from automap.fusion.doubts.velocity_step import compare, step_doubts, told_times, velocity_steps
 from automap.fusion.fix_axes import usable_epochs
 from automap.fusion.fix_levels import fix_levels
-from automap.fusion.free_inertial import free_inertial
+from automap.fusion.free_inertial import FreeInertial, free_inertial
 from automap.fusion.gnss_only import smooth_fixes, unaveraged, uncorrected
 from automap.fusion.levels import VELOCITY_WANDER
 from automap.fusion.limits import STATED_ARM_SD_M
+from automap.fusion.measurements.position import age_sd_of, by_carrier
 from automap.fusion.nodes import as_shown, model_fixes
 from automap.fusion.options import FusionOptions
 from automap.fusion.result import FusionResult, Prior
@@ -127,8 +134,13 @@ def weigh(
     arm = arm_by_drive(found, lever_arm, STATED_ARM_SD_M)
     arm = _of_axes(found, "gnss_lever_arm") if arm is None else arm
     steps: list[Reason] = []
+    places = exact_places(model_fixes(fixes, fixes.gps_s, options))
     if believed:
-        steps = _steps(result, path, bridged, found, fixes, options, delay_is_clock, arm)
+        wanted = np.concatenate([*told_times(fixes, path, found), places.t - path.gps_s[0]])
+        free = _free(result, path, bridged, found, wanted, delay_is_clock)
+        steps = _steps(result, path, free, found, fixes, options, arm)
+        age = found.get(LATENCY_STATE, (0.0, 0.0))[0]
+        places = beside_readings(places, free, path, arm, age)
     try:
         dated = dated_velocities(fixes, receiver)
         levels = fix_levels(dated, options)
@@ -138,12 +150,16 @@ def weigh(
     except InputError:
         alone = None
     off = math.inf if alone is None else off_course(path, alone)
+    # a delay that is the clock's is minus the receiver's, and of any sign
+    clock_only = delay_is_clock or LATENCY_STATE in found
+    age_sd = math.inf if clock_only else age_sd_of(fixes, clock, options)
     reasons = [
         *of_receiver,
+        *jump_doubts(position_jumps(places), path),
         *steps,
         *of_imu,
-        *unexpected_delay(found, delay.mean, delay.sd, float(np.median(speed))),
-        *(constancy_doubts(result.filtered_parameters) if believed else ()),
+        *unexpected_delay(found, delay.mean, delay.sd, float(np.median(speed)), age_sd),
+        *(constancy_doubts(result.filtered_parameters, by_carrier(fixes)) if believed else ()),
         *(contradicted_arm(found, lever_arm, STATED_ARM_SD_M) if believed else ()),
         *height_doubts(path, fixes),
         *askew,
@@ -155,14 +171,14 @@ def weigh(
     model = as_shown(model_fixes(fixes, fixes.gps_s, options), options, result.noise_factors)
     arm = _of_axes(found, "gnss_lever_arm")
     misses = fix_misses(path, model, arm, found.get(LATENCY_STATE, (0.0, 0.0))[0])
-    far, share = _off_the_fixes(misses, options.wander_tau_s)
+    far, share = off_the_fixes(misses, options.wander_tau_s)
     reasons += far
     blamed = any(reason.inertial for reason in reasons)
     most = limits.BLAMED_SHARE if blamed else limits.WORSE_SHARE
     # where the receiver jumps its fixes are no better
     if alone is not None and not steps and share > most:
         beside = fix_misses(alone, model)
-        own, left = _off_the_fixes(beside, options.wander_tau_s)
+        own, left = off_the_fixes(beside, options.wander_tau_s)
         if left < limits.AGREEING_SHARE:
             reasons = [_worse(share), *reasons]
             # what speaks against the IMU's path leaves that of the fixes as it is
@@ -203,9 +219,11 @@ def weigh_alone(
     path = uncorrected(unaveraged(alone, fixes, options, levels), fixes, options)
     model = as_shown(model_fixes(fixes, fixes.gps_s, options), options, levels)
     misses = fix_misses(path, model)
-    off, _ = _off_the_fixes(misses, options.wander_tau_s)
+    off, _ = off_the_fixes(misses, options.wander_tau_s)
     reasons = [*receiver_doubts(receiver, float(path.gps_s[0])), *off]
     reasons += accuracy_doubts(fixes, options)
+    places = exact_places(model_fixes(fixes, fixes.gps_s, options))
+    reasons += jump_doubts(position_jumps(places), path)
     reasons += _offsets(_level_sd([path]), dated, alone, options, levels)
     return _alone(widen(path, reasons, misses, None), reasons)
 
@@ -234,17 +252,15 @@ def _of_axes(found: Estimates, effect: str) -> FloatArray:
     return np.array([found.get(f"{effect}_{axis}", (0.0, 0.0))[0] for axis in "xyz"])
 
 
-def _steps(
+def _free(
     result: FusionResult,
     path: Trajectory,
     bridged: Bridged,
     found: Estimates,
-    fixes: Fixes,
-    options: FusionOptions,
+    wanted: FloatArray,
     delay_is_clock: bool,
-    arm: FloatArray,
-) -> list[Reason]:
-    """The reason that jumps of the receiver's velocity give, at ``arm`` [3] m from the IMU."""
+) -> FreeInertial:
+    """The readings by themselves, timed in s from the path's first row, beside ``wanted`` [m] s."""
     turn, imu = result.mounting.matrix, bridged.imu
     stamps = (imu.t_ns - imu.t_ns[0]) * 1e-9
     # the path's rows are of the stamps' instants; readings may be of earlier ones
@@ -252,33 +268,23 @@ def _steps(
     rate, force = imu.gyro @ turn.T, imu.accel @ turn.T
     rate -= _of_axes(found, "gyro_bias")
     force -= _of_axes(found, "accel_bias")
-    t = path.gps_s - path.gps_s[0] - late
-    wanted = told_times(fixes, path, found)
-    free = free_inertial(t, rate, force, bridged.stretch_s, np.concatenate(wanted))
+    return free_inertial(path.gps_s - path.gps_s[0] - late, rate, force, bridged.stretch_s, wanted)
+
+
+def _steps(
+    result: FusionResult,
+    path: Trajectory,
+    free: FreeInertial,
+    found: Estimates,
+    fixes: Fixes,
+    options: FusionOptions,
+    arm: FloatArray,
+) -> list[Reason]:
+    """The reason that jumps of the receiver's velocity give, at ``arm`` [3] m from the IMU."""
     seen = compare(free, fixes, path, found, arm)
     # the less a drive seems to show of what comes and goes, the less it is believed
     wander = options.velocity_wander_sd * max(result.noise_factors.get(VELOCITY_WANDER, 1.0), 1.0)
     return step_doubts(velocity_steps(seen, wander), path)
-
-
-def _off_the_fixes(misses: Misses, tau_s: float) -> tuple[list[Reason], float]:
-    """The reason that the fixes give, and which share of them is far off the path."""
-    wrong = contradicted(misses, tau_s)
-    if not wrong.any():
-        return [], 0.0
-    share = float(wrong.mean())
-    error = local_error(misses)[wrong]
-    spans = spans_of(misses.t, wrong)
-    seconds = sum(b - a for a, b in spans)
-    return [
-        Reason(
-            "off_the_fixes",
-            f"for {seconds:.0f} s of the drive the fixes lie {np.median(error):.1f} m off the path "
-            f"(up to {error.max():.1f} m), more than they err: look there at the receiver's "
-            "log and at the stamps and axes of the IMU",
-            spans if share < limits.WORSE_SHARE else (),
-        )
-    ], share
 
 
 def _worse(share: float) -> Reason:

@@ -14,9 +14,17 @@ from automap.io.receiver import read_receiver_log
 from automap.records import ClockModel, Fixes
 from automap.sync.velocity_consistency import velocity_consistency
 from pipeline.run.fusion_inputs import own_velocities, usable_fixes
-from tests.unit.test_fusion_offsets import OPTIONS, every_second, second_half, throughout
+from tests.unit.fusion_receiver import GPS0
+from tests.unit.test_fusion_offsets import (
+    OPTIONS,
+    every_second,
+    older,
+    second_half,
+    throughout,
+)
 
 CODES = ("fixes_alternate", "positions_shift", "positions_beside")
+OTHERS = ("positions_jump", "age_changes")
 
 
 def told(shared_data: Path, name: str, spoil: Callable[[Fixes], Fixes]) -> list[str]:
@@ -30,7 +38,7 @@ def told(shared_data: Path, name: str, spoil: Callable[[Fixes], Fixes]) -> list[
     fixes = own_velocities(usable_fixes(fixes, found), found)
     clock = ClockModel(0, float(np.nanmin(fixes.gps_s)), 0.0, 1e-4, 1e-9, "identity")
     reasons = weigh_alone(fixes, clock, OPTIONS, found).verdict.reasons
-    return [reason.code for reason in reasons if reason.code in CODES]
+    return [reason.code for reason in reasons if reason.code in CODES + OTHERS]
 
 
 @pytest.mark.parametrize(
@@ -65,4 +73,12 @@ def test_what_lies_aside_is_told(
 
 def test_another_antenna_of_a_fixed_receiver_is_told_without_velocities(shared_data: Path) -> None:
     """Its velocities are the ways between positions, and left out."""
-    assert told(shared_data, "rtk-car-a", second_half) == ["positions_shift"]
+    assert told(shared_data, "rtk-car-a", second_half) == ["positions_jump", "positions_shift"]
+
+
+@pytest.mark.parametrize("name", ["gsdc-mtv1", "gsdc-mtv1-xl", "kitti-20110930-0020"])
+def test_fixes_that_become_older_part_way_are_told(shared_data: Path, name: str) -> None:
+    def half(fixes: Fixes) -> Fixes:
+        return older(fixes, float(np.nanmedian(fixes.gps_s)) - GPS0, 0.4)
+
+    assert told(shared_data, name, half) == ["age_changes"]

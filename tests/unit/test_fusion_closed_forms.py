@@ -12,12 +12,13 @@ from scipy.spatial.transform import Rotation
 
 from automap.fusion import limits
 from automap.fusion.alignment import level
-from automap.fusion.engine import _age_sd, _turn
+from automap.fusion.engine import _turn
 from automap.fusion.kernel_runs import PathStates
 from automap.fusion.kernels.axis import smooth_axis
 from automap.fusion.kernels.resample import interpolate_states
 from automap.fusion.kernels.transition import reach
 from automap.fusion.layout import N_NAV
+from automap.fusion.measurements.position import age_sd_of
 from automap.fusion.mechanisation import radii, rotate_left, rotate_right
 from automap.fusion.mounting import Mounting
 from automap.fusion.options import FusionOptions
@@ -225,10 +226,10 @@ def test_fixes_by_carrier_phase_are_of_the_instant_of_their_tag(
     fixes = SimpleNamespace(fix_type=np.array(kinds))
     for clock_sd, kept in ((0.03, 0.03), (50.0, 1.0)):
         clock = ClockModel(0, 0.0, 0.0, clock_sd, 1e-6, "arrival")
-        found = _age_sd(fixes, clock, FusionOptions())  # type: ignore[arg-type]
+        found = age_sd_of(fixes, clock, FusionOptions())  # type: ignore[arg-type]
         assert found == pytest.approx(np.hypot(age, kept))
         known = FusionOptions(fixed={"gnss_latency": {"s": 0.1}})
-        assert _age_sd(fixes, clock, known) == pytest.approx(kept)  # type: ignore[arg-type]
+        assert age_sd_of(fixes, clock, known) == pytest.approx(kept)  # type: ignore[arg-type]
 
 
 def test_transition_rows_reach_to_the_last_column_that_is_not_zero() -> None:

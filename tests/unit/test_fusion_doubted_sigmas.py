@@ -77,6 +77,10 @@ def test_what_may_be_of_another_instant_is_as_unsure_as_it_changes() -> None:
     assert wide.sd_rpy[inside, 2] == pytest.approx(np.hypot(turned, 0.005)[inside], rel=1e-3)
     # the way of that time, in any direction
     assert np.hypot(*wide.sd_pos_ned[inside, :2].T).max() == pytest.approx(8.0, abs=0.2)
+    # and on a climb of a tenth its height
+    up = replace(path, height_m=np.arange(len(path)) * 0.1)
+    high = widen(up, [Reason("a", "", late_s=0.8)], NONE, None).sd_pos_ned
+    assert high[inside, 2] == pytest.approx(np.hypot(0.5, 0.8), rel=1e-3)
     standing = replace(path, lat_rad=0 * path.lat_rad, lon_rad=0 * path.lon_rad)
     assert widen(standing, [Reason("a", "", late_s=0.8)], NONE, None).sd_pos_ned.max() == 0.5
 
@@ -228,6 +232,14 @@ def test_a_delay_that_becomes_another_is_told_with_its_size() -> None:
     wide = widen(path, [reason], NONE, replace(path, vel_ned=path.vel_ned + 1.0))
     assert wide.sd_vel_ned.max() < 0.8
     assert np.hypot(*wide.sd_pos_ned[:, :2].T).max() > 0.9
+    # positions by carrier phase are of their instant: it is the IMU's stamps that vary
+    (dated,) = constancy_doubts(known_by_and_by(0.1, 3), dated=True)
+    held = widen(path, [dated], NONE, replace(path, vel_ned=path.vel_ned + 1.0))
+    np.testing.assert_array_equal(held.sd_pos_ned, path.sd_pos_ned)
+    np.testing.assert_array_equal(held.sd_vel_ned, wide.sd_vel_ned)
+    np.testing.assert_array_equal(held.sd_rpy, wide.sd_rpy)
+    (other,) = constancy_doubts(known_by_and_by(0.25, 3), dated=True)
+    assert other.late_s == pytest.approx(0.25, abs=0.06)
     assert list(constancy_doubts(known_by_and_by(0.0, 3))) == []
 
 

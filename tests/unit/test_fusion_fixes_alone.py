@@ -8,9 +8,8 @@ import numpy as np
 import pymap3d
 import pytest
 
-from automap.fusion.gnss_only import smooth_fixes, unaveraged
+from automap.fusion.gnss_only import course_errors, smooth_fixes, unaveraged
 from automap.fusion.limits import (
-    COURSE_SLIP_SD,
     ROAD_ACCELERATION_PSD,
     UNKNOWN_HEADING_SD,
     UNKNOWN_LEAN_SD,
@@ -174,14 +173,29 @@ def test_attitude_is_that_of_the_velocity_where_there_is_any() -> None:
     np.testing.assert_array_equal(path.rpy[still, 1], 0.0)
     for row in np.flatnonzero(driving)[::7]:
         level = np.hypot(*v[row, :2])
-        # of a horizontal velocity that errs by both of its sigmas, at the most across its way
-        turned = np.hypot(*path.sd_vel_ned[row, :2]) / level
-        assert path.sd_rpy[row, 2] == pytest.approx(turned + COURSE_SLIP_SD, rel=1e-6)
+        # what the velocity errs by across its way, and what a vehicle slides
         moved = v[row, :2] + path.sd_vel_ned[row, :2] * rng.normal(size=(4000, 2))
         scatter = np.std(np.arctan2(moved[:, 1], moved[:, 0]))
-        assert scatter < path.sd_rpy[row, 2]
+        slides = OPTIONS.nhc_sd / level
+        assert path.sd_rpy[row, 2] == pytest.approx(np.hypot(scatter, slides), rel=0.1)
     np.testing.assert_array_equal(path.sd_rpy[:, :2], UNKNOWN_LEAN_SD)
-    assert path.sd_rpy[still, 2].max() <= UNKNOWN_HEADING_SD
+    # held, and as unsure as it was when the vehicle stopped
+    slow = np.hypot(v[:, 0], v[:, 1]) <= 1.0
+    last = np.flatnonzero(~slow)[-1]
+    assert path.sd_rpy[slow, 2] == pytest.approx(path.sd_rpy[last, 2])
+    assert path.sd_rpy[last, 2] < 0.5 < UNKNOWN_HEADING_SD
+
+
+def test_a_course_in_a_bend_is_as_unsure_as_the_axle_is_far() -> None:
+    """At 10 m/s in a bend of 20 m a nose 1.5 m ahead of the axle is turned by 1.5 / 20 rad, and
+    tyres slide by what the lateral acceleration pushes; straight on neither is there."""
+    t = np.arange(0.0, 10.0, 0.2)
+    angle = np.where(t > 5.0, 0.5 * (t - 5.0), 0.0)
+    velocity = 10.0 * np.column_stack([np.cos(angle), np.sin(angle)])
+    sd = course_errors(t, velocity, np.zeros((len(t), 2)), FusionOptions())
+    assert sd[10] == pytest.approx(0.04 / 10.0, rel=1e-6)
+    bend = np.hypot(1.5 / 20.0, np.hypot(0.04, 0.03 * 5.0) / 10.0)
+    assert sd[-5] == pytest.approx(bend, rel=0.01)
 
 
 def test_what_lasts_of_fixes_is_nowhere_averaged_away() -> None:

@@ -85,6 +85,34 @@ def test_the_size_of_an_offset_is_found(receiver: Receiver) -> None:
     assert aside.right == pytest.approx(4.0, abs=1.2)
 
 
+def older(fixes: Fixes, from_s: float, seconds: float) -> Fixes:
+    """Positions and velocities of so much before, from an instant on."""
+    t, later = fixes.gps_s, fixes.gps_s - GPS0 > from_s
+
+    def before(values: FloatArray) -> FloatArray:
+        return np.where(later, np.interp(t - seconds, t, values), values)
+
+    velocity = np.stack([before(column) for column in fixes.vel_ned.T], axis=1)
+    return replace(
+        fixes, lat_rad=before(fixes.lat_rad), lon_rad=before(fixes.lon_rad), vel_ned=velocity
+    )
+
+
+def test_fixes_that_become_older_are_told_without_an_imu_and_the_sigmas_hold_it() -> None:
+    fixes = drive(U_BLOX, 26)
+    late = older(fixes, 171.0, 0.4)
+    change = seen(late)[1]
+    assert change is not None
+    assert change.at_s == pytest.approx(171.0, abs=1.0)
+    # the jump itself is trusted less, so that it seems smaller
+    assert 0.25 < change.older_s < 0.45
+    weighed = weigh_alone(late, CLOCK, OPTIONS, velocity_consistency(late))
+    (reason,) = weighed.verdict.reasons
+    assert (reason.code, reason.state) == ("age_changes", "doubtful")
+    assert "s older than before" in reason.text
+    assert in_ellipses(weighed, 26) > 0.95
+
+
 def in_ellipses(weighed: Weighed, seed: int) -> float:
     path = weighed.trajectory
     gps_s = path.gps_s[5:-5]

@@ -335,6 +335,21 @@ def test_a_delay_far_from_what_was_expected_is_told_as_a_distance() -> None:
     assert unexpected_delay({}, 0.0, 0.05, 11.0) == []
 
 
+def test_readings_that_seem_to_be_stamped_before_they_were_read_are_fixes_of_an_age() -> None:
+    """Fixes by carrier phase that are 0.3 s old, beside an IMU that is 0.16 s late: the delay is
+    within those expected of the IMU, but none is stamped 0.12 s early."""
+    found = {"imu_time_offset_s": (-0.12, 0.003)}
+    (reason,) = unexpected_delay(found, 0.0, 0.1, 8.0, age_sd=0.001)
+    assert (reason.state, reason.error_m) == ("good", 0.0)
+    assert "before its readings, or the fixes older" in reason.text
+    rng = np.random.default_rng(8)
+    imu_late = np.abs(0.1 * rng.normal(size=200_000))
+    assert reason.late_s == pytest.approx(np.sqrt(np.mean((0.12 + imu_late) ** 2)), rel=0.01)
+    # a navigation filter's fixes may be as old, and late stamps are usual
+    assert unexpected_delay(found, 0.0, 0.1, 8.0, age_sd=0.08) == []
+    assert unexpected_delay({"imu_time_offset_s": (0.16, 0.003)}, 0.0, 0.1, 8.0, 0.001) == []
+
+
 def consistency(**changes: Any) -> VelocityConsistency:
     none: dict[str, Any] = dict.fromkeys(
         ("velocity_stuck", "position_frozen", "rows_frozen", "parted"), ()

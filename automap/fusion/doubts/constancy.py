@@ -56,11 +56,13 @@ def move_of(filtered: ParameterHistory, name: str) -> Move | None:
     return Move(float(size), float(abs(ratio[best])), at_s)
 
 
-def constancy_doubts(filtered: ParameterHistory) -> Iterator[Reason]:
-    """Ages and mountings that are others in one part of the drive.
+def constancy_doubts(filtered: ParameterHistory, dated: bool = False) -> Iterator[Reason]:
+    """Ages and mountings that are others in one part of the drive; ``dated``: positions are of the
+    instant of their tag, by carrier phase.
 
     Lags of recorded receivers vary by more than their sigmas. What that explains is no doubt, but
-    as unsure as it moved.
+    as unsure as it moved; positions that are dated then move by nothing, for it is the IMU's stamps
+    that do.
     """
     beyond = sigmas(DOUBT_PROBABILITY)
     ages = [move for name in _AGES if (move := move_of(filtered, name)) is not None]
@@ -78,7 +80,8 @@ def constancy_doubts(filtered: ParameterHistory) -> Iterator[Reason]:
                 else "a clock was set, or fixes are another receiver's or antenna's from there on; "
                 "cut the drive there"
             ),
-            late_s=size,
+            late_s=0.0 if steady and dated else size,
+            moved_s=size,
             state="good" if steady else "doubtful",
         )
     arms = [move for name in _ARM if (move := move_of(filtered, name)) is not None]

@@ -18,16 +18,17 @@ from automap.records import FloatArray, Trajectory
 @dataclass(frozen=True)
 class Difference:
     """Sizes of differences at a path's rows: ``position`` [m] m horizontally, ``velocity`` [m, 3]
-    m/s NED, ``heading`` [m] rad; zero where there is nothing to compare."""
+    m/s NED, ``heading`` [m] rad, ``height`` [m] m; zero where there is nothing to compare."""
 
     position: FloatArray
     velocity: FloatArray
     heading: FloatArray
+    height: FloatArray
 
 
 def no_difference(n: int) -> Difference:
     """Of ``n`` rows."""
-    return Difference(np.zeros(n), np.zeros((n, 3)), np.zeros(n))
+    return Difference(np.zeros(n), np.zeros((n, 3)), np.zeros(n), np.zeros(n))
 
 
 def between(path: Trajectory, other: Trajectory) -> Callable[[FloatArray], Difference]:
@@ -57,7 +58,7 @@ def between(path: Trajectory, other: Trajectory) -> Callable[[FloatArray], Diffe
         heading = np.zeros(len(gps_s))
         if turned_by is not None:
             heading = np.interp(gps_s, t[driving], turned_by)
-        return Difference(np.interp(gps_s, t, far), velocity, heading)
+        return Difference(np.interp(gps_s, t, far), velocity, heading, np.zeros(len(gps_s)))
 
     return at_rows
 
@@ -94,7 +95,9 @@ def within(path: Trajectory, late_s: FloatArray, rows: slice) -> Difference:
     near = slice(first, int(np.searchsorted(path.gps_s, t[-1] + most, "right")) + 1)
     at, place = path.gps_s[near], (path.lat_rad[near], path.lon_rad[near], path.height_m[near])
     level = local_ned(*place, ref).reshape(-1, 3)[:, :2]
-    values = np.column_stack([level, path.vel_ned[near], np.unwrap(path.rpy[near, 2])])
+    values = np.column_stack(
+        [level, place[2], path.vel_ned[near], np.unwrap(path.rpy[near, 2])],
+    )
     own = values[rows.start - first : rows.stop - first]
     both = [
         np.abs(np.column_stack([np.interp(t + s * late_s, at, v) for v in values.T]) - own)
@@ -102,4 +105,4 @@ def within(path: Trajectory, late_s: FloatArray, rows: slice) -> Difference:
     ]
     position = np.maximum(*(np.hypot(off[:, 0], off[:, 1]) for off in both))
     off = np.maximum(*both)
-    return Difference(position, off[:, 2:5], off[:, 5])
+    return Difference(position, off[:, 3:6], off[:, 6], off[:, 2])

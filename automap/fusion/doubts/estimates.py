@@ -92,21 +92,33 @@ def impossible_ages(found: Estimates, dated_by_arrival: bool) -> list[Reason]:
     return reasons
 
 
-def unexpected_delay(found: Estimates, mean: float, sd: float, speed: float) -> list[Reason]:
+def unexpected_delay(
+    found: Estimates, mean: float, sd: float, speed: float, age_sd: float = math.inf
+) -> list[Reason]:
     """A delay between IMU and fixes that is none of those expected, ``mean`` and ``sd`` s; the
     vehicle's usual ``speed`` m/s makes a distance of it. One that chance may make still once in
-    twenty drives is no doubt, but as unsure as it is off."""
-    value = found.get(DELAY_STATE, (mean, 0.0))[0]
+    twenty drives is no doubt, but as unsure as it is off.
+
+    ``age_sd`` s is how far fixes may be from the instant of their tag. Nothing is stamped before it
+    is read: a delay below zero is the fixes' age, and more than that where the IMU is late too.
+    """
+    value, own = found.get(DELAY_STATE, (mean, 0.0))
     off = abs(value - mean)
-    if off <= sigmas(OUTSIDE_95) * sd:
+    early = -value > sigmas(OUTSIDE_95) * math.hypot(age_sd, own)
+    if off <= sigmas(OUTSIDE_95) * sd and not early:
         return []
-    # stamps that are late and fixes that are old look alike
+    if early:
+        # mean square of the age: the IMU is late by the positive half of a normal distribution
+        off = math.sqrt(value**2 + 2.0 * abs(value) * sd * math.sqrt(2.0 / math.pi) + sd**2)
+        what = f"the IMU's stamps seem to be {-value:.2f} s before its readings, or the fixes older"
+    else:
+        # stamps that are late and fixes that are old look alike
+        what = f"the IMU's stamps seem to be {value:.2f} s late against the fixes"
     text = (
-        f"the IMU's stamps seem to be {value:.2f} s late against the fixes, where "
-        f"{mean:.2f} s with a sigma of {sd:.2f} s was expected, so the path may be "
+        f"{what}, where {mean:.2f} s with a sigma of {sd:.2f} s was expected, so the path may be "
         f"{off * speed:.0f} m off along the road: check the clocks of both"
     )
-    if off <= sigmas(DOUBT_PROBABILITY) * sd:
+    if abs(value - mean) <= sigmas(DOUBT_PROBABILITY) * sd:
         return [Reason("delay_unexpected", text, late_s=off, state="good")]
     return [Reason("delay_unexpected", text, error_m=off * speed, late_s=off)]
 

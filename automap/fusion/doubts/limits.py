@@ -53,6 +53,8 @@ err for one to three seconds in a row and are right again. So many are looked at
 SAME_FIX_S = 1e-3
 """Fixes no further apart are one that stands twice: no receiver tells more than a hundred a
 second."""
+MOST_ACCELERATION = 9.81
+"""What tyres hold, m/s^2: a friction of one."""
 LED_S = 60.0
 """So long a jump of velocity is followed, the second of ``STRETCHES_S``: a bias of 0.05 m/s^2 makes
 3 m/s in it."""

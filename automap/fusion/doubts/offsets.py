@@ -1,11 +1,12 @@
 """Positions that lie aside of where the velocities beside them lead, by a pattern: seen from the
-vehicle throughout, from an instant on, or at every second fix.
+vehicle throughout, from an instant on, or at every second fix; or that become older.
 
 Position is its own witness for minutes only: what lies aside for longer counts as wander. But an
 offset that turns with the vehicle moves in every bend, which velocities do not tell; where it
-begins, positions jump; and what comes and goes from fix to fix no wander does. Each is an error
-that is added to the fixes, and its size generalised least squares on the innovations of the
-constant-velocity filter (De Jong, J. American Statistical Association 86, 1991).
+begins, positions jump, as where fixes become older by the way of that time; and what comes and goes
+from fix to fix no wander does. Each is an error that is added to the fixes, and its size
+generalised least squares on the innovations of the constant-velocity filter (De Jong, J. American
+Statistical Association 86, 1991).
 """
 
 from __future__ import annotations
@@ -31,12 +32,14 @@ _PLANE = (0, 1)
 @dataclass(frozen=True)
 class Offset:
     """Metres ``forward`` and to the ``right`` of the vehicle, from ``at_s`` s of the drive on, and
-    the squared distance from none in sigmas."""
+    the squared distance from none in sigmas; ``older_s`` s where it is an age instead, of positions
+    and velocities."""
 
     forward: float
     right: float
     square: float
     at_s: float = 0.0
+    older_s: float = 0.0
 
     @property
     def size(self) -> float:
@@ -68,7 +71,18 @@ def offset_doubts(
         )
         return
     change, aside = offsets(at, alone, options, levels)
-    if change is not None:
+    if change is not None and change.older_s:
+        speed = np.hypot(alone.vel_ned[:, 0], alone.vel_ned[:, 1])
+        metres = abs(change.older_s) * float(np.median(speed[speed > limits.DRIVING_SPEED]))
+        yield Reason(
+            "age_changes",
+            f"from {change.at_s:.0f} s of the drive on positions and velocities are "
+            f"{abs(change.older_s):.2f} s {'older' if change.older_s > 0.0 else 'younger'} than "
+            "before: another receiver, or another setting of it; cut the drive there",
+            late_s=abs(change.older_s),
+            state="doubtful" if metres > sd_m else "good",
+        )
+    elif change is not None:
         yield reason(
             "positions_shift",
             change.size,
@@ -119,25 +133,36 @@ def offsets(
     forward = np.column_stack([np.cos(course), np.sin(course)])
     sides = np.stack([forward, np.column_stack([-forward[:, 1], forward[:, 0]])], axis=2)
 
-    def beginning(gps_s: float) -> FloatArray:
-        errors = np.zeros((len(at.t), 2, 2, 2))
-        errors[:, 0] = sides * (at.t >= gps_s)[:, None, None]
-        return whiten(errors)
+    own = _receivers_own(at.t, velocity)
+    aside_or_older = np.zeros((len(at.t), 2, 2, 3))
+    aside_or_older[:, 0, :, :2] = sides
+    # what was some seconds before, of positions and velocities
+    aside_or_older[..., 2] = own[..., 0] - own[..., 2]
 
-    known = whiten(_receivers_own(at.t, velocity))[:, 1:]
-    whole = beginning(-np.inf)
+    def beginning(gps_s: float) -> FloatArray:
+        return whiten(aside_or_older * (at.t >= gps_s)[:, None, None, None])
+
+    known = whiten(own)[:, 1:]
+    whole = beginning(-np.inf)[:, :3]
     beside = np.hstack([known, whole[:, 1:]])
+    found = []
+    for s in _instants(at, np.where(told[:, None], at.z[:2, :, 1].T, velocity), placed):
+        y, *columns = np.split(beginning(s), [1, 3], axis=1)
+        (forward_m, right_m), square = _fitted(y[:, 0], columns[0], beside)
+        found.append(Offset(forward_m, right_m, square, s - at.t[0]))
+        (older_s,), square = _fitted(y[:, 0], columns[1], beside)
+        found.append(Offset(0.0, 0.0, square, s - at.t[0], older_s))
+    # one of as many as there are fixes; the likelier, by the number of its terms (Akaike)
     found = [
-        _fitted(beginning(s), beside, s - at.t[0])
-        for s in _instants(at, np.where(told[:, None], at.z[:2, :, 1].T, velocity), placed)
+        offset
+        for offset in found
+        if offset.square > gate(limits.DOUBT_PROBABILITY / len(at.t), 1 if offset.older_s else 2)
     ]
-    change = max(found, key=lambda offset: offset.square, default=None)
-    # one of as many as there are fixes
-    if change is not None and change.square <= gate(limits.DOUBT_PROBABILITY / len(at.t), 2):
-        change = None
+    change = max(found, key=lambda offset: offset.square + 2.0 * bool(offset.older_s), default=None)
     if np.count_nonzero(placed & told & driving) < limits.LEAST_JUDGED:
         return change, None
-    aside = _fitted(whole, known, 0.0)
+    (forward_m, right_m), square = _fitted(whole[:, 0], whole[:, 1:], known)
+    aside = Offset(forward_m, right_m, square)
     return change, aside if aside.square > gate(limits.DOUBT_PROBABILITY, 2) else None
 
 
@@ -174,12 +199,12 @@ def _instants(at: Epochs, velocity: FloatArray, told: BoolArray) -> FloatArray:
     return np.array(found)
 
 
-def _fitted(of: FloatArray, beside: FloatArray, at_s: float) -> Offset:
-    """The two columns of ``of`` [m, 1 + 2], beside the columns of ``beside`` [m, c], in the first
-    of it; robustly, as fixes have tails."""
-    y, design = of[:, 0], np.hstack([of[:, 1:], beside])
+def _fitted(y: FloatArray, of: FloatArray, beside: FloatArray) -> tuple[tuple[float, ...], float]:
+    """Coefficients of the columns ``of`` [m, p], beside those of ``beside`` [m, c], in ``y`` [m],
+    and their squared distance from none in sigmas; robustly, as fixes have tails."""
+    p, design = of.shape[1], np.hstack([of, beside])
     if not (np.isfinite(y).all() and np.isfinite(design).all()):
-        return Offset(0.0, 0.0, 0.0, at_s)
+        return (0.0,) * p, 0.0
     scale = np.sqrt((design**2).sum(axis=0)) + 1e-9
     design = design / scale
     weight = np.ones(len(y))
@@ -193,6 +218,6 @@ def _fitted(of: FloatArray, beside: FloatArray, at_s: float) -> Offset:
         weight = cauchy_weight((rest / max(sd_by_median(rest), 1e-9)) ** 2)
     # a filter that is less sure than it might be proves nothing
     spread = max(float((weight * rest**2).sum() / weight.sum()), 1.0)
-    a = value[:2]
-    square = float(a @ np.linalg.pinv(normal[:2, :2]) @ a) / spread
-    return Offset(float(a[0] / scale[0]), float(a[1] / scale[1]), square, at_s)
+    a = value[:p]
+    square = float(a @ np.linalg.pinv(normal[:p, :p]) @ a) / spread
+    return tuple(float(v) for v in a / scale[:p]), square

@@ -15,7 +15,7 @@ import numpy as np
 from automap.earth import local_ned
 from automap.frames import rpy_to_matrix
 from automap.fusion.doubts import limits
-from automap.fusion.doubts.reason import Span
+from automap.fusion.doubts.reason import Reason, Span
 from automap.fusion.layout import HAS_POS_H, HAS_POS_V
 from automap.fusion.limits import DOUBT_PROBABILITY
 from automap.fusion.nodes import FixModel
@@ -138,3 +138,23 @@ def local_error(misses: Misses) -> FloatArray:
     stop = np.searchsorted(misses.t, misses.t + half, side="right")
     mean = (total[stop] - total[first]) / (stop - first)[:, None] if n else total[:0]
     return np.asarray(np.hypot(mean[:, 0], mean[:, 1]))
+
+
+def off_the_fixes(misses: Misses, tau_s: float) -> tuple[list[Reason], float]:
+    """The reason that the fixes give, and which share of them is far off the path."""
+    wrong = contradicted(misses, tau_s)
+    if not wrong.any():
+        return [], 0.0
+    share = float(wrong.mean())
+    error = local_error(misses)[wrong]
+    spans = spans_of(misses.t, wrong)
+    seconds = sum(b - a for a, b in spans)
+    return [
+        Reason(
+            "off_the_fixes",
+            f"for {seconds:.0f} s of the drive the fixes lie {np.median(error):.1f} m off the path "
+            f"(up to {error.max():.1f} m), more than they err: look there at the receiver's "
+            "log and at the stamps and axes of the IMU",
+            spans if share < limits.WORSE_SHARE else (),
+        )
+    ], share

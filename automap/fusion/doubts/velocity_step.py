@@ -116,7 +116,7 @@ def velocity_steps(seen: Compared, lasting_sd: float) -> list[Step]:
     half = round(limits.STEP_WINDOW_S / spacing)
     if half < limits.STEP_FIXES:
         return []
-    before = _filled(seen, np.arange(half - 1, len(t) - half), half, spacing)
+    before = filled(t, seen.lost_s, np.arange(half - 1, len(t) - half), half, spacing)
     if len(before) < LEAST_JUDGED:
         return []
     parts = np.array_split(before, len(before) // limits.STEP_BATCH + 1)
@@ -139,11 +139,14 @@ def velocity_steps(seen: Compared, lasting_sd: float) -> list[Step]:
     return sorted(steps, key=lambda step: step.t)
 
 
-def _filled(seen: Compared, before: IntArray, half: int, spacing: float) -> IntArray:
-    """Of the fixes ``before`` a jump those whose ``half`` before and after have no gap between."""
+def filled(
+    t: FloatArray, lost_s: FloatArray, before: IntArray, half: int, spacing: float
+) -> IntArray:
+    """Of the fixes at ``t`` [m] s those ``before`` a jump whose ``half`` before and after have no
+    gap between, nor between readings, which ``lost_s`` [m] s until then."""
     first, last = before - half + 1, before + half
-    gaps = np.cumsum(np.diff(seen.t, prepend=seen.t[0]) > limits.GAP_STEPS * spacing)
-    whole = (gaps[last] == gaps[first]) & (seen.lost_s[last] == seen.lost_s[first])
+    gaps = np.cumsum(np.diff(t, prepend=t[0]) > limits.GAP_STEPS * spacing)
+    whole = (gaps[last] == gaps[first]) & (lost_s[last] == lost_s[first])
     return np.asarray(before[whole])
 
 
@@ -155,8 +158,8 @@ def _velocity_jumps(seen: Compared, before: IntArray, half: int) -> tuple[FloatA
     felt = seen.felt[rows] - seen.felt[before, None]
     y = seen.velocity[rows] - np.einsum("kij,knj->kni", seen.turn[before, :2], felt)
     after = np.broadcast_to(np.arange(2 * half) >= half, t.shape)
-    jump, left = _last_term(np.stack([np.ones_like(t), t, after], axis=-1), y)
-    return jump, _least_along(jump, left)
+    jump, left = last_term(np.stack([np.ones_like(t), t, after], axis=-1), y)
+    return jump, least_along(jump, left)
 
 
 def _goes_along(seen: Compared, at: int, jump: FloatArray, spacing: float) -> bool:
@@ -171,8 +174,8 @@ def _goes_along(seen: Compared, at: int, jump: FloatArray, spacing: float) -> bo
     felt = seen.felt_position[rows] - seen.felt_position[at]
     y = seen.position[rows] - seen.position[at] - felt @ seen.turn[at, :2].T
     design = np.stack([np.ones_like(t), t, t**2, np.maximum(t, 0.0)], axis=-1)
-    _, left = _last_term(design[None], y[None])
-    return bool(_least_along(jump[None], left)[0] > 0.5 * np.hypot(*jump))
+    _, left = last_term(design[None], y[None])
+    return bool(least_along(jump[None], left)[0] > 0.5 * np.hypot(*jump))
 
 
 def _lasts(seen: Compared, at: int, jump: FloatArray) -> float:
@@ -196,7 +199,7 @@ def _lasts(seen: Compared, at: int, jump: FloatArray) -> float:
     return max(min(seconds), limits.STEP_WINDOW_S)
 
 
-def _last_term(design: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
+def last_term(design: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Last coefficient [k, 2] of least squares of ``y`` [k, n, 2] on ``design`` [k, n, p], and what
     it is without each one row [k, n, 2] (Cook and Weisberg, Residuals and Influence in
     Regression, section 2.2)."""
@@ -209,7 +212,7 @@ def _last_term(design: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArra
     return found[:, -1], np.asarray(found[:, -1][:, None] - last * rest)
 
 
-def _least_along(jump: FloatArray, left: FloatArray) -> FloatArray:
+def least_along(jump: FloatArray, left: FloatArray) -> FloatArray:
     """The least [k] of ``left`` [k, n, 2] in the direction of ``jump`` [k, 2]."""
     size = np.hypot(jump[:, 0], jump[:, 1])
     along = np.einsum("kni,ki->kn", left, jump) / np.maximum(size, 1e-9)[:, None]

@@ -10,12 +10,12 @@ import numpy as np
 from automap.effects.measured_kernels import antenna_position
 from automap.fusion.arrays import ModelArrays, NodeArrays
 from automap.fusion.layout import CH_POS, HAS_POS_H, HAS_POS_V
-from automap.fusion.limits import DOWN_FACTOR, LEAST_WHITE_M, UNSTATED_SD_M
+from automap.fusion.limits import DOWN_FACTOR, FIX_AGE_SD_S, LEAST_WHITE_M, UNSTATED_SD_M
 from automap.fusion.measurements.state import AtNode
 from automap.fusion.mechanisation import radii
 from automap.fusion.options import FusionOptions
 from automap.jit import kernel
-from automap.records import BoolArray, Fixes, FixType, FloatArray
+from automap.records import BoolArray, ClockModel, Fixes, FixType, FloatArray
 
 CORRECTED = (FixType.DGNSS, FixType.FLOAT, FixType.FIXED)
 """Fixes whose receiver was told what satellites have in common."""
@@ -114,6 +114,21 @@ def has_position(fixes: Fixes) -> tuple[BoolArray, BoolArray]:
     kind = fixes.fix_type
     level = np.isfinite(fixes.lat_rad) & np.isfinite(fixes.lon_rad) & (kind > FixType.NONE)
     return level, level & np.isfinite(fixes.height_m) & (kind != FixType.TWO_D)
+
+
+def by_carrier(fixes: Fixes) -> bool:
+    """Whether most positions are carrier-phase solutions, which are of the instant of their tag,
+    while a navigation filter's own may be of one a little before or after."""
+    kind = fixes.fix_type[fixes.fix_type > FixType.NONE]
+    carrier = (kind == FixType.FIXED) | (kind == FixType.FLOAT)
+    return bool(np.count_nonzero(carrier) > 0.5 * len(kind))
+
+
+def age_sd_of(fixes: Fixes, clock: ClockModel, options: FusionOptions) -> float:
+    """Sigma, s, of what dates all fixes of a drive wrong: their age, and the clock between them and
+    the stamps."""
+    known = "gnss_latency" in options.fixed or by_carrier(fixes)
+    return math.hypot(0.0 if known else FIX_AGE_SD_S, min(clock.sd_offset_s, 1.0))
 
 
 @kernel

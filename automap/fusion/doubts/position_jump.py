@@ -1,0 +1,191 @@
+"""Positions that jump where the vehicle did not: ambiguities of the carrier phase that were fixed
+wrongly, reflections, another receiver or antenna.
+
+A filter follows a jump within a few fixes, and nothing shows it afterwards. But a position that is
+good to centimetres cannot leave the way that an IMU feels, and without one it cannot gain speed
+faster than tyres hold. (Velocities are no such witness: they are late, by how much nobody says.)
+Which side of a jump is right is not told: each place is so as probably as it lasted.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from automap.earth import local_ned
+from automap.frames import quat_to_matrix, rpy_to_matrix
+from automap.fusion.doubts import limits
+from automap.fusion.doubts.reason import Reason, Span
+from automap.fusion.doubts.velocity_step import filled, last_term, least_along
+from automap.fusion.free_inertial import FreeInertial
+from automap.fusion.layout import HAS_POS_H
+from automap.fusion.limits import (
+    ARM_TOLD_SD_M,
+    DOUBT_PROBABILITY,
+    LEAST_JUDGED,
+    STEADY_GAP_STEPS,
+)
+from automap.fusion.nodes import FixModel
+from automap.gates import OUTSIDE_95, gate, sd_by_median
+from automap.records import FloatArray, IntArray, Trajectory
+from automap.timebase import gps_to_iso
+
+
+@dataclass(frozen=True)
+class Places:
+    """Positions ``at`` [m, 2] m, north and east, good to ``sd`` [m] m, at ``t`` [m] GPS s, and the
+    way ``felt`` [m, d] m of another witness, in axes that ``turn`` [m, 2, d] takes to north and
+    east, without one ``d`` is 0; ``lost_s`` [m] seconds that it had lost until then, ``slack`` [m]
+    m what of a jump is its own."""
+
+    t: FloatArray
+    at: FloatArray
+    sd: FloatArray
+    felt: FloatArray
+    turn: FloatArray
+    lost_s: FloatArray
+    slack: FloatArray
+
+
+@dataclass(frozen=True)
+class Jump:
+    """By how much [2] m, north and east, positions jump at ``gps_s`` s."""
+
+    gps_s: float
+    by: FloatArray
+
+
+def exact_places(model: FixModel) -> Places:
+    """Positions of fixes, timed in GPS seconds, that are good to decimetres, without a witness.
+    Others jump by as much as they err, which their sigmas hold."""
+    rows = np.flatnonzero((model.flags & HAS_POS_H) > 0)
+    rows = rows[model.stated_sd[rows, :2].max(axis=1, initial=0.0) < ARM_TOLD_SD_M]
+    rows = rows[np.diff(model.t[rows], prepend=-np.inf) > limits.SAME_FIX_S]
+    n, values = len(rows), model.values[rows]
+    ref = (*values[0, :2], 0.0) if n else (0.0, 0.0, 0.0)
+    at = local_ned(values[:, 0], values[:, 1], np.zeros(n), ref).reshape(-1, 3)[:, :2]
+    sd = model.stated_sd[rows, :2].max(axis=1, initial=0.0)
+    none = np.zeros((n, 0)), np.zeros((n, 2, 0)), np.zeros(n), np.zeros(n)
+    return Places(model.t[rows], at, sd, *none)
+
+
+def beside_readings(
+    places: Places, free: FreeInertial, path: Trajectory, arm: FloatArray, age_s: float
+) -> Places:
+    """The places with the way that the readings ``free`` tell, timed in s from the first row of the
+    ``path``, which gives the heading; ``arm`` [3] m to the antenna, ``age_s`` the fixes' age.
+
+    Two readings may be lost without a gap that shows.
+    """
+    since = places.t - float(path.gps_s[0]) - age_s
+    inside = np.isfinite(free.lost_between(since, since))
+    since, t = since[inside], places.t[inside]
+    row = np.clip(np.searchsorted(path.gps_s, t - age_s), 0, len(path.gps_s) - 1)
+    back = np.swapaxes(quat_to_matrix(free.quat[free.nearest(since)]), 1, 2)
+    turn = (rpy_to_matrix(path.rpy[row]) @ back)[:, :2]
+    felt, lost = free.of_point(since, arm)[1], np.interp(since, free.t, free.lost_s)
+    lacks = (STEADY_GAP_STEPS - 1.0) * float(np.median(np.diff(path.gps_s)))
+    slack = lacks * np.hypot(path.vel_ned[row, 0], path.vel_ned[row, 1])
+    return Places(t, places.at[inside], places.sd[inside], felt, turn, lost, slack)
+
+
+def position_jumps(seen: Places) -> list[Jump]:
+    """Jumps of positions beyond what they err by, in the order of time."""
+    if len(seen.t) < LEAST_JUDGED:
+        return []
+    before, jump, least, slack, sd = (
+        _beside_witness(seen) if seen.felt.shape[1] else _by_themselves(seen)
+    )
+    if len(before) < LEAST_JUDGED:
+        return []
+    # one of as many as there are fixes
+    beyond = slack + np.sqrt(gate(DOUBT_PROBABILITY / len(before), 2)) * sd
+    found: list[Jump] = []
+    for k in np.argsort(-least / beyond):
+        if least[k] <= beyond[k]:
+            break
+        when = 0.5 * float(seen.t[before[k]] + seen.t[before[k] + 1])
+        if all(abs(other.gps_s - when) > limits.STEP_WINDOW_S for other in found):
+            found.append(Jump(when, jump[k]))
+    return sorted(found, key=lambda item: item.gps_s)
+
+
+_Found = tuple[IntArray, FloatArray, FloatArray, FloatArray, FloatArray]
+"""Fixes before what may be a jump [k], jumps [k, 2] and how much of each is left at least without
+any one fix [k], how much is none of theirs [k], m, and what they err by [k], m an axis."""
+
+
+def _beside_witness(seen: Places) -> _Found:
+    """By a parabola, of attitudes and starts that nobody knows, through the differences between
+    positions and witness some seconds before and after."""
+    spacing = float(np.median(np.diff(seen.t)))
+    half = max(round(limits.STEP_WINDOW_S / spacing), limits.STEP_FIXES)
+    before = np.arange(half - 1, len(seen.t) - half)
+    before = filled(seen.t, seen.lost_s, before, half, spacing)
+    parts = np.array_split(before, len(before) // limits.STEP_BATCH + 1)
+    found = [_jumps(seen, part, half, 2) for part in parts]
+    jump, least, sd = (np.concatenate(values) for values in zip(*found, strict=True))
+    usual = sd_by_median(jump.ravel()) if len(jump) else 0.0
+    return before, jump, least, seen.slack[before], np.hypot(usual, sd)
+
+
+def _by_themselves(seen: Places) -> _Found:
+    """By a line through two fixes before and after. An acceleration of any course that is nowhere
+    more than ``MOST_ACCELERATION`` seems to jump by three quarters of it and the squared step."""
+    step = np.diff(seen.t)
+    before = np.arange(1, len(seen.t) - 2)
+    before = filled(seen.t, seen.lost_s, before, 2, float(np.median(step)))
+    jump, least, sd = _jumps(seen, before, 2, 1)
+    longest = np.max([step[before + k] for k in (-1, 0, 1)], axis=0)
+    return before, jump, least, 0.75 * limits.MOST_ACCELERATION * longest**2, sd
+
+
+def _jumps(
+    seen: Places, before: IntArray, half: int, power: int
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Jumps [k, 2] m behind the fixes ``before`` [k] in a curve of ``power`` through ``half`` fixes
+    before and after, how much of each is left at least without any one fix [k], and the sigma of
+    either side against the other, by the worst fix [k]."""
+    rows = before[:, None] + np.arange(1 - half, half + 1)
+    t = seen.t[rows] - 0.5 * (seen.t[before] + seen.t[before + 1])[:, None]
+    felt = seen.felt[rows] - seen.felt[before, None]
+    y = seen.at[rows] - seen.at[before, None] - np.einsum("kij,knj->kni", seen.turn[before], felt)
+    after = np.broadcast_to(np.arange(2 * half) >= half, t.shape)
+    curve = [t**k for k in range(power + 1)]
+    jump, left = last_term(np.stack([*curve, after], axis=-1), y)
+    return jump, least_along(jump, left), np.sqrt(2.0) * seen.sd[rows].max(axis=1)
+
+
+def jump_doubts(jumps: Sequence[Jump], path: Trajectory) -> Iterator[Reason]:
+    """The reason that ``jumps`` give somewhere on the ``path``."""
+    if not jumps:
+        return
+    start, end = float(path.gps_s[0]), float(path.gps_s[-1])
+    bounds = np.clip([start, *(jump.gps_s for jump in jumps), end], start, end) - start
+    place = np.cumsum([np.zeros(2), *(jump.by for jump in jumps)], axis=0)
+    share = np.diff(bounds) / max(end - start, 1e-9)
+    apart = ((place[:, None] - place) ** 2).sum(axis=2)
+    error = np.sqrt(apart @ share)
+    size = max(float(np.hypot(*jump.by)) for jump in jumps)
+    other = np.sqrt(apart[np.argmin(error)]) > 0.5 * size
+    spans: tuple[Span, ...] = ()
+    # an ellipse of 95 % holds a place that is right as surely as that; a path follows in seconds
+    if share[other].sum() < OUTSIDE_95:
+        edges = np.stack([bounds[:-1] - limits.STEP_WINDOW_S, bounds[1:] + limits.STEP_WINDOW_S], 1)
+        spans = tuple((float(a), float(b)) for a, b in edges[other])
+    told = f"by {size:.1f} m at {gps_to_iso(jumps[0].gps_s)}"
+    if len(jumps) > 1:
+        told = (
+            f"{len(jumps)} times, by up to {size:.1f} m, from {gps_to_iso(jumps[0].gps_s)} to "
+            f"{gps_to_iso(jumps[-1].gps_s)}"
+        )
+    yield Reason(
+        "positions_jump",
+        f"the receiver's positions jump {told}, which no vehicle did: ambiguities that were fixed "
+        "wrongly, or another antenna, base or receiver; nothing says on which side they are right, "
+        "compare them with what is known of the place",
+        spans,
+        error_m=float(error.max()),
+    )

@@ -1,0 +1,128 @@
+"""Positions good to decimetres that jump where no vehicle did are told, and what vehicles, sigmas
+and single wild fixes do is not."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from automap.fusion.doubts.position_jump import (
+    Jump,
+    beside_readings,
+    exact_places,
+    jump_doubts,
+    position_jumps,
+)
+from automap.fusion.nodes import model_fixes
+from automap.fusion.options import FusionOptions
+from automap.fusion.widening import widen
+from automap.records import Fixes, FixType, FloatArray, Trajectory
+from tests.unit.fusion_receiver import GPS0, Receiver, receive, shifted
+from tests.unit.test_fusion_doubted_sigmas import NONE
+from tests.unit.test_fusion_velocity_step import drive, free_of, path_of
+
+RTK = Receiver(rate=5.0, wander=(0.008, 0.008, 0.015), white=(0.004, 0.004, 0.008))
+OFF_RAD = (0.01, -0.01, 0.01)
+"""What the path's attitude is off by."""
+
+
+@cache
+def exact(seed: int = 3, rate: float = 5.0) -> Fixes:
+    fixes = receive(drive(seed)[0], replace(RTK, rate=rate), seed)
+    return replace(
+        fixes,
+        vel_ned=np.full_like(fixes.vel_ned, np.nan),
+        sd_pos_ned=np.full((len(fixes), 3), 0.014),
+        fix_type=np.full(len(fixes), FixType.FIXED),
+    )
+
+
+def moved(fixes: Fixes, start: float, stop: float, by: FloatArray) -> Fixes:
+    t = fixes.gps_s - GPS0
+    return shifted(fixes, ((t >= start) & (t < stop))[:, None] * np.append(by, 0.0))
+
+
+def jumps_of(fixes: Fixes, seed: int | None = 3) -> list[Jump]:
+    """Beside the readings of the drive ``seed``, or by themselves."""
+    places = exact_places(model_fixes(fixes, fixes.gps_s, FusionOptions()))
+    if seed is None:
+        return position_jumps(places)
+    motion, imu = drive(seed)
+    path = path_of(motion, imu, OFF_RAD)
+    return position_jumps(beside_readings(places, free_of(imu), path, np.zeros(3), 0.0))
+
+
+@pytest.mark.parametrize("rate", [1.0, 5.0])
+@pytest.mark.parametrize("seed", [3, 11])
+def test_a_sound_drive_has_no_jump(seed: int, rate: float) -> None:
+    assert jumps_of(exact(seed, rate), seed) == []
+    assert jumps_of(exact(seed, rate), None) == []
+
+
+@pytest.mark.parametrize("rate", [1.0, 5.0])
+def test_what_an_imu_does_not_feel_is_told_with_size_and_instant(rate: float) -> None:
+    by = np.array([1.1, -0.9])
+    found = jumps_of(moved(exact(rate=rate), 100.1, 130.1, by))
+    assert [jump.gps_s - GPS0 for jump in found] == pytest.approx([100.0, 130.0], abs=1.0)
+    assert found[0].by == pytest.approx(by, abs=0.2)
+    assert found[1].by == pytest.approx(-by, abs=0.2)
+
+
+def test_what_no_tyres_hold_is_told_without_an_imu() -> None:
+    by = np.array([1.0, 0.8])
+    (jump,) = jumps_of(moved(exact(), 100.1, 1e3, by), None)
+    assert jump.gps_s - GPS0 == pytest.approx(100.1, abs=0.2)
+    # once a second a vehicle may have gained as much
+    assert jumps_of(moved(exact(rate=1.0), 100.1, 1e3, by), None) == []
+
+
+def test_brakes_that_lock_and_bends_at_the_limit_are_no_jump() -> None:
+    """From 30 m/s to rest by 9.8 m/s^2, and the same to the side at once."""
+    fixes = exact()
+    t = fixes.gps_s - GPS0
+    way = 30.0 * t - np.where(t > 50.03, 0.5 * 9.8 * np.clip(t - 50.03, 0.0, 30.0 / 9.8) ** 2, 0.0)
+    aside = np.where(np.abs(t - 20.11) < 1.3, 0.5 * 9.8 * (1.3 - np.abs(t - 20.11)) ** 2, 0.0)
+    straight = replace(fixes, lat_rad=0.6 + way / 6.36e6, lon_rad=0.2 + 0.7 * aside / 6.38e6)
+    assert jumps_of(straight, None) == []
+
+
+def test_one_wild_fix_and_fixes_that_err_by_metres_are_none() -> None:
+    by = np.array([2.0, 0.0])
+    assert jumps_of(moved(exact(), 100.1, 100.25, by)) == []
+    assert jumps_of(moved(exact(), 100.1, 100.25, by), None) == []
+    unsure = replace(exact(), sd_pos_ned=np.full((len(exact()), 3), 1.5))
+    assert jumps_of(moved(unsure, 100.1, 130.1, by)) == []
+    # a float solution says of itself that it is good to decimetres
+    t = exact().gps_s - GPS0
+    part = np.where((t > 100.1) & (t < 130.1), 0.25, 0.014)
+    floating = replace(exact(), sd_pos_ned=np.tile(part[:, None], (1, 3)))
+    assert jumps_of(moved(floating, 100.1, 130.1, 0.3 * by)) == []
+
+
+def _path(seconds: float = 200.0) -> Trajectory:
+    t = np.arange(0.0, seconds + 0.05, 0.1)
+    zero, three = np.zeros(len(t)), np.zeros((len(t), 3))
+    sd = np.full((len(t), 3), 0.02)
+    stamps = np.rint(t * 1e9).astype(np.int64)
+    return Trajectory(stamps, GPS0 + t, zero, zero, zero, three, three, sd, sd, sd)
+
+
+def test_each_place_is_right_as_probably_as_it_lasted() -> None:
+    """Half of the drive elsewhere: either half may be. Five seconds in 200: they are."""
+    path = _path()
+    assert list(jump_doubts([], path)) == []
+    (half,) = jump_doubts([Jump(GPS0 + 100.0, np.array([1.2, 0.9]))], path)
+    assert (half.code, half.state, half.spans) == ("positions_jump", "doubtful", ())
+    assert "jump by 1.5 m at" in half.text
+    assert half.error_m == pytest.approx(1.5 * np.sqrt(0.5), rel=1e-3)
+    # an error of the whole jump lies in the ellipse of 95 %
+    sd = widen(path, [half], NONE, None).sd_pos_ned[:, :2]
+    assert ((np.array([1.2, 0.9]) / sd) ** 2).sum(axis=1).max() < 5.99
+    back = [Jump(GPS0 + t, s * np.array([1.2, 0.9])) for t, s in ((100.0, 1.0), (105.0, -1.0))]
+    (short,) = jump_doubts(back, path)
+    assert short.spans == (pytest.approx((97.0, 108.0)),)
+    assert short.error_m == pytest.approx(1.5 * np.sqrt(0.975), rel=1e-3)
+    assert "2 times, by up to 1.5 m" in short.text
