@@ -9,7 +9,7 @@ Royal Statistical Society B 39, 1977). Who belongs to whom is then decided for a
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -18,6 +18,7 @@ import numpy as np
 from automap.assignment import assign_near
 from automap.earth import ecef, metres_per_radian
 from automap.mapping.candidates import facing_evidence
+from automap.mapping.inventory_classes import looks_otherwise, of_another_class, same_face
 from automap.mapping.inventory_findings import (
     Finding,
     Inventory,
@@ -31,6 +32,7 @@ from automap.mapping.inventory_limits import (
     DETECTION_PRIOR,
     LARGEST_SD_M,
     LEAST_SD_M,
+    LIKELIER_THAN_NOT,
     NEW_SHARE,
     ROUNDS,
     STALE,
@@ -41,7 +43,6 @@ from automap.mapping.limits import MOVED_M
 from automap.mapping.sightings import DriveSigns
 from automap.records import BoolArray, FloatArray, IntArray, Sign
 from automap.signs.codes import face_of
-from automap.signs.vocabulary import load_vocabulary
 
 
 @dataclass(frozen=True)
@@ -75,21 +76,28 @@ def compare_inventory(
     signs: Sequence[Sign],
     inventory: Inventory,
     drives: Sequence[DriveSigns],
+    shares: Sequence[Mapping[str, float]] = (),
 ) -> InventoryComparison:
     """What of ``inventory`` is on the map, what is not, and what the map has besides.
 
-    ``signs`` with positions; ``drives`` tell where cameras looked.
+    ``signs`` with positions; ``drives`` tell where cameras looked; ``shares`` what the views of
+    each sign give to each class (empty: not known).
     """
+    shares = shares or [{}] * len(signs)
     turned = _is_turned(signs, inventory)
     if turned:
         inventory = replace(inventory, facing_rad=inventory.facing_rad + np.pi)
-    pairs = _candidates(signs, inventory)
+    pairs = _candidates(signs, inventory, shares)
     shift, sd, evidence, moved, square = _fit(pairs, inventory, signs)
     chosen = _one_to_one(pairs, evidence, len(signs))
     findings = [
-        _paired(pairs, k, signs, inventory, shift, sd, float(moved[k])) for k in chosen.tolist()
+        _paired(pairs, k, signs, inventory, shares, shift, sd, float(moved[k]))
+        for k in chosen.tolist()
     ]
-    findings = judge_classes(findings, signs)
+    findings = [
+        _moved_after_all(f, float(moved[k]))
+        for f, k in zip(judge_classes(findings), chosen.tolist(), strict=True)
+    ]
     partner = np.full(len(inventory), -1)
     partner[pairs.listed[chosen]] = pairs.sign[chosen]
     unknown = np.setdiff1d(np.arange(len(signs)), pairs.sign[chosen])
@@ -109,19 +117,6 @@ def compare_inventory(
     return InventoryComparison(findings, shift, sd, square, turned, detection)
 
 
-def same_face(a: str, b: str) -> bool | None:
-    """Whether two classes are of one face; None where one tells no more than a look."""
-    if not a or not b:
-        return None
-    if face_of(a) == face_of(b):
-        return True
-    vocabulary = load_vocabulary()
-    generic = set(vocabulary.groups.values())
-    if (a in generic or b in generic) and vocabulary.group_of(a) == vocabulary.group_of(b):
-        return None
-    return False
-
-
 def _near(signs: Sequence[Sign], inventory: Inventory) -> tuple[IntArray, IntArray, FloatArray]:
     """Pairs within MOVED_M, and those further apart where the errors are as large."""
     from scipy.spatial import cKDTree
@@ -136,7 +131,17 @@ def _near(signs: Sequence[Sign], inventory: Inventory) -> tuple[IntArray, IntArr
     return i, j, np.column_stack([turn * east, (lat[i] - inventory.lat_rad[j]) * north])
 
 
-def _candidates(signs: Sequence[Sign], inventory: Inventory) -> _Pairs:
+def _belief(sign: Sign, shares: Mapping[str, float], listed: str) -> float:
+    """How surely a sign is not of the class ``listed`` but of its own, by the map alone."""
+    # a person who looked at the sign has the last word
+    if shares and not sign.reviewed:
+        return of_another_class(shares, listed)
+    return class_belief(sign)
+
+
+def _candidates(
+    signs: Sequence[Sign], inventory: Inventory, shares: Sequence[Mapping[str, float]]
+) -> _Pairs:
     if not len(signs) or not len(inventory):
         none = np.zeros(0, np.int64)
         return _Pairs(none, none, np.zeros((0, 2)), np.zeros((0, 2, 2)), np.zeros(0))
@@ -152,7 +157,10 @@ def _candidates(signs: Sequence[Sign], inventory: Inventory) -> _Pairs:
         chance = share[names[a]]
         if same is not None:
             # one sign under two classes: the list is wrong, or the map
-            right = (1.0 - STALE) * believed[a]
+            belief = believed[a]
+            if not same and shares[a]:
+                belief = _belief(signs[a], shares[a], inventory.class_name[b])
+            right = (1.0 - STALE) * belief
             told[k] = math.log(right / chance + 1.0 - right if same else 1.0 - right)
         turn = signs[a].facing_rad - inventory.facing_rad[b]
         if np.isfinite(turn):
@@ -240,11 +248,21 @@ def _one_to_one(pairs: _Pairs, evidence: FloatArray, n: int) -> IntArray:
     return chosen
 
 
+def _moved_after_all(finding: Finding, moved: float) -> Finding:
+    """One of another class, of which rather the map is wrong, and which stands elsewhere than it is
+    listed: moved."""
+    right = 1.0 - finding.probability
+    if finding.kind != "class" or min(right, moved) <= LIKELIER_THAN_NOT:
+        return finding
+    return replace(finding, kind="moved", probability=right * moved)
+
+
 def _paired(
     pairs: _Pairs,
     k: int,
     signs: Sequence[Sign],
     inventory: Inventory,
+    shares: Sequence[Mapping[str, float]],
     shift: FloatArray,
     sd: float,
     moved: float,
@@ -253,8 +271,12 @@ def _paired(
     own = inventory.sd_m[j] if np.isfinite(inventory.sd_m[j]) else sd
     east, north = (pairs.apart[k] - shift).tolist()
     error = math.sqrt(0.5 * float(np.trace(pairs.cov[k])) + float(own) ** 2)
-    if same_face(signs[i].class_name, inventory.class_name[j]) is False:
+    listed = inventory.class_name[j]
+    same = same_face(signs[i].class_name, listed)
+    if same is None and listed and shares[i] and not signs[i].reviewed:
+        same = not looks_otherwise(shares[i], listed)
+    if same is False:
         # either the list or the map is wrong, which all of these together tell
-        return Finding("class", i, j, 1.0 - STALE, east, north, error)
+        return Finding("class", i, j, _belief(signs[i], shares[i], listed), east, north, error)
     kind, belief = ("moved", moved) if moved > 0.5 else ("matched", 1.0 - moved)
     return Finding(kind, i, j, belief, east, north, error)

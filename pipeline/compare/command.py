@@ -79,7 +79,7 @@ def compare_with_inventory(
     country = country or country_of(products.json(names.RUN))
     listed, rows_of = _listed(read, country, inventory, warnings)
     drives = _drives(folder, warnings)
-    result = compare_inventory(signs, listed, drives)
+    result = compare_inventory(signs, listed, drives, _class_shares(folder, signs))
     warnings += _doubts(result, inventory)
     rows = [_row(finding, signs, listed, read, rows_of) for finding in result.findings]
     summary = _summary(result, rows, read, inventory, len(signs), country)
@@ -189,6 +189,19 @@ def _drives(folder: Path, warnings: list[str]) -> list[DriveSigns]:
         )
         for name, path in paths.items()
     ]  # fmt: skip
+
+
+def _class_shares(folder: Path, signs: Sequence[Sign]) -> list[dict[str, float]]:
+    """What the views of each sign give to each class, where the run's detector tells it."""
+    from automap.io.detections_table import read_class_shares
+    from automap.signs.class_shares import mean_of
+
+    if (folder / names.MERGE).is_file() or not (folder / names.DETECTIONS).is_file():
+        return []
+    texts = read_class_shares(folder / names.DETECTIONS)
+    if any(int(sign.detection_rows.max(initial=-1)) >= len(texts) for sign in signs):
+        return []
+    return [mean_of(texts[row] for row in sign.detection_rows.tolist()) for sign in signs]
 
 
 def _doubts(result: InventoryComparison, path: Path) -> list[str]:
