@@ -63,7 +63,8 @@ def listed(passes: Sequence[Pass], rng: np.random.Generator) -> Listed:
                 0.0 if same else told.probability, wrong, weight,
             ))  # fmt: skip
     table = np.array(rows, np.float64)
-    return Listed(*table[:, :3].T, table[:, 3] > 0.0, table[:, 4] / table[:, 4].sum())
+    ratio, by_views, by_name, wrong, weight = table.T
+    return Listed(ratio, by_views, by_name, wrong > 0.0, weight / weight.sum())
 
 
 def fitted(parts: Sequence[Listed]) -> FloatArray:
