@@ -19,6 +19,7 @@ from automap.assignment import assign_near
 from automap.earth import ecef, metres_per_radian
 from automap.mapping.candidates import facing_evidence
 from automap.mapping.inventory_classes import looks_otherwise, of_another_class, same_face
+from automap.mapping.inventory_directions import Directions, directions_of
 from automap.mapping.inventory_findings import (
     Finding,
     Inventory,
@@ -49,14 +50,14 @@ from automap.signs.codes import face_of
 class InventoryComparison:
     """``findings`` of all signs; the inventory's ``shift_m`` [2] east and north against the map,
     its error ``sd_m`` per axis without that, ``normalised_square`` of pairs in place (1 where the
-    stated errors are right, NaN without pairs), ``turned`` where its directions are those of
-    traffic and not of faces, and ``detection``, how often a sign in view was found."""
+    stated errors are right, NaN without pairs), ``directions`` what its directions
+    mean, and ``detection``, how often a sign in view was found."""
 
     findings: list[Finding]
     shift_m: FloatArray
     sd_m: float
     normalised_square: float
-    turned: bool
+    directions: Directions
     detection: float
 
 
@@ -84,10 +85,15 @@ def compare_inventory(
     each sign give to each class (empty: not known).
     """
     shares = shares or [{}] * len(signs)
-    turned = _is_turned(signs, inventory)
-    if turned:
+    near, directions = None, Directions()
+    if len(signs) and len(inventory):
+        near = _near(signs, inventory)
+        directions = directions_of(signs, inventory, *near)
+    if directions.turned:
         inventory = replace(inventory, facing_rad=inventory.facing_rad + np.pi)
-    pairs = _candidates(signs, inventory, shares)
+    if not directions.used:
+        inventory = replace(inventory, facing_rad=np.full(len(inventory), np.nan))
+    pairs = _candidates(signs, inventory, shares, near)
     shift, sd, evidence, moved, square = _fit(pairs, inventory, signs)
     chosen = _one_to_one(pairs, evidence, len(signs))
     findings = [
@@ -114,7 +120,7 @@ def compare_inventory(
     order = ("matched", "moved", "class", "new", "missing", "unconfirmed", "not_seen")
     findings = mark_sure([*findings, *lost])
     findings.sort(key=lambda f: (order.index(f.kind), f.listed, f.sign))
-    return InventoryComparison(findings, shift, sd, square, turned, detection)
+    return InventoryComparison(findings, shift, sd, square, directions, detection)
 
 
 def _near(signs: Sequence[Sign], inventory: Inventory) -> tuple[IntArray, IntArray, FloatArray]:
@@ -140,12 +146,15 @@ def _belief(sign: Sign, shares: Mapping[str, float], listed: str) -> float:
 
 
 def _candidates(
-    signs: Sequence[Sign], inventory: Inventory, shares: Sequence[Mapping[str, float]]
+    signs: Sequence[Sign],
+    inventory: Inventory,
+    shares: Sequence[Mapping[str, float]],
+    near: tuple[IntArray, IntArray, FloatArray] | None,
 ) -> _Pairs:
-    if not len(signs) or not len(inventory):
+    if near is None:
         none = np.zeros(0, np.int64)
         return _Pairs(none, none, np.zeros((0, 2)), np.zeros((0, 2, 2)), np.zeros(0))
-    i, j, apart = _near(signs, inventory)
+    i, j, apart = near
     names = [face_of(s.class_name) for s in signs]
     share = {name: (names.count(name) + 1.0) / (len(names) + 2.0) for name in set(names)}
     # what no detector tells is taken for sure, so that a list's error is the likelier one
@@ -172,21 +181,6 @@ def _candidates(
     return _Pairs(i[keep], j[keep], apart[keep], cov[i[keep]], told[keep])
 
 
-def _is_turned(signs: Sequence[Sign], inventory: Inventory) -> bool:
-    """Whether listed directions are those in which traffic goes: opposite to the faces."""
-    if not len(signs) or not len(inventory):
-        return False
-    i, j, apart = _near(signs, inventory)
-    nearest = np.lexsort((np.hypot(*apart.T), j))
-    first = nearest[np.unique(j[nearest], return_index=True)[1]]
-    seen = np.array([signs[k].facing_rad for k in i[first]], np.float64)
-    turn: FloatArray = seen - inventory.facing_rad[j[first]]
-    cosine: FloatArray = np.cos(turn[np.isfinite(turn)])
-    against, along = int((cosine < -0.5).sum()), int((cosine > 0.5).sum())
-    # signs on both sides of one post are a few; three sigmas of a fair coin are not
-    return against - along > 3.0 * math.sqrt(max(against + along, 1))
-
-
 def _fit(
     pairs: _Pairs, inventory: Inventory, signs: Sequence[Sign]
 ) -> tuple[FloatArray, float, FloatArray, FloatArray, float]:
@@ -203,7 +197,7 @@ def _fit(
     found = DETECTION_PRIOR[0] / sum(DETECTION_PRIOR) * (1.0 - STALE)
     moved_density = STALE / area
     for _ in range(ROUNDS):
-        own = np.where(np.isfinite(stated), np.maximum(stated, LEAST_SD_M), sd)
+        own = np.where(np.isfinite(stated), np.clip(stated, LEAST_SD_M, LARGEST_SD_M), sd)
         total = pairs.cov + own[:, None, None] ** 2 * np.eye(2)
         residual = pairs.apart - shift
         weighted = np.linalg.solve(total, residual[:, :, None])[:, :, 0]
@@ -268,7 +262,7 @@ def _paired(
     moved: float,
 ) -> Finding:
     i, j = int(pairs.sign[k]), int(pairs.listed[k])
-    own = inventory.sd_m[j] if np.isfinite(inventory.sd_m[j]) else sd
+    own = min(inventory.sd_m[j], LARGEST_SD_M) if np.isfinite(inventory.sd_m[j]) else sd
     east, north = (pairs.apart[k] - shift).tolist()
     error = math.sqrt(0.5 * float(np.trace(pairs.cov[k])) + float(own) ** 2)
     listed = inventory.class_name[j]

@@ -180,8 +180,8 @@ def test_directions_of_traffic_are_noticed() -> None:
     straight = compare_inventory(signs, inventory, drives)
     inventory = replace(inventory, facing_rad=inventory.facing_rad + np.pi)
     turned = compare_inventory(signs, inventory, drives)
-    assert not straight.turned
-    assert turned.turned
+    assert not straight.directions.turned
+    assert turned.directions.turned
     assert [f.kind for f in turned.findings] == [f.kind for f in straight.findings]
 
 
