@@ -69,7 +69,7 @@ def test_a_list_in_another_datum_by_some_metres_is_moved() -> None:
 
 def test_a_list_that_lacks_nearly_all_of_the_map_is_none_that_lies_elsewhere() -> None:
     one = street()[1]
-    few = np.arange(0, len(one), 9)
+    few = list(range(0, len(one), 9))
     names = [one.class_name[k] for k in few]
     lacking = Inventory(
         [one.ids[k] for k in few], names, one.lat_rad[few], one.lon_rad[few],
