@@ -2,8 +2,8 @@
 
 python tests/benchmarks/inventory_passes.py --data DATA --work WORK [--seeds N] [--first N]
 
-Street, boxes, path and list are those of ``inventory_world.py`` with one drive; but a sign shows the
-face of a pass of ``sign_probability.py`` (WORK keeps them), of the half to check, and the map
+Street, boxes, path and list are those of ``inventory_world.py`` with one drive; but a sign shows
+the face of a pass of ``sign_probability.py`` (WORK keeps them), of the half to check, and the map
 has what the classifier makes of it: the class that it names or none, its probability, and what the
 views give to each class. Of the list's wrong classes half have the same colour and shape. Printed
 are, per kind, how many are due and told for sure, with precision and recall.
@@ -12,17 +12,21 @@ are, per kind, how many are due and told for sure, with precision and recall.
 from __future__ import annotations
 
 import argparse
+import sys
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "unit"))
+from inventory_case import KINDS, correct, due
+
 from automap.mapping.inventory import compare_inventory
 from automap.signs.classes import load_classes
 from automap.vision.voting import group_of, mean_shares, vote
 from pipeline.train.passes import Pass
-from tests.benchmarks.inventory_world import KINDS, Case, case, correct, due
+from tests.benchmarks.inventory_world import Case, case
 from tests.benchmarks.listed_classes import SETS
 from tests.benchmarks.sign_probability import make_passes
 
@@ -33,16 +37,16 @@ def with_passes(one: Case, passes: Sequence[Pass], seed: int) -> tuple[Case, Sha
     """The case with faces of the passes, and what their views give to each class."""
     rng = np.random.default_rng([seed, 9])
     n = int(max(one.truth.max(initial=0), one.faulty.origin.max(initial=0))) + 1
-    shown = [passes[k] for k in rng.integers(0, len(passes), n)]
+    shown = [passes[k] for k in rng.integers(0, len(passes), n).tolist()]
     listed = list(one.faulty.inventory.class_name)
     for row, (origin, kind) in enumerate(
         zip(one.faulty.origin.tolist(), one.faulty.kind.tolist(), strict=True)
     ):
-        face = shown[origin].name if origin >= 0 else passes[rng.integers(len(passes))].name
+        face = shown[origin].name if origin >= 0 else passes[int(rng.integers(len(passes)))].name
         listed[row] = _another(face, rng) if kind == "class" else face
     signs, shares = [], []
     for sign, true in zip(one.signs, one.truth.tolist(), strict=True):
-        views = (shown[true] if true >= 0 else passes[rng.integers(len(passes))]).views
+        views = (shown[true] if true >= 0 else passes[int(rng.integers(len(passes)))]).views
         told = vote(views)
         signs.append(replace(
             sign, class_name=told.name, class_probability=told.probability,
