@@ -94,7 +94,8 @@ def compare_inventory(
     if not directions.used:
         inventory = replace(inventory, facing_rad=np.full(len(inventory), np.nan))
     pairs = _candidates(signs, inventory, shares, near)
-    shift, sd, evidence, moved, square = _fit(pairs, inventory, signs)
+    shift, sd, part, evidence, moved, square = _fit(pairs, inventory, signs)
+    pairs = replace(pairs, cov=part * pairs.cov)
     chosen = _one_to_one(pairs, evidence, len(signs))
     findings = [
         _paired(pairs, k, signs, inventory, shares, shift, sd, float(moved[k]))
@@ -183,22 +184,24 @@ def _candidates(
 
 def _fit(
     pairs: _Pairs, inventory: Inventory, signs: Sequence[Sign]
-) -> tuple[FloatArray, float, FloatArray, FloatArray, float]:
-    """Shift and sd of the list, each pair's log odds against standing alone, the probability that
-    it was moved, and the mean square of pairs in place over what is expected."""
+) -> tuple[FloatArray, float, float, FloatArray, FloatArray, float]:
+    """Shift and sd of the list, the part of the map's variances that is each sign's own, each
+    pair's log odds against standing alone, the probability that it was moved, and the mean square
+    of pairs in place over what is expected."""
     shift, sd, new = np.zeros(2), USUAL_SD_M, NEW_SHARE
     n, m = len(signs), len(inventory)
     if len(pairs.sign) == 0:
-        return shift, sd, np.zeros(0), np.zeros(0), math.nan
+        return shift, sd, 1.0, np.zeros(0), np.zeros(0), math.nan
     area = math.pi * MOVED_M**2
     # map signs round a listed one, besides its own
     crowd = max(len(pairs.sign) / m - 1.0, 1.0) / area
     stated = inventory.sd_m[pairs.listed]
     found = DETECTION_PRIOR[0] / sum(DETECTION_PRIOR) * (1.0 - STALE)
     moved_density = STALE / area
+    part = 1.0
     for _ in range(ROUNDS):
         own = np.where(np.isfinite(stated), np.clip(stated, LEAST_SD_M, LARGEST_SD_M), sd)
-        total = pairs.cov + own[:, None, None] ** 2 * np.eye(2)
+        total = part * pairs.cov + own[:, None, None] ** 2 * np.eye(2)
         residual = pairs.apart - shift
         weighted = np.linalg.solve(total, residual[:, :, None])[:, :, 0]
         square = np.einsum("ki,ki->k", residual, weighted)
@@ -223,11 +226,16 @@ def _fit(
         prior = USUAL_PAIRS * USUAL_SD_M**2
         sd = math.sqrt((0.5 * (told * squares).sum() + prior) / (told.sum() + USUAL_PAIRS))
         sd = min(max(sd, LEAST_SD_M), LARGEST_SD_M)
+        # and of the map's errors the part that signs do not have in common, which the shift is not
+        squares = part**2 * np.einsum("ki,kij,kj->k", weighted, pairs.cov, weighted)
+        squares += 2.0 * part
+        squares -= part**2 * np.einsum("kij,kji->k", np.linalg.inv(total), pairs.cov)
+        part = min((0.5 * float((stays * squares).sum()) + 1.0) / max(float(stays.sum()), 1.0), 1.0)
         new = min(max((n - share.sum() + 1.0) / (n + 2.0), 0.5 / (n + 2.0)), 1.0)
     moved = moved_density / (in_place + moved_density)
     weight = float(stays.sum())
     mean_square = float((stays * square).sum() / (2.0 * weight)) if weight > 1.0 else math.nan
-    return shift, sd, evidence, moved, mean_square
+    return shift, sd, part, evidence, moved, mean_square
 
 
 def _sum_of(place: IntArray, values: FloatArray, n: int) -> FloatArray:

@@ -448,3 +448,16 @@ def test_drives_that_had_a_sign_in_view_are_counted() -> None:
     assert tries.tolist() == [2, 2, 1, 0]
     # a sign that was found was seen, whoever of those in view it was
     assert hits.tolist() == [1, 0, 1, 0]
+
+
+def test_what_all_signs_of_a_map_are_off_in_common_is_no_doubt_of_one_that_was_moved() -> None:
+    """A map that is off by some metres as a whole states that of each of its signs."""
+    rng, town, drives, _, signs = town_and_drive(5)
+    case = faulty(rng, town)
+    wide = [replace(s, cov_enu=s.cov_enu + 2.5**2 * np.eye(3)) for s in signs]
+    moved = set(np.flatnonzero(case.kind == "moved").tolist())
+    result = compare_inventory(wide, case.inventory, drives)
+    told = {f.listed for f in result.findings if f.kind == "moved" and f.sure}
+    assert len(told & moved) > 0.9 * len(moved) - 1
+    assert len(told & moved) > 0.9 * len(told) - 1
+    assert np.median([f.sd_m for f in result.findings if f.kind == "matched"]) < 1.5
