@@ -42,8 +42,8 @@ def doubts(
     path: Path,
     elsewhere: Collection[str] = (),
 ) -> tuple[list[str], list[Finding]]:
-    """Sentences, and the findings with those that rest on what is doubtful as unsure; ``elsewhere``
-    are the classes of entries without a position."""
+    """Sentences, and the findings with those that rest on what is doubtful as unsure, and no
+    likelier than not; ``elsewhere`` are the classes of entries without a position."""
     told: list[str] = []
     withheld: set[int] = set()
     for sentence, rows in (
@@ -57,7 +57,9 @@ def doubts(
         told.append(f"{path}: {sentence}")
         withheld |= set(rows)
     findings = [
-        replace(f, sure=False) if k in withheld and f.kind in WORK else f
+        replace(f, sure=False, probability=min(f.probability, LIKELIER_THAN_NOT))
+        if k in withheld and f.kind in WORK
+        else f
         for k, f in enumerate(result.findings)
     ]
     return told, findings

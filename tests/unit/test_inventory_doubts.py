@@ -59,6 +59,7 @@ def test_a_list_that_lies_elsewhere_makes_no_work(metres: float) -> None:
     text, findings = said(shifted(metres)(street()[1]))
     assert "--crs" in text
     assert for_work(findings) == 0
+    assert max(f.probability for f in findings if f.kind in WORK) <= 0.5
 
 
 def test_a_list_in_another_datum_by_some_metres_is_moved() -> None:
