@@ -101,23 +101,22 @@ def compare_inventory(
         _paired(pairs, k, signs, inventory, shares, shift, sd, float(moved[k]))
         for k in chosen.tolist()
     ]
+    partner = np.full(len(inventory), -1)
+    partner[pairs.listed[chosen]] = pairs.sign[chosen]
+    unknown = np.setdiff1d(np.arange(len(signs)), pairs.sign[chosen])
+    by_sign, by_listed = _rivals(pairs, evidence, chosen, len(signs), len(inventory))
     findings = [
         _moved_after_all(f, float(moved[k]))
         for f, k in zip(judge_classes(findings), chosen.tolist(), strict=True)
     ]
-    partner = np.full(len(inventory), -1)
-    partner[pairs.listed[chosen]] = pairs.sign[chosen]
-    unknown = np.setdiff1d(np.arange(len(signs)), pairs.sign[chosen])
-    # one that is neither paired nor surely alone may be the other that is left
-    left = (partner[pairs.listed] < 0) & np.isin(pairs.sign, unknown)
-    odds = np.where(left, np.exp(np.minimum(evidence, 0.0)), 0.0)
-    alone = 1.0 / (1.0 + _sum_of(pairs.sign, odds, len(signs)))
-    findings += [
-        replace(f, probability=f.probability * float(alone[f.sign]))
+    findings = [
+        replace(f, probability=f.probability / float(1.0 + by_sign[f.sign] + by_listed[f.listed]))
+        for f in findings
+    ] + [
+        replace(f, probability=f.probability / float(1.0 + by_sign[f.sign]))
         for f in new_signs(signs, unknown)
     ]
-    alone = 1.0 / (1.0 + _sum_of(pairs.listed, odds, len(inventory)))
-    lost, detection = not_found(inventory, partner, signs, drives, alone)
+    lost, detection = not_found(inventory, partner, signs, drives, 1.0 / (1.0 + by_listed))
     order = ("matched", "moved", "class", "new", "missing", "unconfirmed", "not_seen")
     findings = mark_sure([*findings, *lost])
     findings.sort(key=lambda f: (order.index(f.kind), f.listed, f.sign))
@@ -248,6 +247,19 @@ def _one_to_one(pairs: _Pairs, evidence: FloatArray, n: int) -> IntArray:
     partner = assign_near(pairs.sign[good], pairs.listed[good], -evidence[good], n, 0.0)
     chosen: IntArray = good[partner[pairs.sign[good]] == pairs.listed[good]]
     return chosen
+
+
+def _rivals(
+    pairs: _Pairs, evidence: FloatArray, chosen: IntArray, n: int, m: int
+) -> tuple[FloatArray, FloatArray]:
+    """Odds of each sign [n] and each listed one [m] being of another pair than what was ``chosen``,
+    one that takes the place of one pair at most."""
+    of_sign, of_listed = np.zeros(n), np.zeros(m)
+    of_sign[pairs.sign[chosen]] = of_listed[pairs.listed[chosen]] = evidence[chosen]
+    gives_up = of_sign[pairs.sign] + of_listed[pairs.listed]
+    other = (of_sign[pairs.sign] == 0.0) | (of_listed[pairs.listed] == 0.0)
+    odds = np.where(other, np.exp(np.minimum(evidence - gives_up, 0.0)), 0.0)
+    return _sum_of(pairs.sign, odds, n), _sum_of(pairs.listed, odds, m)
 
 
 def _moved_after_all(finding: Finding, moved: float) -> Finding:
