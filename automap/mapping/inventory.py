@@ -259,6 +259,8 @@ def _rivals(
     gives_up = of_sign[pairs.sign] + of_listed[pairs.listed]
     other = (of_sign[pairs.sign] == 0.0) | (of_listed[pairs.listed] == 0.0)
     odds = np.where(other, np.exp(np.minimum(evidence - gives_up, 0.0)), 0.0)
+    # or of none: half of these odds is counted with the sign, half with the listed one
+    odds[chosen] = 0.5 * np.exp(-evidence[chosen])
     return _sum_of(pairs.sign, odds, n), _sum_of(pairs.listed, odds, m)
 
 
