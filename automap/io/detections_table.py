@@ -31,6 +31,9 @@ VIEW_CLASS = "view_class"
 """What the single view looks like; a table of an earlier version has no such column, and none of
 the tracks' probabilities."""
 
+CLASS_SHARES = "class_shares"
+"""What the views of the track give to each class; likewise."""
+
 CONTRAST, CONTRAST_NOTE = "contrast", "contrast_note"
 """Of the face in the single view, and why it could not be told; likewise."""
 
@@ -67,17 +70,19 @@ def write_detections(path: Path, cameras: Sequence[Detections]) -> None:
                 name: joined([d.told(name) for d in cameras], np.float64)
                 for name in (*TRACK_PROBABILITIES, CONTRAST)
             },
-            CONTRAST_NOTE: pa.array(
-                [note or None for d in cameras for note in _notes(d)], pa.string()
-            ),
+            **{
+                name: pa.array(
+                    [text or None for d in cameras for text in _texts(d, name)], pa.string()
+                )
+                for name in (CLASS_SHARES, CONTRAST_NOTE)
+            },
         },
     )
 
 
-def _notes(found: Detections) -> list[str]:
-    if found.contrast_note is None:
-        return [""] * len(found)
-    return [str(note) for note in found.contrast_note]
+def _texts(found: Detections, name: str) -> list[str]:
+    values = getattr(found, name)
+    return [""] * len(found) if values is None else [str(value) for value in values]
 
 
 def read_detections(path: Path) -> dict[str, Detections]:
@@ -96,9 +101,9 @@ def read_detections(path: Path) -> dict[str, Detections]:
         for name in (*TRACK_PROBABILITIES, CONTRAST)
         if name in table.column_names
     }
-    if CONTRAST_NOTE in table.column_names:
-        notes = [note or "" for note in table.column(CONTRAST_NOTE).to_pylist()]
-        told[CONTRAST_NOTE] = np.array([*notes, None], object)[:-1]
+    for name in {CLASS_SHARES, CONTRAST_NOTE} & set(table.column_names):
+        notes = [note or "" for note in table.column(name).to_pylist()]
+        told[name] = np.array([*notes, None], object)[:-1]
     found = {}
     for name in dict.fromkeys(camera.tolist()):
         rows = camera == name
@@ -114,3 +119,11 @@ def read_detections(path: Path) -> dict[str, Detections]:
             **{key: values[rows] for key, values in told.items()},
         )
     return found
+
+
+def read_class_shares(path: Path) -> list[str]:
+    """What the views of each box's track give to each class [n] ("" not told), all cameras."""
+    table = read_table(path)
+    if CLASS_SHARES not in table.column_names:
+        return [""] * len(table)
+    return [str(text or "") for text in table.column(CLASS_SHARES).to_pylist()]

@@ -17,7 +17,7 @@ from automap.io.vector_layer import (
     texts,
     to_degrees,
 )
-from automap.records import FloatArray
+from automap.records import BoolArray, FloatArray
 
 ROLES = {
     "id": (
@@ -89,9 +89,12 @@ def read_inventory(
     lon, lat = to_degrees(x, y, system, path)
     if near is not None and np.isfinite(lat).any():
         lon, lat = _right_way_round(path, (x, y), (lon, lat), system, near, warnings)
+    lon, lat = _on_earth(path, lon, lat)
     outside = int((~(np.isfinite(lon) & np.isfinite(lat))).sum())
     if outside:
         warnings.append(f"{path}: {outside} of {len(table)} entries have no usable position.")
+    if near is not None:
+        warnings += _far(path, lon, lat, near)
     if "class" not in columns:
         have = ", ".join(list(table.columns)[:12]) or "none"
         warnings.append(
@@ -115,13 +118,20 @@ def read_inventory(
         if "id" in columns:
             warnings.append(f"{path}: names of entries repeat; their places are added to them.")
     codes, values = column("class"), column("value")
+    facing = _directions(column("facing"))
+    odd = [cell for cell, a in zip(column("facing"), facing, strict=True) if cell and np.isnan(a)]
+    if odd:
+        warnings.append(
+            f"{path}: directions of {len(odd)} entries are neither degrees within 360 nor points "
+            f"of the compass, such as {odd[0][:20]!r}; they are not used."
+        )
     sd = numbers(table.columns[columns["sd"]]) if "sd" in columns else np.full(len(table), np.nan)
     return InventoryFile(
         ids,
         [_with_value(code, value) for code, value in zip(codes, values, strict=True)],
         np.radians(lat),
         np.radians(lon),
-        np.radians(_directions(column("facing"))),
+        np.radians(facing),
         np.where(sd > 0.0, sd, np.nan),
         columns,
         warnings,
@@ -194,25 +204,53 @@ def _right_way_round(
     warnings: list[str],
 ) -> tuple[FloatArray, FloatArray]:
     """Longitudes and latitudes, turned where only that brings entries to the map."""
-    # ten kilometres about the map
-    south, north = np.degrees([near[0].min(), near[0].max()]) + np.array([-0.1, 0.1])
-    west, east = np.degrees([near[1].min(), near[1].max()]) + np.array([-0.2, 0.2])
-
-    def inside(lon: FloatArray, lat: FloatArray) -> int:
-        return int(((lon > west) & (lon < east) & (lat > south) & (lat < north)).sum())
-
-    if inside(*found):
+    if _about(*found, near).any():
         return found
     turned = to_degrees(given[1], given[0], system, path)
-    if inside(*turned):
+    if _about(*turned, near).any():
         warnings.append(f"{path}: its coordinates are the other way round; they were turned.")
         return turned
-    lon, lat = np.nanmedian(found[0]), np.nanmedian(found[1])
-    warnings.append(
-        f"{path}: none of its entries lies near the map; they are round {lat:.3f}, {lon:.3f}. "
-        "Check --crs."
-    )
     return found
+
+
+def _about(lon: FloatArray, lat: FloatArray, near: tuple[FloatArray, FloatArray]) -> BoolArray:
+    """Which places [n] lie within some ten kilometres about the map."""
+    south, north = np.degrees([near[0].min(), near[0].max()]) + np.array([-0.1, 0.1])
+    west, east = np.degrees([near[1].min(), near[1].max()]) + np.array([-0.2, 0.2])
+    return np.asarray((lon > west) & (lon < east) & (lat > south) & (lat < north))
+
+
+def _on_earth(path: Path, lon: FloatArray, lat: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Longitudes and latitudes; NaN for what is none, and for what tables have for nothing: 0, 0.
+
+    Raises InputError where none of them is one.
+    """
+    known = np.isfinite(lon) & np.isfinite(lat)
+    degrees = known & (np.abs(lat) <= 90.0) & (np.abs(lon) <= 360.0)
+    if known.any() and not degrees.any():
+        first = int(np.argmax(known))
+        raise InputError(
+            f"{path}: its latitudes and longitudes are no degrees (the first are {lat[first]:.10g} "
+            f"and {lon[first]:.10g}); name such columns with --columns x=NAME,y=NAME and give the "
+            "coordinate system with --crs."
+        )
+    good = degrees & ~((lat == 0.0) & (lon == 0.0))
+    return np.where(good, lon, np.nan), np.where(good, lat, np.nan)
+
+
+def _far(
+    path: Path, lon: FloatArray, lat: FloatArray, near: tuple[FloatArray, FloatArray]
+) -> list[str]:
+    """How many entries lie elsewhere than the map."""
+    known = np.isfinite(lon) & np.isfinite(lat)
+    far = known & ~_about(lon, lat, near)
+    if not far.any():
+        return []
+    where = f"they are round {np.median(lat[far]):.3f}, {np.median(lon[far]):.3f}"
+    if far.sum() == known.sum():
+        return [f"{path}: none of its entries lies near the map; {where}. Check --crs."]
+    number = f"{int(far.sum())} of {len(lat)} entries lie"
+    return [f"{path}: {number} more than 10 km from the map and are not compared; {where}."]
 
 
 def _directions(cells: list[str]) -> FloatArray:

@@ -9,7 +9,7 @@ Royal Statistical Society B 39, 1977). Who belongs to whom is then decided for a
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -18,6 +18,8 @@ import numpy as np
 from automap.assignment import assign_near
 from automap.earth import ecef, metres_per_radian
 from automap.mapping.candidates import facing_evidence
+from automap.mapping.inventory_classes import looks_otherwise, of_another_class, same_face
+from automap.mapping.inventory_directions import Directions, directions_of
 from automap.mapping.inventory_findings import (
     Finding,
     Inventory,
@@ -31,6 +33,7 @@ from automap.mapping.inventory_limits import (
     DETECTION_PRIOR,
     LARGEST_SD_M,
     LEAST_SD_M,
+    LIKELIER_THAN_NOT,
     NEW_SHARE,
     ROUNDS,
     STALE,
@@ -41,21 +44,20 @@ from automap.mapping.limits import MOVED_M
 from automap.mapping.sightings import DriveSigns
 from automap.records import BoolArray, FloatArray, IntArray, Sign
 from automap.signs.codes import face_of
-from automap.signs.vocabulary import load_vocabulary
 
 
 @dataclass(frozen=True)
 class InventoryComparison:
     """``findings`` of all signs; the inventory's ``shift_m`` [2] east and north against the map,
     its error ``sd_m`` per axis without that, ``normalised_square`` of pairs in place (1 where the
-    stated errors are right, NaN without pairs), ``turned`` where its directions are those of
-    traffic and not of faces, and ``detection``, how often a sign in view was found."""
+    stated errors are right, NaN without pairs), ``directions`` what its directions
+    mean, and ``detection``, how often a sign in view was found."""
 
     findings: list[Finding]
     shift_m: FloatArray
     sd_m: float
     normalised_square: float
-    turned: bool
+    directions: Directions
     detection: float
 
 
@@ -75,51 +77,50 @@ def compare_inventory(
     signs: Sequence[Sign],
     inventory: Inventory,
     drives: Sequence[DriveSigns],
+    shares: Sequence[Mapping[str, float]] = (),
 ) -> InventoryComparison:
     """What of ``inventory`` is on the map, what is not, and what the map has besides.
 
-    ``signs`` with positions; ``drives`` tell where cameras looked.
+    ``signs`` with positions; ``drives`` tell where cameras looked; ``shares`` what the views of
+    each sign give to each class (empty: not known).
     """
-    turned = _is_turned(signs, inventory)
-    if turned:
+    shares = shares or [{}] * len(signs)
+    near, directions = None, Directions()
+    if len(signs) and len(inventory):
+        near = _near(signs, inventory)
+        directions = directions_of(signs, inventory, *near)
+    if directions.turned:
         inventory = replace(inventory, facing_rad=inventory.facing_rad + np.pi)
-    pairs = _candidates(signs, inventory)
-    shift, sd, evidence, moved, square = _fit(pairs, inventory, signs)
+    if not directions.used:
+        inventory = replace(inventory, facing_rad=np.full(len(inventory), np.nan))
+    pairs = _candidates(signs, inventory, shares, near)
+    shift, sd, part, evidence, moved, square = _fit(pairs, inventory, signs)
+    pairs = replace(pairs, cov=part * pairs.cov)
     chosen = _one_to_one(pairs, evidence, len(signs))
     findings = [
-        _paired(pairs, k, signs, inventory, shift, sd, float(moved[k])) for k in chosen.tolist()
+        _paired(pairs, k, signs, inventory, shares, shift, sd, float(moved[k]))
+        for k in chosen.tolist()
     ]
-    findings = judge_classes(findings, signs)
     partner = np.full(len(inventory), -1)
     partner[pairs.listed[chosen]] = pairs.sign[chosen]
     unknown = np.setdiff1d(np.arange(len(signs)), pairs.sign[chosen])
-    # one that is neither paired nor surely alone may be the other that is left
-    left = (partner[pairs.listed] < 0) & np.isin(pairs.sign, unknown)
-    odds = np.where(left, np.exp(np.minimum(evidence, 0.0)), 0.0)
-    alone = 1.0 / (1.0 + _sum_of(pairs.sign, odds, len(signs)))
-    findings += [
-        replace(f, probability=f.probability * float(alone[f.sign]))
+    by_sign, by_listed = _rivals(pairs, evidence, chosen, len(signs), len(inventory))
+    findings = [
+        _moved_after_all(f, float(moved[k]))
+        for f, k in zip(judge_classes(findings), chosen.tolist(), strict=True)
+    ]
+    findings = [
+        replace(f, probability=f.probability / float(1.0 + by_sign[f.sign] + by_listed[f.listed]))
+        for f in findings
+    ] + [
+        replace(f, probability=f.probability / float(1.0 + by_sign[f.sign]))
         for f in new_signs(signs, unknown)
     ]
-    alone = 1.0 / (1.0 + _sum_of(pairs.listed, odds, len(inventory)))
-    lost, detection = not_found(inventory, partner, signs, drives, alone)
+    lost, detection = not_found(inventory, partner, signs, drives, 1.0 / (1.0 + by_listed))
     order = ("matched", "moved", "class", "new", "missing", "unconfirmed", "not_seen")
     findings = mark_sure([*findings, *lost])
     findings.sort(key=lambda f: (order.index(f.kind), f.listed, f.sign))
-    return InventoryComparison(findings, shift, sd, square, turned, detection)
-
-
-def same_face(a: str, b: str) -> bool | None:
-    """Whether two classes are of one face; None where one tells no more than a look."""
-    if not a or not b:
-        return None
-    if face_of(a) == face_of(b):
-        return True
-    vocabulary = load_vocabulary()
-    generic = set(vocabulary.groups.values())
-    if (a in generic or b in generic) and vocabulary.group_of(a) == vocabulary.group_of(b):
-        return None
-    return False
+    return InventoryComparison(findings, shift, sd, square, directions, detection)
 
 
 def _near(signs: Sequence[Sign], inventory: Inventory) -> tuple[IntArray, IntArray, FloatArray]:
@@ -136,11 +137,24 @@ def _near(signs: Sequence[Sign], inventory: Inventory) -> tuple[IntArray, IntArr
     return i, j, np.column_stack([turn * east, (lat[i] - inventory.lat_rad[j]) * north])
 
 
-def _candidates(signs: Sequence[Sign], inventory: Inventory) -> _Pairs:
-    if not len(signs) or not len(inventory):
+def _belief(sign: Sign, shares: Mapping[str, float], listed: str) -> float:
+    """How surely a sign is not of the class ``listed`` but of its own, by the map alone."""
+    # a person who looked at the sign has the last word
+    if shares and not sign.reviewed:
+        return of_another_class(shares, listed)
+    return class_belief(sign)
+
+
+def _candidates(
+    signs: Sequence[Sign],
+    inventory: Inventory,
+    shares: Sequence[Mapping[str, float]],
+    near: tuple[IntArray, IntArray, FloatArray] | None,
+) -> _Pairs:
+    if near is None:
         none = np.zeros(0, np.int64)
         return _Pairs(none, none, np.zeros((0, 2)), np.zeros((0, 2, 2)), np.zeros(0))
-    i, j, apart = _near(signs, inventory)
+    i, j, apart = near
     names = [face_of(s.class_name) for s in signs]
     share = {name: (names.count(name) + 1.0) / (len(names) + 2.0) for name in set(names)}
     # what no detector tells is taken for sure, so that a list's error is the likelier one
@@ -152,7 +166,10 @@ def _candidates(signs: Sequence[Sign], inventory: Inventory) -> _Pairs:
         chance = share[names[a]]
         if same is not None:
             # one sign under two classes: the list is wrong, or the map
-            right = (1.0 - STALE) * believed[a]
+            belief = believed[a]
+            if not same and shares[a]:
+                belief = _belief(signs[a], shares[a], inventory.class_name[b])
+            right = (1.0 - STALE) * belief
             told[k] = math.log(right / chance + 1.0 - right if same else 1.0 - right)
         turn = signs[a].facing_rad - inventory.facing_rad[b]
         if np.isfinite(turn):
@@ -164,39 +181,26 @@ def _candidates(signs: Sequence[Sign], inventory: Inventory) -> _Pairs:
     return _Pairs(i[keep], j[keep], apart[keep], cov[i[keep]], told[keep])
 
 
-def _is_turned(signs: Sequence[Sign], inventory: Inventory) -> bool:
-    """Whether listed directions are those in which traffic goes: opposite to the faces."""
-    if not len(signs) or not len(inventory):
-        return False
-    i, j, apart = _near(signs, inventory)
-    nearest = np.lexsort((np.hypot(*apart.T), j))
-    first = nearest[np.unique(j[nearest], return_index=True)[1]]
-    seen = np.array([signs[k].facing_rad for k in i[first]], np.float64)
-    turn: FloatArray = seen - inventory.facing_rad[j[first]]
-    cosine: FloatArray = np.cos(turn[np.isfinite(turn)])
-    against, along = int((cosine < -0.5).sum()), int((cosine > 0.5).sum())
-    # signs on both sides of one post are a few; three sigmas of a fair coin are not
-    return against - along > 3.0 * math.sqrt(max(against + along, 1))
-
-
 def _fit(
     pairs: _Pairs, inventory: Inventory, signs: Sequence[Sign]
-) -> tuple[FloatArray, float, FloatArray, FloatArray, float]:
-    """Shift and sd of the list, each pair's log odds against standing alone, the probability that
-    it was moved, and the mean square of pairs in place over what is expected."""
+) -> tuple[FloatArray, float, float, FloatArray, FloatArray, float]:
+    """Shift and sd of the list, the part of the map's variances that is each sign's own, each
+    pair's log odds against standing alone, the probability that it was moved, and the mean square
+    of pairs in place over what is expected."""
     shift, sd, new = np.zeros(2), USUAL_SD_M, NEW_SHARE
     n, m = len(signs), len(inventory)
     if len(pairs.sign) == 0:
-        return shift, sd, np.zeros(0), np.zeros(0), math.nan
+        return shift, sd, 1.0, np.zeros(0), np.zeros(0), math.nan
     area = math.pi * MOVED_M**2
     # map signs round a listed one, besides its own
     crowd = max(len(pairs.sign) / m - 1.0, 1.0) / area
     stated = inventory.sd_m[pairs.listed]
     found = DETECTION_PRIOR[0] / sum(DETECTION_PRIOR) * (1.0 - STALE)
     moved_density = STALE / area
+    part = 1.0
     for _ in range(ROUNDS):
-        own = np.where(np.isfinite(stated), np.maximum(stated, LEAST_SD_M), sd)
-        total = pairs.cov + own[:, None, None] ** 2 * np.eye(2)
+        own = np.where(np.isfinite(stated), np.clip(stated, LEAST_SD_M, LARGEST_SD_M), sd)
+        total = part * pairs.cov + own[:, None, None] ** 2 * np.eye(2)
         residual = pairs.apart - shift
         weighted = np.linalg.solve(total, residual[:, :, None])[:, :, 0]
         square = np.einsum("ki,ki->k", residual, weighted)
@@ -221,11 +225,16 @@ def _fit(
         prior = USUAL_PAIRS * USUAL_SD_M**2
         sd = math.sqrt((0.5 * (told * squares).sum() + prior) / (told.sum() + USUAL_PAIRS))
         sd = min(max(sd, LEAST_SD_M), LARGEST_SD_M)
+        # and of the map's errors the part that signs do not have in common, which the shift is not
+        squares = part**2 * np.einsum("ki,kij,kj->k", weighted, pairs.cov, weighted)
+        squares += 2.0 * part
+        squares -= part**2 * np.einsum("kij,kji->k", np.linalg.inv(total), pairs.cov)
+        part = min((0.5 * float((stays * squares).sum()) + 1.0) / max(float(stays.sum()), 1.0), 1.0)
         new = min(max((n - share.sum() + 1.0) / (n + 2.0), 0.5 / (n + 2.0)), 1.0)
     moved = moved_density / (in_place + moved_density)
     weight = float(stays.sum())
     mean_square = float((stays * square).sum() / (2.0 * weight)) if weight > 1.0 else math.nan
-    return shift, sd, evidence, moved, mean_square
+    return shift, sd, part, evidence, moved, mean_square
 
 
 def _sum_of(place: IntArray, values: FloatArray, n: int) -> FloatArray:
@@ -240,21 +249,50 @@ def _one_to_one(pairs: _Pairs, evidence: FloatArray, n: int) -> IntArray:
     return chosen
 
 
+def _rivals(
+    pairs: _Pairs, evidence: FloatArray, chosen: IntArray, n: int, m: int
+) -> tuple[FloatArray, FloatArray]:
+    """Odds of each sign [n] and each listed one [m] being of another pair than what was ``chosen``,
+    one that takes the place of one pair at most."""
+    of_sign, of_listed = np.zeros(n), np.zeros(m)
+    of_sign[pairs.sign[chosen]] = of_listed[pairs.listed[chosen]] = evidence[chosen]
+    gives_up = of_sign[pairs.sign] + of_listed[pairs.listed]
+    other = (of_sign[pairs.sign] == 0.0) | (of_listed[pairs.listed] == 0.0)
+    odds = np.where(other, np.exp(np.minimum(evidence - gives_up, 0.0)), 0.0)
+    # or of none: half of these odds is counted with the sign, half with the listed one
+    odds[chosen] = 0.5 * np.exp(-evidence[chosen])
+    return _sum_of(pairs.sign, odds, n), _sum_of(pairs.listed, odds, m)
+
+
+def _moved_after_all(finding: Finding, moved: float) -> Finding:
+    """One of another class, of which rather the map is wrong, and which stands elsewhere than it is
+    listed: moved."""
+    right = 1.0 - finding.probability
+    if finding.kind != "class" or min(right, moved) <= LIKELIER_THAN_NOT:
+        return finding
+    return replace(finding, kind="moved", probability=right * moved)
+
+
 def _paired(
     pairs: _Pairs,
     k: int,
     signs: Sequence[Sign],
     inventory: Inventory,
+    shares: Sequence[Mapping[str, float]],
     shift: FloatArray,
     sd: float,
     moved: float,
 ) -> Finding:
     i, j = int(pairs.sign[k]), int(pairs.listed[k])
-    own = inventory.sd_m[j] if np.isfinite(inventory.sd_m[j]) else sd
+    own = min(inventory.sd_m[j], LARGEST_SD_M) if np.isfinite(inventory.sd_m[j]) else sd
     east, north = (pairs.apart[k] - shift).tolist()
     error = math.sqrt(0.5 * float(np.trace(pairs.cov[k])) + float(own) ** 2)
-    if same_face(signs[i].class_name, inventory.class_name[j]) is False:
+    listed = inventory.class_name[j]
+    same = same_face(signs[i].class_name, listed)
+    if same is None and listed and shares[i] and not signs[i].reviewed:
+        same = not looks_otherwise(shares[i], listed)
+    if same is False:
         # either the list or the map is wrong, which all of these together tell
-        return Finding("class", i, j, 1.0 - STALE, east, north, error)
+        return Finding("class", i, j, _belief(signs[i], shares[i], listed), east, north, error)
     kind, belief = ("moved", moved) if moved > 0.5 else ("matched", 1.0 - moved)
     return Finding(kind, i, j, belief, east, north, error)

@@ -146,12 +146,14 @@ def not_found(
 
 
 def class_belief(sign: Sign) -> float:
-    """How surely a sign that is there is of its class.
+    """How surely a sign that is there is of its class; one that a person looked at is.
 
     Where the detector tells no probability, ``confidence`` joins that with ``existence``. In a
     merged map it is the share of the drives' belief, and two drives of three that agree are surer
     than two thirds.
     """
+    if sign.reviewed:
+        return MOST_SURE
     if math.isfinite(sign.class_probability):
         return _probability(sign.class_probability)
     belief = _probability(sign.confidence)
@@ -203,11 +205,11 @@ def new_signs(signs: Sequence[Sign], unknown: IntArray) -> list[Finding]:
     return [Finding("new", k, -1, p) for k, p in zip(unknown.tolist(), told.tolist(), strict=True)]
 
 
-def judge_classes(findings: list[Finding], signs: Sequence[Sign]) -> list[Finding]:
-    """Findings of another class with the probability that the list is wrong and not the map; how
-    often the list is, comes from the data."""
+def judge_classes(findings: list[Finding]) -> list[Finding]:
+    """Findings of another class with the probability that the list is wrong and not the map, in
+    place of how surely the map is right; how often the list is wrong comes from the data."""
     told = [k for k, f in enumerate(findings) if f.kind == "class"]
-    right = np.array([class_belief(signs[findings[k].sign]) for k in told], np.float64)
+    right = np.array([findings[k].probability for k in told], np.float64)
     wrong, share = right, STALE
     for _ in range(ROUNDS):
         wrong = right * share / (right * share + (1.0 - right) * (1.0 - share))

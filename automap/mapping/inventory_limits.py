@@ -26,6 +26,16 @@ HIGHEST_RATE = 0.99
 """Of finding a sign in view: no drive is without any risk of a lorry in between."""
 MOST_SURE = 0.999
 """A map's belief in a sign and its class is taken for no more, as by a merge."""
+CLASS_SHIFT, CLASS_SLOPE = -3.0, 2.5
+"""Log odds that a sign is not of the class a list says, by the logarithm of what its views give to
+the best other class over what they give to that one: fitted on the half to fit of the passes of
+``tests/benchmarks/listed_classes.py``."""
+FAINT_SHARE = 0.01
+"""Added to both: the most likely of 0.001, 0.003, 0.01, 0.03 and 0.1 on the same half."""
+TOLD_BY_CHANCE = 1e-3
+"""What a list contradicts is told where chance alone would do so once in a thousand lists."""
+LEAST_TURNS = 3
+"""Fewer entries that contradict are no habit of a list: two may stand on one odd post. Chosen."""
 HALF_APPROACH_ROWS = 4
 """Places on the path, some 8 m apart, from which a sign must have been in view to count among those
 that a drive looked at. On a straight road it is so from 6 or 7 of them (60 to 7 m): half an

@@ -9,7 +9,7 @@ import numpy as np
 
 from automap.mapping import limits
 from automap.mapping.review_state import Verdict, standing, verdicts
-from automap.records import FloatArray, PlacedSign, ReviewAction, Sign
+from automap.records import TRACK_PROBABILITIES, FloatArray, PlacedSign, ReviewAction, Sign
 
 __all__ = ["Renamed", "Reviewed", "Verdict", "apply_review", "match", "standing", "verdicts"]
 
@@ -176,6 +176,9 @@ def _changed(sign: Sign, verdict: Verdict) -> Sign:
         changes["note"] = verdict.note
     if verdict.class_name is not None:
         changes["class_name"] = verdict.class_name
+        if verdict.class_name != sign.class_name:
+            # what the detector believed is another class
+            changes |= dict.fromkeys(TRACK_PROBABILITIES, float("nan"))
     if verdict.lon_deg is not None and verdict.lat_deg is not None:
         variance = (limits.HAND_SD_M if verdict.sd_m is None else verdict.sd_m) ** 2
         covariance = np.zeros((3, 3))

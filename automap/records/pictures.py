@@ -99,6 +99,8 @@ class Detections:
     what the single view looks like where ``class_name`` is that of the whole track, None where
     there is no such difference. ``class_probability`` and ``group_probability`` [n]: that the track
     is what ``class_name`` says, and of its shape and colour; None where the detector tells neither.
+    ``class_shares`` [n] str what the track's views give to each class on average, as
+    ``automap.signs.class_shares`` writes it; None likewise.
     ``contrast`` [n] of the face in this view, 0 to 1 (NaN: ``contrast_note`` [n] says why), and the
     frames that were ``looked`` at; None where the boxes come from elsewhere.
     """
@@ -113,6 +115,7 @@ class Detections:
     view_class: npt.NDArray[np.object_] | None = None
     class_probability: FloatArray | None = None
     group_probability: FloatArray | None = None
+    class_shares: npt.NDArray[np.object_] | None = None
     contrast: FloatArray | None = None
     contrast_note: npt.NDArray[np.object_] | None = None
     looked: Looked | None = None

@@ -94,6 +94,9 @@ the most likely among the powers 0.5, 1 and 2."""
 FAINTEST, OTHERS = 0.02, 50.0
 """What a view does not list has that probability together, at least, and is so many classes: none
 is forbidden by one view."""
+LEAST_SHARE = 0.001
+"""Less of what a track's views give to a class is not written down: a tenth of what decides
+anything (``inventory_limits.FAINT_SHARE``)."""
 VIEW_CORRELATION, CLASS_POWER, GROUP_POWER = 0.25, 0.48, 0.57
 """Of the views of a pass, which count as four at most, and powers of the odds of class and group:
 the most likely on the half to fit of held tracks and drawn passes, the correlation of 0.1, 0.25,

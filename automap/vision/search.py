@@ -21,6 +21,7 @@ from automap.records import (
     VideoFrame,
     usual_matrix,
 )
+from automap.signs.class_shares import shares_text
 from automap.vision import limits
 from automap.vision.camera_motion import ImageMotion, Motion, motion_on_path
 from automap.vision.camera_path import CameraPath
@@ -31,7 +32,7 @@ from automap.vision.frame_choice import ChoiceRules, FramePlan, every_frame, pla
 from automap.vision.parallel import Beside, Candidate, detections, prefetched, worker_count
 from automap.vision.searched_region import find_in, searched_region, some
 from automap.vision.tracking import Tracker, TrackingRules
-from automap.vision.voting import Verdict, View, view_of, vote
+from automap.vision.voting import Verdict, View, mean_shares, view_of, vote
 
 Progress = Callable[[float, str], None]
 
@@ -100,15 +101,20 @@ class _Rows:
             self.views.append(view_of(found, i))
             self.contrast.append(face_contrast(picture.image, self.box[-1]))
 
-    def verdicts(self) -> dict[int, Verdict]:
-        """What each track is."""
+    def tracks(self) -> dict[int, list[View]]:
+        """The views of each track."""
         views: dict[int, list[View]] = {}
         for track, view in zip(self.track, self.views, strict=True):
             views.setdefault(track, []).append(view)
-        return {track: vote(seen) for track, seen in views.items()}
+        return views
+
+    def verdicts(self) -> dict[int, Verdict]:
+        """What each track is."""
+        return {track: vote(seen) for track, seen in self.tracks().items()}
 
     def detections(self, verdicts: dict[int, Verdict], camera: str, calibrated: bool) -> Detections:
         told = [verdicts[track] for track in self.track]
+        shares = {track: shares_text(mean_shares(seen)) for track, seen in self.tracks().items()}
         return Detections(
             frame=np.array(self.frame, np.int64),
             t_ns=np.array(self.t_ns, np.int64),
@@ -120,6 +126,7 @@ class _Rows:
             view_class=np.array(self.view_class, object),
             class_probability=np.array([v.probability for v in told]) if calibrated else None,
             group_probability=np.array([v.group_probability for v in told]) if calibrated else None,
+            class_shares=np.array([shares[t] for t in self.track], object) if calibrated else None,
             contrast=np.array([value for value, _ in self.contrast], np.float64),
             contrast_note=np.array([note for _, note in self.contrast], object),
         )

@@ -110,6 +110,18 @@ def pooled(views: Sequence[View], correlation: float) -> tuple[list[str], FloatA
     return names, np.asarray(shares / shares.sum(), np.float64)
 
 
+def mean_shares(views: Sequence[View]) -> Alternatives:
+    """What the views give to each class on average, clear ones more, best first; what is less than
+    ``limits.LEAST_SHARE`` is left out."""
+    weight = np.array([min(max(v.height, 1.0) / limits.CLEAR_PX, 1.0) ** 2 for v in views])
+    shares: dict[str, float] = {}
+    for view, part in zip(views, (weight / weight.sum()).tolist(), strict=True):
+        for name, share in view.alternatives:
+            shares[name] = shares.get(name, 0.0) + part * share
+    kept = [(name, share) for name, share in shares.items() if share >= limits.LEAST_SHARE]
+    return tuple(sorted(kept, key=lambda one: (-one[1], one[0])))
+
+
 @lru_cache(maxsize=4096)
 def group_of(class_name: str) -> str | None:
     """What an unknown face of the shape and colour of a class is called; None if not known."""

@@ -65,6 +65,8 @@ def compare_with_inventory(
     )
     from automap.io.inventory_file import read_inventory
     from automap.mapping.inventory import compare_inventory
+    from pipeline.compare.doubts import doubts
+    from pipeline.compare.listing import listed_signs, placeless
     from pipeline.compare.report import comparison_report
     from pipeline.shared.run_record import country_of
 
@@ -77,11 +79,12 @@ def compare_with_inventory(
     read = read_inventory(inventory, columns, crs, layer, near if signs else None)
     warnings += read.warnings
     country = country or country_of(products.json(names.RUN))
-    listed, rows_of = _listed(read, country, inventory, warnings)
+    listed, rows_of = listed_signs(read, country, inventory, warnings)
     drives = _drives(folder, warnings)
-    result = compare_inventory(signs, listed, drives)
-    warnings += _doubts(result, inventory)
-    rows = [_row(finding, signs, listed, read, rows_of) for finding in result.findings]
+    result = compare_inventory(signs, listed, drives, _class_shares(folder, signs))
+    doubtful, findings = doubts(result, signs, listed, inventory, placeless(read, country))
+    warnings += doubtful
+    rows = [_row(finding, signs, listed, read, rows_of) for finding in findings]
     summary = _summary(result, rows, read, inventory, len(signs), country)
     make_folder(out)
     write_layers(out / GPKG, comparison_layers(rows), crs="OGC:CRS84")
@@ -117,41 +120,6 @@ def _signs(products: RunProducts, warnings: list[str]) -> list[Sign]:
     if len(placed) < len(signs):
         warnings.append(f"{len(signs) - len(placed)} signs of the map have no position.")
     return placed
-
-
-def _number(n: int, one: str, many: str) -> str:
-    return f"{n} {one if n == 1 else many}"
-
-
-def _listed(
-    read: InventoryFile, country: str | None, path: Path, warnings: list[str]
-) -> tuple[Inventory, list[int]]:
-    """The list's signs that have a position, and their rows."""
-    from automap.mapping.inventory_findings import Inventory
-    from automap.signs.codes import classes_of
-
-    classes = classes_of(read.codes, country)
-    unknown = Counter(code for code, name in zip(read.codes, classes, strict=True) if name is None)
-    if unknown:
-        most = ", ".join(f"{code!r} ({n})" for code, n in unknown.most_common(5))
-        warnings.append(
-            f"{path}: {_number(unknown.total(), 'sign has a code', 'signs have codes')} not known, "
-            f"such as {most}; classes are not compared there. --country names the catalogue."
-        )
-    rows = np.flatnonzero(np.isfinite(read.lat_rad) & np.isfinite(read.lon_rad)).tolist()
-    if not rows:
-        raise InputError(f"{path}: no entry has a position; see --columns and --crs.")
-    return (
-        Inventory(
-            [read.ids[k] for k in rows],
-            [classes[k] or "" for k in rows],
-            read.lat_rad[rows],
-            read.lon_rad[rows],
-            read.facing_rad[rows],
-            read.sd_m[rows],
-        ),
-        rows,
-    )
 
 
 def _drives(folder: Path, warnings: list[str]) -> list[DriveSigns]:
@@ -191,26 +159,17 @@ def _drives(folder: Path, warnings: list[str]) -> list[DriveSigns]:
     ]  # fmt: skip
 
 
-def _doubts(result: InventoryComparison, path: Path) -> list[str]:
-    """What of the list's own statements its signs contradict."""
-    warnings = []
-    if result.turned:
-        warnings.append(
-            f"{path}: its directions are those of traffic; faces are taken to look the other way."
-        )
-    shift = float(np.hypot(*result.shift_m))
-    if shift > 2.0 * result.sd_m:
-        warnings.append(
-            f"{path}: all of it lies {shift:.1f} m off the map ({result.shift_m[0]:+.1f} m east, "
-            f"{result.shift_m[1]:+.1f} m north), which is taken off; its datum may be another."
-        )
-    # twice the stated error is more than rounding
-    if result.normalised_square > 4.0:
-        warnings.append(
-            f"{path}: its stated accuracy is too good: signs in place are "
-            f"{math.sqrt(result.normalised_square):.1f} times as far off, so many are called moved."
-        )
-    return warnings
+def _class_shares(folder: Path, signs: Sequence[Sign]) -> list[dict[str, float]]:
+    """What the views of each sign give to each class, where the run's detector tells it."""
+    from automap.io.detections_table import read_class_shares
+    from automap.signs.class_shares import mean_of
+
+    if (folder / names.MERGE).is_file() or not (folder / names.DETECTIONS).is_file():
+        return []
+    texts = read_class_shares(folder / names.DETECTIONS)
+    if any(int(sign.detection_rows.max(initial=-1)) >= len(texts) for sign in signs):
+        return []
+    return [mean_of(texts[row] for row in sign.detection_rows.tolist()) for sign in signs]
 
 
 def _row(
@@ -276,7 +235,8 @@ def _summary(
         "inventory_sd_stated_m": float(np.median(stated)) if np.isfinite(stated).all() else None,
         "normalised_square": None if math.isnan(square) else square,
         "detection_rate": result.detection,
-        "directions_turned": result.turned,
+        "directions_turned": result.directions.turned,
+        "directions_used": result.directions.used,
     }
 
 

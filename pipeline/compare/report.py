@@ -27,8 +27,8 @@ _TITLES = {
     "moved": ("Moved", "Found elsewhere than the errors of map and inventory allow."),
     "unsure": (
         "Unsure",
-        "May be one of these, but with them fewer than nine of ten would be right: where there is "
-        "time, or after another drive.",
+        "May be one of these, but with them fewer than nine of ten would be right, or a warning "
+        "says why the inventory may be read wrong: where there is time, or after another drive.",
     ),
     "unconfirmed": (
         "Unconfirmed",

@@ -180,8 +180,8 @@ def test_directions_of_traffic_are_noticed() -> None:
     straight = compare_inventory(signs, inventory, drives)
     inventory = replace(inventory, facing_rad=inventory.facing_rad + np.pi)
     turned = compare_inventory(signs, inventory, drives)
-    assert not straight.turned
-    assert turned.turned
+    assert not straight.directions.turned
+    assert turned.directions.turned
     assert [f.kind for f in turned.findings] == [f.kind for f in straight.findings]
 
 
@@ -448,3 +448,42 @@ def test_drives_that_had_a_sign_in_view_are_counted() -> None:
     assert tries.tolist() == [2, 2, 1, 0]
     # a sign that was found was seen, whoever of those in view it was
     assert hits.tolist() == [1, 0, 1, 0]
+
+
+def test_what_all_signs_of_a_map_are_off_in_common_is_no_doubt_of_one_that_was_moved() -> None:
+    """A map that is off by some metres as a whole states that of each of its signs."""
+    rng, town, drives, _, signs = town_and_drive(5)
+    case = faulty(rng, town)
+    wide = [replace(s, cov_enu=s.cov_enu + 2.5**2 * np.eye(3)) for s in signs]
+    moved = set(np.flatnonzero(case.kind == "moved").tolist())
+    result = compare_inventory(wide, case.inventory, drives)
+    told = {f.listed for f in result.findings if f.kind == "moved" and f.sure}
+    assert len(told & moved) > 0.9 * len(moved) - 1
+    assert len(told & moved) > 0.9 * len(told) - 1
+    assert np.median([f.sd_m for f in result.findings if f.kind == "matched"]) < 1.5
+
+
+def test_a_pair_is_doubted_where_another_pairing_explains_as_much() -> None:
+    """Two signs on one corner and one entry between them that may be either of them."""
+
+    def at(number: int, east_m: float) -> Sign:
+        there = sign_at(number, 0.999)
+        return replace(there, lon_rad=east_m / 6.378e6, cov_enu=0.25 * np.eye(3))
+
+    names = ["regulatory--stop--g1"] * 12
+    far = [replace(at(k, 0.0), lat_rad=k * 1e-5) for k in range(1, 11)]
+    signs = [replace(s, class_name=names[0]) for s in [*far, at(11, -0.6), at(12, 0.6)]]
+    signs[-2:] = [replace(s, class_name="regulatory--yield--g1") for s in signs[-2:]]
+    place = [(s.lat_rad, s.lon_rad) for s in far] + [(0.0, 0.0)]
+    n = len(place)
+    inventory = Inventory(
+        [str(k) for k in range(n)], [*names[:10], "regulatory--yield--g1"],
+        np.array([p[0] for p in place]), np.array([p[1] for p in place]),
+        np.full(n, np.nan), np.full(n, np.nan),
+    )  # fmt: skip
+    findings = compare_inventory(signs, inventory, []).findings
+    between = next(f for f in findings if f.listed == n - 1)
+    other = next(f for f in findings if f.kind == "new")
+    assert between.probability == pytest.approx(0.5, abs=0.05)
+    assert other.probability == pytest.approx(0.5, abs=0.1)
+    assert min(f.probability for f in findings if f not in (between, other)) > 0.95

@@ -91,6 +91,14 @@ def test_decisions_change_their_signs_and_no_other() -> None:
     assert done.problems == []
 
 
+def test_what_a_detector_believed_of_one_class_is_not_told_of_another() -> None:
+    believed = sign(1, class_probability=0.6, group_probability=0.9)
+    (changed,) = apply_review([believed], [action(1, "correct", class_name="yield")]).signs
+    assert np.isnan([changed.class_probability, changed.group_probability]).all()
+    (kept,) = apply_review([believed], [action(1, "accept")]).signs
+    assert kept.class_probability == 0.6
+
+
 def test_a_sign_with_another_number_is_found_where_it_was() -> None:
     old = [sign(1), sign(2)]
     # a new run numbers the signs the other way round and moves them by half a metre

@@ -16,7 +16,7 @@ from automap.errors import InputError
 from automap.io import names
 from automap.io.crops_table import read_crops, write_crops
 from automap.io.detections_csv import read_detections_csv
-from automap.io.detections_table import read_detections, write_detections
+from automap.io.detections_table import read_class_shares, read_detections, write_detections
 from automap.io.drive import load_drive
 from automap.io.searched_table import read_searched
 from automap.records import TRACK_PROBABILITIES, Detections, FrameTimes, Image
@@ -261,7 +261,8 @@ def test_what_is_told_of_a_track_comes_back_from_its_table(
             found = super().detect(image)
             return replace(found, alternatives=(((STOP, 0.9), (other, 0.1)),) * len(found))
 
-    monkeypatch.setattr("pipeline.detect.command.open_detector", lambda *_: Fitted())
+    for module in ("pipeline.detect.command", "pipeline.run.stages.detect"):
+        monkeypatch.setattr(f"{module}.open_detector", lambda *_: Fitted())
     video(tmp_path / "front.mp4", frames=3)
     detect_to_csv(
         tmp_path / "front.mp4", tmp_path / "out.csv", settings=DetectSettings(every_frame=True)
@@ -276,6 +277,13 @@ def test_what_is_told_of_a_track_comes_back_from_its_table(
     again = read_detections(tmp_path / "out.parquet")["front"]
     for name in TRACK_PROBABILITIES:
         assert np.array_equal(again.told(name), found.told(name))
+    # what the views give to each class only the table of a run keeps
+    folder = drive(tmp_path / "d", '[video.front]\nfiles = ["front.mp4"]\nstart_ns = 500\n')
+    (tmp_path / "front.mp4").rename(folder / "front.mp4")
+    context = run(folder, tmp_path, every_frame=True)
+    assert set(read_class_shares(context.work / names.DETECTIONS)) == {
+        f"{STOP} 0.900; {other} 0.100"
+    }
 
 
 def test_the_annotated_video_shows_every_frame(tmp_path: Path) -> None:

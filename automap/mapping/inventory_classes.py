@@ -1,0 +1,61 @@
+"""Whether a sign is of the class that a list says, by what its single views look like.
+
+What the views of a sign give to its true class on average is seldom next to nothing, even where
+they are called otherwise or no class was sure enough to be named; to another class, which a list
+has by mistake, they give next to nothing. How much the one tells from the other is a likelihood
+ratio that logistic regression fitted (as for speakers: N. Brummer and J. du Preez, Computer Speech
+and Language 20, 2006), on passes of signs that the classifier was not trained on.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+from automap.mapping.inventory_limits import (
+    CLASS_SHIFT,
+    CLASS_SLOPE,
+    FAINT_SHARE,
+    LIKELIER_THAN_NOT,
+    MOST_SURE,
+    STALE,
+)
+from automap.signs.classes import load_classes
+from automap.signs.codes import face_of
+from automap.signs.vocabulary import load_vocabulary
+
+
+def same_face(a: str, b: str) -> bool | None:
+    """Whether two classes are of one face; None where one tells no more than a look."""
+    if not a or not b:
+        return None
+    if face_of(a) == face_of(b):
+        return True
+    vocabulary = load_vocabulary()
+    generic = set(vocabulary.groups.values())
+    if (a in generic or b in generic) and vocabulary.group_of(a) == vocabulary.group_of(b):
+        return None
+    return False
+
+
+def of_another_class(shares: Mapping[str, float], listed: str) -> float:
+    """Probability that a sign, of whose class its views give ``shares``, is not of the class
+    ``listed``, where beforehand the one is as likely as the other."""
+    ratio = CLASS_SHIFT + CLASS_SLOPE * class_ratio(shares, listed)
+    return min(1.0 / (1.0 + math.exp(-ratio)), MOST_SURE)
+
+
+def class_ratio(shares: Mapping[str, float], listed: str) -> float:
+    """Logarithm of what the views give to the best of the other classes over what they give to
+    the class ``listed``."""
+    face, classes = face_of(listed), load_classes()
+    own = sum(share for name, share in shares.items() if face_of(name) == face)
+    others = [s for name, s in shares.items() if name in classes and face_of(name) != face]
+    return math.log((max(others, default=0.0) + FAINT_SHARE) / (own + FAINT_SHARE))
+
+
+def looks_otherwise(shares: Mapping[str, float], listed: str) -> bool:
+    """Whether a face that the map does not name is likelier another one than that ``listed``."""
+    wrong = of_another_class(shares, listed) * STALE
+    right = (1.0 - of_another_class(shares, listed)) * (1.0 - STALE)
+    return wrong / (wrong + right) > LIKELIER_THAN_NOT

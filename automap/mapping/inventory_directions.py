@@ -1,0 +1,67 @@
+"""What the directions of a list mean: those of faces, those of traffic, or nothing."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from automap.mapping.inventory_classes import same_face
+from automap.mapping.inventory_findings import Inventory
+from automap.mapping.inventory_limits import LEAST_TURNS, LIKELIER_THAN_NOT, STALE, TOLD_BY_CHANCE
+from automap.mapping.limits import FACING_SD
+from automap.records import FloatArray, IntArray, Sign
+
+_FAR = 3.0 * FACING_SD
+
+
+@dataclass(frozen=True)
+class Directions:
+    """``turned`` where they are those of traffic; of ``told`` ones that can be compared
+    ``against`` contradict the map; ``used`` unless more of them are without meaning than not."""
+
+    turned: bool = False
+    told: int = 0
+    against: int = 0
+    used: bool = True
+
+    @property
+    def doubtful(self) -> bool:
+        """Whether more contradict the map than a list that is looked after has wrong."""
+        from scipy.stats import binom
+
+        return bool(binom.sf(self.against - 1, self.told, STALE) < TOLD_BY_CHANCE)
+
+
+def directions_of(
+    signs: Sequence[Sign], inventory: Inventory, sign: IntArray, listed: IntArray, apart: FloatArray
+) -> Directions:
+    """By the pairs of ``sign`` and ``listed`` [k] that are near one another, ``apart`` [k, 2] m."""
+    facing = np.array([s.facing_rad for s in signs], np.float64)
+    turn = facing[sign] - inventory.facing_rad[listed]
+    known = np.flatnonzero(np.isfinite(turn))
+    nearest = known[np.lexsort((np.hypot(*apart[known].T), listed[known]))]
+    first = nearest[np.unique(listed[nearest], return_index=True)[1]]
+    cosine = np.cos(turn[first])
+    against, along = int((cosine < -0.5).sum()), int((cosine > 0.5).sum())
+    # signs on both sides of one post are a few; three sigmas of a fair coin are not
+    turned = against - along > 3.0 * math.sqrt(max(against + along, 1))
+    angle = np.abs((turn + (np.pi if turned else 0.0) + np.pi) % (2.0 * np.pi) - np.pi)
+    # of one class the one that agrees best: another face of it is another sign
+    best: dict[int, float] = {}
+    for k in known.tolist():
+        j = int(listed[k])
+        if same_face(signs[sign[k]].class_name, inventory.class_name[j]):
+            best[j] = min(best.get(j, math.inf), float(angle[k]))
+    best |= {
+        int(listed[k]): float(angle[k])
+        for k in first.tolist()
+        if not inventory.class_name[listed[k]]
+    }
+    off = sum(a > _FAR for a in best.values())
+    # of those without meaning some point right by chance
+    empty = off / (1.0 - _FAR / np.pi)
+    used = len(best) < LEAST_TURNS or empty <= LIKELIER_THAN_NOT * len(best)
+    return Directions(turned, len(best), off, used)

@@ -1,0 +1,90 @@
+"""The entries of a list as the signs that are compared."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+
+from automap.errors import InputError
+from automap.io.inventory_file import InventoryFile
+from automap.mapping.inventory_findings import Inventory
+from automap.signs.codes import classes_of
+
+
+def _number(n: int, one: str, many: str) -> str:
+    return f"{n} {one if n == 1 else many}"
+
+
+def listed_signs(
+    read: InventoryFile, country: str | None, path: Path, warnings: list[str]
+) -> tuple[Inventory, list[int]]:
+    """The list's signs that have a position, and their rows."""
+    rows, codes = _entries(read, path, warnings)
+    if not rows:
+        raise InputError(f"{path}: no entry has a position; see --columns and --crs.")
+    classes = classes_of(codes, country)
+    unknown = Counter(code for code, name in zip(codes, classes, strict=True) if name is None)
+    if unknown:
+        most = ", ".join(f"{code!r} ({n})" for code, n in unknown.most_common(5))
+        warnings.append(
+            f"{path}: {_number(unknown.total(), 'sign has a code', 'signs have codes')} not known, "
+            f"such as {most}; classes are not compared there. --country names the catalogue."
+        )
+    several = Counter(rows)
+    place: Counter[int] = Counter()
+    ids = []
+    for k in rows:
+        place[k] += 1
+        ids.append(read.ids[k] if several[k] == 1 else f"{read.ids[k]}#{place[k]}")
+    return (
+        Inventory(
+            ids,
+            [name or "" for name in classes],
+            read.lat_rad[rows],
+            read.lon_rad[rows],
+            read.facing_rad[rows],
+            read.sd_m[rows],
+        ),
+        rows,
+    )
+
+
+def _entries(read: InventoryFile, path: Path, warnings: list[str]) -> tuple[list[int], list[str]]:
+    """Rows of the list that have a position, a row with several signs as often, and their codes;
+    one that says what another has said, once."""
+    rows, codes, repeated, split = [], [], [], 0
+    said = set()
+    for k in np.flatnonzero(np.isfinite(read.lat_rad) & np.isfinite(read.lon_rad)).tolist():
+        # as OpenStreetMap parts signs; after a comma there are plates
+        parts = [part.strip() for part in read.codes[k].split(";") if part.strip()] or [""]
+        facing = read.facing_rad[k]
+        one = (read.lat_rad[k], read.lon_rad[k], read.codes[k], facing)
+        # without a direction two may be the two sides of one post
+        if parts[0] and math.isfinite(facing) and one in said:
+            repeated.append(read.ids[k])
+            continue
+        said.add(one)
+        split += len(parts) > 1
+        rows += [k] * len(parts)
+        codes += parts
+    if repeated:
+        warnings.append(
+            f"{path}: {_number(len(repeated), 'entry repeats', 'entries repeat')} place, class and "
+            f"direction of another, such as {', '.join(repeated[:3])}; they are left out."
+        )
+    if split:
+        warnings.append(
+            f"{path}: {_number(split, 'entry names', 'entries name')} several signs, which are "
+            "compared each by itself."
+        )
+    return rows, codes
+
+
+def placeless(read: InventoryFile, country: str | None) -> set[str]:
+    """Classes of the entries that have no position."""
+    placed = np.isfinite(read.lat_rad) & np.isfinite(read.lon_rad)
+    names = classes_of(read.codes, country)
+    return {name for name, there in zip(names, placed.tolist(), strict=True) if name and not there}

@@ -1,0 +1,97 @@
+"""Inventories with known faults against maps whose classes the sign classifier itself read.
+
+python tests/benchmarks/inventory_passes.py --data DATA --work WORK [--seeds N] [--first N]
+
+Street, boxes, path and list are those of ``inventory_world.py`` with one drive; but a sign shows
+the face of a pass of ``sign_probability.py`` (WORK keeps them), of the half to check, and the map
+has what the classifier makes of it: the class that it names or none, its probability, and what the
+views give to each class. Of the list's wrong classes half have the same colour and shape. Printed
+are, per kind, how many are due and told for sure, with precision and recall.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "unit"))
+from inventory_case import KINDS, correct, due
+
+from automap.mapping.inventory import compare_inventory
+from automap.signs.classes import load_classes
+from automap.vision.voting import group_of, mean_shares, vote
+from pipeline.train.passes import Pass
+from tests.benchmarks.inventory_world import Case, case
+from tests.benchmarks.listed_classes import SETS
+from tests.benchmarks.sign_probability import make_passes
+
+Shares = list[dict[str, float]]
+
+
+def with_passes(one: Case, passes: Sequence[Pass], seed: int) -> tuple[Case, Shares]:
+    """The case with faces of the passes, and what their views give to each class."""
+    rng = np.random.default_rng([seed, 9])
+    n = int(max(one.truth.max(initial=0), one.faulty.origin.max(initial=0))) + 1
+    shown = [passes[k] for k in rng.integers(0, len(passes), n).tolist()]
+    listed = list(one.faulty.inventory.class_name)
+    for row, (origin, kind) in enumerate(
+        zip(one.faulty.origin.tolist(), one.faulty.kind.tolist(), strict=True)
+    ):
+        face = shown[origin].name if origin >= 0 else passes[int(rng.integers(len(passes)))].name
+        listed[row] = _another(face, rng) if kind == "class" else face
+    signs, shares = [], []
+    for sign, true in zip(one.signs, one.truth.tolist(), strict=True):
+        views = (shown[true] if true >= 0 else passes[int(rng.integers(len(passes)))]).views
+        told = vote(views)
+        signs.append(replace(
+            sign, class_name=told.name, class_probability=told.probability,
+            group_probability=told.group_probability,
+            confidence=sign.existence * told.probability,
+        ))  # fmt: skip
+        shares.append(dict(mean_shares(views)))
+    inventory = replace(one.faulty.inventory, class_name=listed)
+    return replace(one, signs=signs, faulty=replace(one.faulty, inventory=inventory)), shares
+
+
+def _another(name: str, rng: np.random.Generator) -> str:
+    alike = [n for n in load_classes() if group_of(n) == group_of(name) and n != name]
+    others = [n for n in load_classes() if group_of(n) != group_of(name)]
+    return str(rng.choice(alike if alike and rng.random() < 0.5 else others))
+
+
+def main() -> None:
+    """Print the tables."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--data", type=Path, required=True)
+    parser.add_argument("--work", type=Path, required=True)
+    parser.add_argument("--seeds", type=int, default=4)
+    parser.add_argument("--first", type=int, default=0)
+    options = parser.parse_args()
+    kept = make_passes(options.data, options.work)
+    seeds = range(options.first, options.first + options.seeds)
+    cases = {seed: case(seed, 1) for seed in seeds}
+    for name, kinds in SETS.items():
+        passes = [p for kind in kinds for p in kept[kind] if p.check]
+        for how in ("by the name", "by the views"):
+            total = {kind: np.zeros(3, int) for kind in KINDS}
+            for seed, plain in cases.items():
+                one, shares = with_passes(plain, passes, seed)
+                given = shares if how == "by the views" else []
+                result = compare_inventory(one.signs, one.faulty.inventory, one.drives, given)
+                for kind in KINDS:
+                    sure = [f for f in result.findings if f.kind == kind and f.sure]
+                    right = sum(correct(f, one.faulty, one.truth) for f in sure)
+                    total[kind] += (due(result, one.faulty, one.truth, kind), len(sure), right)
+            print(f"{name}, {how}")
+            for kind, (wanted, told, right) in total.items():
+                precision, recall = right / max(told, 1), right / max(wanted, 1)
+                print(f"  {kind:8} {wanted:5} {told:5}  {precision:.2f} {recall:.2f}", flush=True)
+
+
+if __name__ == "__main__":
+    main()
