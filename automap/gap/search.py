@@ -17,13 +17,13 @@ from automap.gap import limits
 from automap.gap.confirm import Confirmed, confirmed
 from automap.gap.drive import OpenDrive
 from automap.gap.fit import Fit
+from automap.gap.linear import Chosen
 from automap.gap.noise import Fitted, Log, fitted_about, with_noise
 from automap.gap.scoring import fit_held_out, likelier
 from automap.gap.screening import Found, Screening, in_layout
-from automap.gap.selection import Chosen, Key, Selection, pruned, select
+from automap.gap.selection import Key, Selection, pruned, select
 
 WALKS = tuple(bias_walks())
-WHOLE_DELAYS = frozenset(pair for pairs in pairs_of_sign(-1.0) for pair in pairs)
 
 
 class Search:
@@ -251,8 +251,7 @@ class Search:
                 if other in self.screening.not_borne_out(fitted, selection, rival.chosen):
                     continue
                 ahead, sigmas = self._ahead(fitted, here)
-                ahead += self._log_prior(selection, rival.chosen)
-                ahead -= self._log_prior(selection, chosen)
+                ahead += selection.log_prior(rival.chosen) - selection.log_prior(chosen)
                 rival_formula = bool(selection.candidates[other].terms)
                 if abs(sigmas) < limits.APART and not rival_formula:
                     self.close[name] = (*self.close.get(name, ()), other)
@@ -283,13 +282,6 @@ class Search:
         fits = fit_held_out(self.held_out, fitted.model, fitted.values())
         self.held = [*self.held[-1:], (fitted, fits)]
         return fits
-
-    @staticmethod
-    def _log_prior(selection: Selection, chosen: Chosen) -> float:
-        """Log prior probability of a set; whole fixes are late more often than parts of them."""
-        known = {n: CATALOGUE[n] for n in chosen.names if n in CATALOGUE and n not in WHOLE_DELAYS}
-        parts = sum(effect.resembles == "a delay" for effect in known.values())
-        return selection.log_prior(chosen) - limits.CLOSE_NATS * parts
 
     def _proposed(
         self,

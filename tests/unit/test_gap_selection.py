@@ -9,11 +9,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from automap.effects.catalogue import twins_of
 from automap.gap import limits
 from automap.gap.candidates import Candidate
 from automap.gap.linear import Given, Linear
-from automap.gap.search import Search
-from automap.gap.selection import Chosen, Selection, select, twins_of
+from automap.gap.selection import Chosen, Selection, select
 from automap.records import FloatArray
 from tests.unit.gap_linear import columns_named, linear_of
 
@@ -302,7 +302,7 @@ def test_of_two_that_do_the_same_the_one_with_fewer_parameters_is_likelier() -> 
     for name, count in (("e0", 3), ("e1", 9)):
         known = selection.candidates[name]
         selection.candidates[name] = replace(known, log_choice=-math.log(count))
-    priors = [Search._log_prior(selection, of(selection, n)) for n in ("e0", "e1")]
+    priors = [selection.log_prior(of(selection, n)) for n in ("e0", "e1")]
     assert priors[0] - priors[1] == pytest.approx(math.log(3.0))
 
 
