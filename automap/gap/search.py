@@ -228,7 +228,8 @@ class Search:
 
     def _decided(self, here: Fitted, selection: Selection, chosen: Chosen) -> Chosen | None:
         """The choice with a rival in a candidate's place where the filter itself, which knows what
-        is not linear, finds all drives likelier with it; None where no rival is.
+        is not linear, finds all drives likelier with it beyond what is not told apart; None where
+        no rival is.
 
         A formula is told only where it is told apart from every name and explains a tenth more: one
         that follows a name so closely is that name, and something else is a little off. What is
@@ -253,13 +254,14 @@ class Search:
                 ahead, sigmas = self._ahead(fitted, here)
                 ahead += selection.log_prior(rival.chosen) - selection.log_prior(chosen)
                 rival_formula = bool(selection.candidates[other].terms)
-                if abs(sigmas) < limits.APART and not rival_formula:
+                alike = abs(sigmas) < limits.APART or abs(ahead) < limits.CLOSE_NATS
+                if alike and not rival_formula:
                     self.close[name] = (*self.close.get(name, ()), other)
                 clear = abs(sigmas) > limits.APART and abs(ahead) > limits.CHALLENGE * nats
                 clear |= abs(sigmas) > limits.ONE_IN_A_THOUSAND
-                wins = ahead > (limits.CLOSE_NATS if formula and rival_formula else 0.0)
-                if formula and not rival_formula and not clear:
-                    wins, ahead = True, max(ahead, 1e-9)
+                wins = ahead > limits.CLOSE_NATS
+                if formula and not rival_formula:
+                    wins |= not clear
                 elif rival_formula and not formula:
                     wins &= clear
                 if wins and (instead is None or ahead > best):
