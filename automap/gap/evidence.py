@@ -13,6 +13,7 @@ their ratio; and what a candidate explains must be predicted for each stretch fr
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -180,7 +181,8 @@ def axes_differ(known: Conditional, parts: Sequence[Part], ratio: float) -> bool
     mean = float(np.linalg.solve(cov, values).sum() / np.linalg.inv(cov).sum())
     weight = np.linalg.inv(ratio * cov + (limits.ANISOTROPY * mean) ** 2 * np.eye(len(every)))
     off = values - float((weight @ values).sum() / weight.sum())
-    return exceeds(float(off @ weight @ off), len(every) - 1) < np.exp(-limits.LEAST_ODDS)
+    chance = exceeds(float(off @ weight @ off), len(every) - 1)
+    return chance < math.exp(-limits.LEAST_ODDS)
 
 
 def _bayes_factor(g: FloatArray, info: FloatArray, sd: FloatArray) -> float:
