@@ -88,7 +88,7 @@ def candidates_of(layout: Sequence[Column], effects: Collection[str]) -> list[Ca
     # one missing effect in so many is none of the library's
     outside = math.log(limits.OUTSIDE_LIBRARY)
     inside = math.log1p(-limits.OUTSIDE_LIBRARY)
-    shares = {e: math.exp(-limits.CLOSE_NATS if _of_part(e) else 0.0) for e in named}
+    shares = {e: math.exp(-limits.CLOSE_NATS if _rare_delay(e) else 0.0) for e in named}
     out = []
     for effect in named:
         rows = groups[effect]
@@ -118,8 +118,9 @@ def candidates_of(layout: Sequence[Column], effects: Collection[str]) -> list[Ca
     return out
 
 
-def _of_part(effect: str) -> bool:
-    """Whether an effect is a delay of a part of each fix: whole fixes are late more often."""
+def _rare_delay(effect: str) -> bool:
+    """Whether an effect is a delay that grows, or that a part of each fix or a sensor has: constant
+    ones of whole fixes are more frequent."""
     whole = any(effect in pair for pair in pairs_of_sign(-1.0))
     return CATALOGUE[effect].resembles == "a delay" and not whole
 
