@@ -146,12 +146,12 @@ class Search:
     def _reconsidered(self, here: Fitted, selection: Selection, found: Chosen) -> Chosen | None:
         """Another set, where noise as it really is, rivals or held-out data speak against one that
         nothing can be added to; None where nothing does."""
-        if self.before is not None:
-            earlier, its_selection, without = self.before
-            self.before = None
+        before, self.before = self.before, None
+        if before is not None and before[2].names != found.names:
+            earlier, its_selection, without = before
             ahead, _ = self._ahead(here, earlier)
             ahead += selection.log_prior(found) - its_selection.log_prior(without)
-            if without.names != found.names and ahead < 0.0:
+            if ahead < 0.0:
                 # courses of time follow what a name says better
                 self._bar(selection.keys(found) - its_selection.keys(without))
                 return in_layout(without, its_selection, selection)
@@ -191,10 +191,8 @@ class Search:
 
     def _told(self, stands: Confirmed) -> Confirmed:
         """What held-out data say, with which delays every drive has its own of."""
-        kept_out = tuple(
-            replace(k, each_drive=k.effect in self.each_drive) for k in stands.kept_out
-        )
-        return replace(stands, kept_out=kept_out)
+        out = (replace(k, each_drive=k.effect in self.each_drive) for k in stands.kept_out)
+        return replace(stands, kept_out=tuple(out))
 
     def _fit(self, here: Fitted, selection: Selection, chosen: Chosen) -> Fitted:
         """The chosen set as states, with the noise that suits it."""
@@ -273,8 +271,8 @@ class Search:
     def _ahead(self, one: Fitted, other: Fitted) -> tuple[float, float]:
         """Nats by which fitted and held-out drives are likelier with one set than with another, and
         the sigmas of that."""
-        sides = [(*fitted.fits, *self._held_out(fitted)) for fitted in (other, one)]
-        return likelier(sides[1], sides[0])
+        its, mine = ((*fitted.fits, *self._held_out(fitted)) for fitted in (other, one))
+        return likelier(mine, its)
 
     def _held_out(self, fitted: Fitted) -> list[Fit]:
         """Held-out drives under a fitted set; those of the last set but one are kept."""
