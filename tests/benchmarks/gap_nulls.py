@@ -68,7 +68,8 @@ def family_of(candidate: Candidate) -> str:
     """That of a named effect; of a formula what it acts on."""
     if not candidate.terms:
         return CATALOGUE[candidate.name].family
-    return f"formula {candidate.terms[0][0].partition('_')[0]}"
+    acts_on = candidate.terms[0][0].partition("_")[0]
+    return f"formula {'sensor' if acts_on in ('gyro', 'accel') else acts_on}"
 
 
 def main(first: int, last: int) -> None:
