@@ -24,9 +24,10 @@ from automap.records import FloatArray, IntArray
 
 Values = Mapping[str, Mapping[str, float]]
 
-ALWAYS = ("gnss_course_distance", "gnss_speed_offset", "vehicle_pitch")
+ALWAYS = ("gnss_course_distance", "vehicle_pitch")
 """What every receiver and every vehicle has, whatever else is asked: courses that lag at low speed,
-speeds that are told too low, and springs."""
+and springs."""
+DRIFT_SD = CATALOGUE["gnss_velocity_drift"].parameters[0].prior_sd
 BASE_NUISANCES = (
     "accel_bias",
     "gyro_bias",
@@ -74,9 +75,10 @@ def base_options(options: FusionOptions, stated: Collection[str] = ()) -> Fusion
 
 def usual_options(options: FusionOptions) -> FusionOptions:
     """The options with what every vehicle and every receiver has among the nuisances: springs,
-    courses that lag at low speed, speeds that are told too low."""
+    courses that lag at low speed, velocities that drift."""
     more = [e for e in ALWAYS if e not in options.effects and e not in options.fixed]
-    return replace(options, effects=(*options.effects, *more))
+    drift = options.velocity_drift_sd or DRIFT_SD
+    return replace(options, effects=(*options.effects, *more), velocity_drift_sd=drift)
 
 
 def without_course_distance(model: GapModel) -> GapModel:
