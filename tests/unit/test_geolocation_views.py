@@ -32,6 +32,7 @@ def test_rays_are_made_stretch_by_stretch(monkeypatch: pytest.MonkeyPatch) -> No
         k: np.concatenate([v] * 8) for k, v in vars(one).items() if isinstance(v, np.ndarray)
     }  # fmt: skip
     found = [replace(one, **many), replace(one, camera="rear")]
+    peak(path, found)  # what is imported
     whole, at_once = peak(path, found)
     monkeypatch.setattr(views, "_ROWS", 200)
     pieces, by_stretch = peak(path, found)
