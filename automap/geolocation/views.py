@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -194,7 +195,7 @@ def build_views(
 
 def _stretch(found: Detections, first: int) -> Detections:
     """Boxes from one on, at most ``_ROWS``."""
-    own = {k: v for k, v in vars(found).items() if isinstance(v, np.ndarray)}
+    own: dict[str, Any] = {k: v for k, v in vars(found).items() if isinstance(v, np.ndarray)}
     return replace(found, **{k: v[first : first + _ROWS] for k, v in own.items()})
 
 
