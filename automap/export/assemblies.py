@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import itertools
 import json
+import math
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from automap.export.fields import Field
-from automap.export.layers import Layer, times_of_texts
+from automap.export.layers import Layer, times_of_texts, wkb_of_points
 from automap.export.sign_columns import SignColumns
-from automap.records import IntArray
+from automap.records import FloatArray
 
 ASSEMBLY_FIELDS: tuple[Field, ...] = (
     Field("id", "text", "", "post or gantry, as the signs' support"),
@@ -40,30 +42,38 @@ def assembly_layer(columns: SignColumns) -> Layer:
     It stands at the mean of its signs, those that are known better counting for more. Their errors
     are mostly those of the path, which they share: its sigma is the least of theirs.
     """
-    import shapely
+    support = columns.values["support"]
+    at = np.array([k for k in np.flatnonzero(columns.located).tolist() if support[k]], np.int64)
+    names, post = np.unique(np.array([support[k] for k in at], np.str_), return_inverse=True)
+    order = np.lexsort((at, -np.nan_to_num(columns.height_m[at], nan=-1e9), post))
+    at, post = at[order], post[order]
+    first = np.searchsorted(post, np.arange(len(names) + 1))
+    variance = 0.5 * (columns.values["cov_ee_m2"] + columns.values["cov_nn_m2"])[at]
+    weight = np.where(variance > 0.0, 1.0 / np.maximum(variance, 1e-4), 1e-4)
 
-    values = columns.values
-    posts: dict[str, list[int]] = {}
-    for k in np.flatnonzero(columns.located).tolist():
-        if values["support"][k]:
-            posts.setdefault(values["support"][k], []).append(k)
-    variance = 0.5 * (values["cov_ee_m2"] + values["cov_nn_m2"])
-    rows: list[dict[str, Any]] = []
-    points = []
-    for name in sorted(posts):
-        own = sorted(posts[name], key=lambda k: (-np.nan_to_num(columns.height_m[k], nan=-1e9), k))
-        at = np.array(own)
-        weight = np.where(variance[at] > 0.0, 1.0 / np.maximum(variance[at], 1e-4), 1e-4)
-        height = columns.height_m[at]
-        known = np.isfinite(height)
-        # longitudes from the first one on, for posts at the date line
-        lon = (columns.lon_deg[at] - columns.lon_deg[own[0]] + 180.0) % 360.0 - 180.0
-        east = columns.lon_deg[own[0]] + np.average(lon, weights=weight)
-        place = [(east + 180.0) % 360.0 - 180.0, np.average(columns.lat_deg[at], weights=weight)]
-        if known.any():
-            place.append(np.average(height[known], weights=weight[known]))
-        points.append(shapely.to_wkb(shapely.points(*place), flavor="iso"))
-        rows.append(_row(columns, name, at))
+    def mean(value: FloatArray, weight: FloatArray) -> FloatArray:
+        total = np.bincount(post, weight * value, len(names))
+        return np.asarray(total / np.bincount(post, weight, len(names)))
+
+    height = columns.height_m[at]
+    known = np.isfinite(height)
+    # longitudes from the first one on, for posts at the date line
+    start = columns.lon_deg[at[first[:-1]]]
+    lon = (columns.lon_deg[at] - start[post] + 180.0) % 360.0 - 180.0
+    with np.errstate(invalid="ignore"):
+        up = mean(np.where(known, height, 0.0), weight * known)
+    east = (start + mean(lon, weight) + 180.0) % 360.0 - 180.0
+    top = np.fmax.reduceat(columns.values["height_above_road_m"][at], first[:-1])
+    spread = np.sqrt(np.fmin.reduceat(variance, first[:-1]))
+    rows = [
+        _row(columns, name, at[lo:hi].tolist())
+        | {"top_above_road_m": highest, "sd_h_m": sd}
+        for name, (lo, hi), highest, sd in zip(
+            names.tolist(), itertools.pairwise(first.tolist()), top.tolist(), spread.tolist(),
+            strict=True,
+        )
+    ]  # fmt: skip
+    wkb = wkb_of_points(east, mean(columns.lat_deg[at], weight), up)
     arrays: dict[str, npt.NDArray[Any]] = {}
     for field in ASSEMBLY_FIELDS:
         cells = [row[field.name] for row in rows]
@@ -75,19 +85,15 @@ def assembly_layer(columns: SignColumns) -> Layer:
             arrays[field.name] = times_of_texts(cells)
         else:
             arrays[field.name] = np.array([*cells, None], object)[:-1]
-    wkb = np.array([*points, None], object)[:-1]
     return Layer("assemblies", "Unknown", wkb, arrays, {})
 
 
-def _row(columns: SignColumns, name: str, at: IntArray) -> dict[str, Any]:
+def _row(columns: SignColumns, name: str, own: list[int]) -> dict[str, Any]:
     values = columns.values
-    variance = 0.5 * (values["cov_ee_m2"] + values["cov_nn_m2"])[at]
-    own = at.tolist()
     sides = [values["side"][k] for k in own]
-    above = values["height_above_road_m"][at]
     # a back is the other side of its sign
     faces = [(k, back) for k in own for back in (False, True)[: 1 + (values[_BACKS][k] > 0)]]
-    facing = np.array([(values["facing_deg"][k] + 180.0 * back) % 360.0 for k, back in faces])
+    facing = [float(values["facing_deg"][k] + 180.0 * back) % 360.0 for k, back in faces]
     main = values["main_sign"]
     first = [values["first_seen"][k] for k in own if columns.utc_known and values["first_seen"][k]]
     last = [values["last_seen"][k] for k in own if columns.utc_known and values["last_seen"][k]]
@@ -98,12 +104,10 @@ def _row(columns: SignColumns, name: str, at: IntArray) -> dict[str, Any]:
         "faces": ", ".join(values["id"][k] + ("/back" if back else "") for k, back in faces),
         "classes": ", ".join("back" if back else values["class"][k] for k, back in faces),
         "heights_m": _numbers([values["height_above_road_m"][k] for k, _ in faces], 2),
-        "facings_deg": _numbers(facing.tolist(), 0),
+        "facings_deg": _numbers(facing, 0),
         "plates": ", ".join(f"{values['id'][k]}>{main[k]}" for k in own if main[k]) or None,
         "ways": _ways(facing),
-        "top_above_road_m": float(np.nanmax(above)) if np.isfinite(above).any() else np.nan,
         "side": next((s for s in sides if s), None),
-        "sd_h_m": float(np.sqrt(np.nanmin(variance))) if np.isfinite(variance).any() else np.nan,
         "first_seen": min(first, default=None),
         "last_seen": max(last, default=None),
     }
@@ -111,14 +115,14 @@ def _row(columns: SignColumns, name: str, at: IntArray) -> dict[str, Any]:
 
 def _numbers(values: list[float], decimals: int) -> str:
     """Numbers as one text; what is not known is a question mark."""
-    return ", ".join(f"{v:.{decimals}f}" if np.isfinite(v) else "?" for v in values)
+    return ", ".join(f"{v:.{decimals}f}" if math.isfinite(v) else "?" for v in values)
 
 
-def _ways(facing_deg: npt.NDArray[np.float64]) -> int:
+def _ways(facing_deg: list[float]) -> int:
     """How many directions faces look, those within a right angle of one counted before as one."""
     ways: list[float] = []
-    for facing in facing_deg[np.isfinite(facing_deg)].tolist():
-        if all(np.cos(np.radians(facing - other)) < 0.0 for other in ways):
+    for facing in filter(math.isfinite, facing_deg):
+        if all(math.cos(math.radians(facing - other)) < 0.0 for other in ways):
             ways.append(facing)
     return max(len(ways), 1)
 

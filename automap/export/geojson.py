@@ -7,7 +7,7 @@ ellipsoidal height in metres (three decimals); the standard allows no other datu
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from datetime import datetime
 from pathlib import Path
 from typing import Any
@@ -22,7 +22,7 @@ from automap.export.text_columns import (
     constant,
     fixed_column,
     integer_column,
-    lines,
+    line_chunks,
     significant_column,
     special_characters,
     text_column,
@@ -46,6 +46,13 @@ def signs_geojson(columns: SignColumns, lineage: Mapping[str, Any] | None = None
 
 def geojson_bytes(columns: SignColumns, lineage: Mapping[str, Any] | None = None) -> bytes:
     """The same as UTF-8."""
+    return b"".join(geojson_chunks(columns, lineage))
+
+
+def geojson_chunks(
+    columns: SignColumns, lineage: Mapping[str, Any] | None = None
+) -> Iterator[bytes | memoryview]:
+    """The same in parts, to be written one after another."""
     tokens = {
         field.name: json_column(field, columns.values[field.name]) for field in columns.fields
     }
@@ -59,10 +66,15 @@ def geojson_bytes(columns: SignColumns, lineage: Mapping[str, Any] | None = None
     box = bounding_box(columns)
     if box is not None:
         head += f'"bbox": [{", ".join(box)}],\n'
+    yield head.encode() + b'"features": [\n'
+    last: memoryview | None = None
+    for part in line_chunks([*feature, "}},\n"], len(columns)):
+        if last is not None:
+            yield last
+        last = part
     # the comma behind the last feature is one too many
-    features = lines([*feature, "}},\n"], len(columns))[:-2]
-    end = "\n]}\n" if features else "]}\n"
-    return head.encode() + b'"features": [\n' + features + end.encode()
+    yield from () if last is None else (last[:-2], b"\n")
+    yield b"]}\n"
 
 
 def json_column(field: Field, values: Any) -> TextColumn:

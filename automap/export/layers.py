@@ -13,7 +13,7 @@ from automap.export.clock import utc_of_stamps
 from automap.export.fields import STAMP_FIELDS
 from automap.export.path import Path
 from automap.export.sign_columns import SignColumns, ellipse_rings, wrap_degrees
-from automap.records import ClockModel, IntArray, Trajectory
+from automap.records import ClockModel, FloatArray, IntArray, Trajectory
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -89,13 +89,19 @@ def times_of_texts(texts: list[str | None]) -> npt.NDArray[np.datetime64]:
 
 def point_wkb(columns: SignColumns) -> WkbArray:
     """Positions as WKB points [n], three-dimensional where the height is known, else None."""
+    wkb = np.full(len(columns), None, object)
+    at = columns.located
+    wkb[at] = wkb_of_points(columns.lon_deg[at], columns.lat_deg[at], columns.height_m[at])
+    return wkb
+
+
+def wkb_of_points(lon: FloatArray, lat: FloatArray, height: FloatArray) -> WkbArray:
+    """WKB points [n], three-dimensional where the height is known."""
     import shapely
 
-    wkb = np.full(len(columns), None, object)
-    flat = columns.located & ~np.isfinite(columns.height_m)
-    high = columns.located & np.isfinite(columns.height_m)
-    lon, lat, height = columns.lon_deg, columns.lat_deg, columns.height_m
-    wkb[flat] = shapely.to_wkb(shapely.points(lon[flat], lat[flat]))
+    wkb = np.full(len(lon), None, object)
+    high = np.isfinite(height)
+    wkb[~high] = shapely.to_wkb(shapely.points(lon[~high], lat[~high]))
     wkb[high] = shapely.to_wkb(shapely.points(lon[high], lat[high], height[high]), flavor="iso")
     return wkb
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -25,6 +26,8 @@ from automap.records import (
 
 _RATE_STEP_NS = 20_000_000
 """Velocity and rate are differences over twice this."""
+_ROWS = 1 << 15
+"""Boxes whose rays are made at once, an hour of a town's."""
 
 
 @dataclass(frozen=True)
@@ -162,20 +165,21 @@ def build_views(
         if (correction := (corrections or {}).get(found.camera)) is not None:
             camera = correction.applied(camera)
             margin = correction.margin * float(np.exp(-correction.focal_log))
-        part, without_pose, without_ray = _camera_views(
-            trajectory, found, camera, margin, noise, origin
-        )
-        part["row"] += first_row
-        part["camera"] = np.full(len(part["row"]), index, np.int64)
+        # of the boxes of ten hours the poses alone are as large as their views
+        for a in range(0, len(found), _ROWS):
+            part, without_pose, without_ray = _camera_views(
+                trajectory, _stretch(found, a), camera, margin, noise, origin
+            )
+            part["row"] += first_row + a
+            part["camera"] = np.full(len(part["row"]), index, np.int64)
+            n_without_pose += without_pose
+            n_without_ray += without_ray
+            parts.append(part)
         first_row += len(found)
-        n_without_pose += without_pose
-        n_without_ray += without_ray
-        parts.append(part)
-    joined = {key: np.concatenate([p[key] for p in parts]) for key in parts[0]} if parts else {}
-    if not joined:
-        joined = _nothing()
-    order = np.lexsort((joined["row"], joined["camera"], joined["t_ns"]))
-    joined = {key: values[order] for key, values in joined.items()}
+    parts = parts or [_nothing()]
+    order = np.lexsort([np.concatenate([p[k] for p in parts]) for k in ("row", "camera", "t_ns")])
+    # column after column, each let go
+    joined = {k: np.concatenate([p.pop(k) for p in parts])[order] for k in tuple(parts[0])}
     changes = (np.diff(joined["t_ns"]) != 0) | (np.diff(joined["camera"]) != 0)
     frame = np.concatenate([[0], np.cumsum(changes)]).astype(np.int64)[: len(order)]
     return Views(
@@ -187,6 +191,12 @@ def build_views(
         n_without_ray=n_without_ray,
         **joined,
     )
+
+
+def _stretch(found: Detections, first: int) -> Detections:
+    """Boxes from one on, at most ``_ROWS``."""
+    own: dict[str, Any] = {k: v for k, v in vars(found).items() if isinstance(v, np.ndarray)}
+    return replace(found, **{k: v[first : first + _ROWS] for k, v in own.items()})
 
 
 def _nothing() -> dict[str, np.ndarray]:

@@ -23,6 +23,8 @@ COVARIANCE_COLUMNS = (
     ("cov_uu_m2", 2, 2),
 )
 """Column name, row and column of the ENU covariance."""
+_ROWS = 4096
+"""Of a table that are records at once: as such they are ten times as large."""
 
 
 def write_signs(path: Path, signs: Sequence[Sign]) -> None:
@@ -94,13 +96,14 @@ def read_signs(path: Path) -> list[Sign]:
         with pq.ParquetFile(path) as file:
             table = file.read(use_threads=False)
         check_texts(table)
-        rows = table.to_pylist()
+        signs: list[Sign] = []
+        names: dict[str, str] = {}
+        for piece in table.to_batches(_ROWS):
+            signs += [_sign(row, names) for row in piece.to_pylist()]
     except (OSError, pa.ArrowException, UnicodeDecodeError) as error:
         raise InputError(
             f"{path}: the table of signs cannot be read ({error}); run the geolocate stage again."
         ) from error
-    try:
-        signs = [_sign(row) for row in rows]
     except KeyError as error:
         raise InputError(
             f"{path}: the table of signs lacks the column {error}; run the geolocate stage again."
@@ -115,13 +118,14 @@ def read_signs(path: Path) -> list[Sign]:
     return signs
 
 
-def _sign(row: dict[str, Any]) -> Sign:
+def _sign(row: dict[str, Any], names: dict[str, str]) -> Sign:
+    """A sign of a row; ``names`` of drives and classes, which very many signs have in common."""
     covariance = np.empty((3, 3))
     for name, i, j in COVARIANCE_COLUMNS:
         covariance[i, j] = covariance[j, i] = row[name]
     return Sign(
         id=row["id"],
-        class_name=row["class"],
+        class_name=names.setdefault(row["class"], row["class"]),
         lat_rad=row["lat_rad"],
         lon_rad=row["lon_rad"],
         height_m=row["height_m"],
@@ -137,7 +141,7 @@ def _sign(row: dict[str, Any]) -> Sign:
         size_m=row["size_m"],
         side=row["side"],
         status=row["status"],
-        drives=tuple(row["drives"]),
+        drives=tuple([names.setdefault(drive, drive) for drive in row["drives"]]),
         support=row.get("support") or "",
         existence=row.get("existence", float("nan")),
         class_probability=row.get("class_probability", float("nan")),

@@ -119,20 +119,19 @@ def detection_rates(pairs: Chances, n_signs: int, n_drives: int) -> DetectionRat
         np.full(max(n_drives, 1), RATE_PRIOR[0] / sum(RATE_PRIOR)),
         REAL_PRIOR[0] / sum(REAL_PRIOR),
     )
-    telling = np.bincount(pairs.sign, minlength=n_signs)[pairs.sign] >= TELLING_DRIVES
-    seen = pairs.seen.astype(np.float64)
+    telling = np.bincount(pairs.sign, minlength=n_signs) >= TELLING_DRIVES
+    seen = np.bincount(pairs.sign[pairs.seen], minlength=n_signs).astype(np.float64)
     evidence = np.log(_mean_ratio(pairs, _ratios(pairs), n_signs))
     for turn in range(_ROUNDS * _TURNS):
         belief = _mixture(pairs, rates, evidence)
         if turn % _ROUNDS == _ROUNDS - 1:
             rates = _with_spread(pairs, rates, belief)
-        weight = belief[pairs.sign] * telling
-        hits = np.bincount(pairs.drive, weight * seen, len(rates.drive))
-        tries = np.bincount(pairs.drive, weight, len(rates.drive))
+        of_drives = pairs.sign, pairs.drive, pairs.seen, belief * telling, len(rates.drive)
+        hits, tries = _by_drive(*of_drives)
         overall = (hits.sum() + RATE_PRIOR[0]) / (tries.sum() + sum(RATE_PRIOR))
         overall = float(np.clip(overall, *OVERALL_LIMITS))
         by_drive = (hits + DRIVE_FREEDOM * overall) / (tries + DRIVE_FREEDOM)
-        real = _share(float((belief[pairs.sign] * seen).sum()), float(seen.sum()))
+        real = _share(float((belief * seen).sum()), float(seen.sum()))
         rates = DetectionRates(
             overall, np.clip(by_drive, *DRIVE_LIMITS), min(real, SUREST), rates.spread
         )
@@ -165,10 +164,36 @@ def _mean_ratio(pairs: Chances, ratio: FloatArray, n_signs: int) -> FloatArray:
 
 def _counts(pairs: Chances, rates: DetectionRates, n_signs: int) -> tuple[FloatArray, FloatArray]:
     """How often each sign was seen, and missed, [m] each."""
-    weight = np.where(pairs.seen, 0.0, rates.miss_weight(pairs.drive))
-    hits = np.bincount(pairs.sign, pairs.seen.astype(np.float64), n_signs)
-    misses = np.bincount(pairs.sign, weight, n_signs)
-    return np.asarray(hits, np.float64), np.asarray(misses, np.float64)
+    weight = rates.miss_weight(np.arange(len(rates.drive)))
+    return _by_sign(pairs.sign, pairs.drive, pairs.seen, weight, n_signs)
+
+
+@kernel
+def _by_sign(
+    sign: IntArray, drive: IntArray, seen: BoolArray, weight: FloatArray, n_signs: int
+) -> tuple[FloatArray, FloatArray]:
+    """Of each sign [m] the pairs that saw it, and the ``weight`` [d] of the drives that did not:
+    of ten million pairs no array but these."""
+    hits, misses = np.zeros(n_signs), np.zeros(n_signs)
+    for k in range(len(sign)):
+        if seen[k]:
+            hits[sign[k]] += 1.0
+        else:
+            misses[sign[k]] += weight[drive[k]]
+    return hits, misses
+
+
+@kernel
+def _by_drive(
+    sign: IntArray, drive: IntArray, seen: BoolArray, weight: FloatArray, n_drives: int
+) -> tuple[FloatArray, FloatArray]:
+    """Of each drive [d] the ``weight`` [m] of the signs that it saw, and of all in its view."""
+    hits, tries = np.zeros(n_drives), np.zeros(n_drives)
+    for k in range(len(sign)):
+        tries[drive[k]] += weight[sign[k]]
+        if seen[k]:
+            hits[drive[k]] += weight[sign[k]]
+    return hits, tries
 
 
 def _mixture(pairs: Chances, rates: DetectionRates, evidence: FloatArray) -> FloatArray:

@@ -51,8 +51,10 @@ def fronts_of_backs(
     from scipy.spatial import cKDTree
 
     always, maybe = (np.ones(int(owner.max(initial=-1)) + 1, np.bool_) for _ in range(2))
-    np.logical_and.at(always, owner, [is_back(name) for name in names])
-    np.logical_and.at(maybe, owner, [may_be_back(name) for name in names])
+    # a map has very many signs of few classes
+    kinds = {name: (is_back(name), may_be_back(name)) for name in dict.fromkeys(names)}
+    np.logical_and.at(always, owner, [kinds[name][0] for name in names])
+    np.logical_and.at(maybe, owner, [kinds[name][1] for name in names])
     result = np.where(always, BACK_OF_NONE, NO_BACK).astype(np.int64)
     fronts, unsure = (np.flatnonzero(of[owner]) for of in (~maybe, maybe))
     if len(fronts) and len(unsure):

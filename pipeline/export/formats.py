@@ -16,7 +16,7 @@ from automap.export.layers import Layer
 from automap.export.projected import projected_layer
 from automap.export.sign_columns import sign_columns
 from automap.io import names
-from automap.io.atomic import write_bytes, write_chunks, write_json, write_text
+from automap.io.atomic import write_chunks, write_json, write_text
 from automap.records import Trajectory
 from pipeline.export.content import MapContent, geoid_heights, trajectory_of
 from pipeline.shared.pictures import pictures_by_sign
@@ -25,7 +25,7 @@ from pipeline.shared.products import geoid_separation
 
 def write_geojson(content: MapContent, path: Path) -> None:
     """Write the signs as GeoJSON."""
-    write_bytes(path, geojson.geojson_bytes(content.signs, content.lineage))
+    write_chunks(path, geojson.geojson_chunks(content.signs, content.lineage))
 
 
 def write_rejected(content: MapContent, path: Path) -> None:

@@ -55,24 +55,17 @@ def write_fleet_map(
     """Write the map of the drives ``entries``, by recording, into ``out``; ``roads`` is a layer on
     which its signs get a place."""
     drives = read_drives(cells)
-    merged = found.signs(drives)
-    older = None if before is None else read_older(before, drives)
-    comparison, kept, taken = None, {}, set()
-    if older is not None:
-        newer = Newer(
-            merged, found.existence, found.columns["class_share"],
-            shared_with(older, cells, found), found.rates,
-            list(fresh_drives(store, entries, older, drives)),
-        )  # fmt: skip
-        comparison = compare(older.map, newer, least_existence)
-        kept, taken = comparison.names, {sign.id for sign in older.map.signs}
-    ids = name_signs(found.founder, kept, taken)
-    likely = found.existence >= least_existence
-    signs = [replace(s, id=ids[k] if likely[k] else "") for k, s in enumerate(merged)]
+    signs = found.signs(drives)
+    comparison, taken = _compared(
+        store, cells, entries, drives, found, signs, before, least_existence
+    )
+    ids = name_signs(found.founder, {} if comparison is None else comparison.names, taken)
     if comparison is not None:
-        named = {id(sign): name for sign, name in zip(merged, ids, strict=True)}
-        changes = named_changes(comparison.changes, named, signs)
-        comparison = replace(comparison, changes=changes)
+        named = named_changes(comparison.changes, dict(zip(map(id, signs), ids, strict=True)))
+        comparison = replace(comparison, changes=named)
+    for k, likely in enumerate(found.existence >= least_existence):
+        # half a million signs are a gigabyte: one by one
+        signs[k] = replace(signs[k], id=ids[k] if likely else "")
     signs = with_supports(signs, found.columns["own_variance"])
     progress(0.2)
     counts = _write_sightings(out / SIGHTINGS, cells, found, drives, signs)
@@ -86,6 +79,9 @@ def write_fleet_map(
     )  # fmt: skip
     rows = _drive_rows(store, cells, entries, found, drives, counts, warnings)
     outcome = _with_whole(out, outcome, store, cells, entries, found, drives, signs)
+    # what is written now needs the room
+    del signs
+    found.columns.clear()
     write_json(out / names.RUN, _run_record(store, outcome, rows))
     summary = _summary(outcome, found, rows, counts, before, made_of)
     summary["cells"] = found.cells
@@ -101,6 +97,28 @@ def write_fleet_map(
     summary["last_pass"] = last_pass
     write_files(out, outcome, summary, lambda done: progress(0.4 + 0.6 * done))
     return comparison
+
+
+def _compared(
+    store: Store,
+    cells: Path,
+    entries: Mapping[str, Entry],
+    drives: Drives,
+    found: StoreMap,
+    signs: list[Sign],
+    before: Before | None,
+    least_existence: float,
+) -> tuple[Comparison | None, set[str]]:
+    """The merged ``signs`` against the map of before, and the names that it has given."""
+    if before is None:
+        return None, set()
+    older = read_older(before, drives)
+    newer = Newer(
+        signs, found.existence, found.columns["class_share"],
+        shared_with(older, cells, found), found.rates,
+        list(fresh_drives(store, entries, older, drives)),
+    )  # fmt: skip
+    return compare(older.map, newer, least_existence), {sign.id for sign in older.map.signs}
 
 
 def _write_sightings(

@@ -54,14 +54,10 @@ def gather_tracks(
     Drives in ``order``.
     """
     whole = Whole()
-
-    def kept(k: int) -> Kept:
-        return _kept(store, cells, drives.key[k], entries[drives.key[k]])
-
-    rows = sum(0 if (track := kept(k).track) is None else len(track) for k in order)
-    every = -(-rows // MOST_ROWS)
+    files = {k: _up_to_date(store, cells, drives.key[k], entries[drives.key[k]]) for k in order}
+    every = -(-sum(map(_rows, files.values())) // MOST_ROWS)
     for k in order:
-        each = kept(k)
+        each = _read(files[k])
         if each.track is not None:
             whole.tracks[drives.name[k]] = _every(each.track, every)
         in_map = named.of(k)
@@ -78,17 +74,29 @@ def _every(track: Trajectory, step: int) -> Trajectory:
     return Trajectory(**{name: values[rows] for name, values in vars(track).items()})
 
 
-def _kept(store: Store, cells: Path, key: str, entry: Entry) -> Kept:
+def _rows(path: Path) -> int:
+    """Of the track that is kept."""
+    with np.load(path, allow_pickle=False) as file:
+        return len(file["t_ns"]) if "t_ns" in file else 0
+
+
+def _read(path: Path) -> Kept:
+    with np.load(path, allow_pickle=False) as file:
+        has = "t_ns" in file
+        return Kept(
+            Trajectory(*(file[f.name] for f in fields(Trajectory))) if has else None,
+            parse_json(str(file["geoid_m"])),
+        )
+
+
+def _up_to_date(store: Store, cells: Path, key: str, entry: Entry) -> Path:
+    """The file of what is kept of a drive, made where it is not of its last result."""
     path = cells / KEPT / f"{key}.npz"
     wanted = version(entry)
     if path.is_file():
         with np.load(path, allow_pickle=False) as file:
             if str(file["version"]) == wanted:
-                has = "t_ns" in file
-                return Kept(
-                    Trajectory(*(file[f.name] for f in fields(Trajectory))) if has else None,
-                    parse_json(str(file["geoid_m"])),
-                )
+                return path
     with result_folder(store, entry, _READ) as folder:
         track, geoid_m = drive_essentials(folder)
     with atomic_path(path) as temporary, temporary.open("wb") as stream:
@@ -98,7 +106,7 @@ def _kept(store: Store, cells: Path, key: str, entry: Entry) -> Kept:
             geoid_m=np.array(json.dumps(geoid_m)),
             **({} if track is None else vars(track)),
         )
-    return Kept(track, geoid_m)
+    return path
 
 
 def left_out(remote: bool) -> str:

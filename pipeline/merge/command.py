@@ -63,7 +63,7 @@ def merge_runs(
     progress(0.82, "writing")
     signs, named = _named(merged, comparison, older, least_existence)
     if comparison is not None:
-        comparison = replace(comparison, changes=named_changes(comparison.changes, named, signs))
+        comparison = replace(comparison, changes=named_changes(comparison.changes, named))
     signs = with_supports(signs, own_variance(merged.sightings, merged.association.sign))
     countries = {run.country.upper() for run in runs if run.country}
     outcome = MergeOutcome(
@@ -201,9 +201,7 @@ def _named(
     return signs, {id(merged.signs[k]): ids[k] for k in range(len(ids))}
 
 
-def named_changes(
-    changes: Sequence[Change], named: dict[int, str], signs: Sequence[Sign]
-) -> list[Change]:
+def named_changes(changes: Sequence[Change], named: dict[int, str]) -> list[Change]:
     """The changes with the signs' names, in the order of kind and name."""
     result = [
         replace(change, sign=replace(change.sign, id=named.get(id(change.sign), change.sign.id)))

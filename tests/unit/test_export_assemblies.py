@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -84,3 +85,19 @@ def test_the_collection_has_the_same_and_may_be_empty() -> None:
     assert len(first["geometry"]["coordinates"]) == 3
     assert len(second["geometry"]["coordinates"]) == 2
     assert json.loads(assemblies_geojson(sign_columns([])))["features"] == []
+
+
+def test_no_post_costs_a_look_at_all_signs() -> None:
+    """A map of half a million signs has as many posts."""
+    asked: list[str] = []
+
+    class Noted(dict[str, Any]):
+        def __getitem__(self, name: str) -> Any:
+            asked.append(name)
+            return super().__getitem__(name)
+
+    signs = [replace(sign(1), id=f"s{k}", support=f"p{k}") for k in range(30)]
+    columns = sign_columns(signs, CLOCK)
+    noted = replace(columns, values=Noted(columns.values))
+    assert len(assembly_layer(noted)) == 30
+    assert asked.count("cov_ee_m2") == asked.count("cov_nn_m2") == 1

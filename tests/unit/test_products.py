@@ -6,10 +6,11 @@ import errno
 from pathlib import Path
 
 import pytest
-from export_inputs import write_run
+from export_inputs import sign, write_run
 
 from automap.errors import StageError
 from automap.io import names
+from automap.io.signs_table import read_signs, write_signs
 from pipeline.shared.products import load_products
 
 
@@ -34,3 +35,13 @@ def test_a_file_that_the_system_refuses_is_no_missing_one(
     assert products.signs is None
     with pytest.raises(StageError, match=r"signs_raw.*cannot be read \(refused\)"):
         products.readable()
+
+
+def test_many_signs_of_few_drives_hold_their_names_once(tmp_path: Path) -> None:
+    """Of ten million sightings the names of their drives would be half a gigabyte."""
+    signs = [sign(k, drives=("monday", f"drive-{k % 2}")) for k in range(5000)]
+    write_signs(tmp_path / names.SIGNS_RAW, signs)
+    found = read_signs(tmp_path / names.SIGNS_RAW)
+    assert [s.id for s in found] == [s.id for s in signs]
+    assert len({id(name) for s in found for name in s.drives}) == 3
+    assert len({id(s.class_name) for s in found}) == 3
