@@ -760,3 +760,7 @@ def geolocation_tracks() -> Any:
         "misfits": misfits,
         "joined": join_pieces(views, pieces, prior, rules),
     }
+
+
+# what they have besides: parts of the areas one by one
+from tests.unit import scenarios_geolocation  # noqa: E402, F401
