@@ -26,3 +26,17 @@ def levelled(value: Any) -> Any:
         least = _SMALLEST * float(known.max(initial=0.0)) + 1e-300
         return {"own": value, "each": np.arcsinh(value / least)}
     return value
+
+
+def table(records: Any) -> dict[str, Any]:
+    """The fields of many records of one kind, each as a column of numbers or of texts."""
+    found: dict[str, Any] = {}
+    for name in (f.name for f in fields(records[0])) if records else ():
+        values = [getattr(record, name) for record in records]
+        if all(isinstance(v, bool | int | float | np.number) for v in values):
+            found[name] = levelled(np.array(values, np.float64))
+        elif all(isinstance(v, np.ndarray) for v in values):
+            found[name] = levelled(np.concatenate([v.ravel() for v in values]))
+        else:
+            found[name] = " ".join(map(str, values))
+    return found

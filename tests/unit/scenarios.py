@@ -763,4 +763,8 @@ def geolocation_tracks() -> Any:
 
 
 # what they have besides: parts of the areas one by one
-from tests.unit import scenarios_geolocation  # noqa: E402, F401
+from tests.unit import (  # noqa: E402
+    scenarios_geolocation,  # noqa: F401
+    scenarios_geolocation_plane,  # noqa: F401
+    scenarios_geolocation_search,  # noqa: F401
+)

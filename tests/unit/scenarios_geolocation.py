@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from tests.unit.figure_levels import levelled
+from tests.unit.figure_levels import levelled, table
 from tests.unit.geolocation_drive import (
     CLASSES,
     CORRECTIONS,
@@ -132,7 +132,7 @@ def geolocation_passes() -> Any:
     walk[2][3] = 40.0
     return levelled(
         {
-            "marks": marks[::5],
+            "marks": table(marks),
             "sd": [pass_sd(views, mark.rows, a) for mark in marks[:2] for a in (True, False)],
             "prior": boresight.prior_covariance(camera, priors),
             "usable": [len(boresight.usable_landmarks(views, marks, c)) for c in (0, 1)],
@@ -196,15 +196,24 @@ def geolocation_sightings() -> Any:
     rules = AssemblyRules(1.1, 0.07, 30.0, (0.2, 1.05), (-1.0, 4.5), "round")
     back = [replace(s, position=s.position + [0.2, -0.1, 0.05], facing=-s.facing) for s in seen[:9]]
     off = (views.frame.max() + 1 + np.arange(len(views))).astype(np.int64)
-    apart = replace(views, **{n: np.concatenate([v, v]) for n, v in (("centre", views.centre),)})
-    apart = replace(apart, frame=np.concatenate([views.frame, off]))
+    apart = replace(
+        views,
+        centre=np.concatenate([views.centre, views.centre]),
+        frame=np.concatenate([views.frame, off]),
+    )
     back = [
-        replace(s, landmark=replace(s.landmark, rows=s.landmark.rows + len(views))) for s in back
+        replace(
+            s,
+            landmark=replace(s.landmark, rows=s.landmark.rows + len(views)),
+            class_score={"information--sign--back": 2.0},
+        )
+        for s in back
     ]
     both = [*seen[:9], *back]
     return levelled(
         {
-            "seen": seen[::6],
+            "seen": table(seen),
+            "landmarks": table([s.landmark for s in seen]),
             "covariance": [s.covariance for s in seen],
             "pairs": [
                 (difference_covariance(a, b), _link_cost(a, b), class_agreement(a, b))
@@ -217,16 +226,20 @@ def geolocation_sightings() -> Any:
             "shifted": adjusting.shift_sighting(seen[5], adjustment).position,
             "adjusted": adjusting.shifted(drive.path, adjustment, views.origin),
             "path": path,
-            "facings": facings,
+            "facings": table(facings),
             "faces": faces,
-            "signs": [
-                assemble_sign(
-                    views, members, combine(members), path, facing, k, rules, 0.5 + 0.02 * k
-                )
-                for k, (members, facing) in enumerate(zip(joined, facings, strict=True))
-            ],
+            "signs": table(
+                [
+                    assemble_sign(
+                        views, members, combine(members), path, facing, k, rules, 0.5 + 0.02 * k
+                    )
+                    for k, (members, facing) in enumerate(zip(joined, facings, strict=True))
+                ]
+            ),
             "backs": find_backs(apart, both, [[k] for k in range(len(both))]),
-            "condition": conditions(views, joined, drive.path, drive.detections, drive.cameras),
+            "condition": table(
+                conditions(views, joined, drive.path, drive.detections, drive.cameras)
+            ),
             "passes": [
                 {n: v for n, v in vars(join_passes(*way)).items() if n != "sightings"}
                 for way in (
