@@ -114,6 +114,8 @@ def geolocation_landmarks() -> Any:
 def geolocation_passes() -> Any:
     """Signs with the errors of their passes, what they tell of the camera, and their sizes."""
     from automap.geolocation import boresight, class_sizes, course_yaw, time_minima
+    from automap.geolocation.contradiction import disagreement
+    from automap.geolocation.landmark import SizePrior
     from automap.geolocation.box_noise import margin_scatter, measured_noise, scatter
     from automap.geolocation.pass_errors import pass_sd
 
@@ -147,6 +149,17 @@ def geolocation_passes() -> Any:
             "cost": time_minima.cost_of(views, marks[:9], camera, current, PRIOR, priors),
             "starts": time_minima.starts(0.03),
             "alike": [time_minima.alike(minima[k:]) for k in (0, 2, 4)],
+            "apart": [
+                time_minima.apart(minima[1].correction, replace(other.correction, covariance=cov))
+                for other in minima
+                for cov in (1e-6 * np.eye(9), 0.01 * np.eye(9))
+            ],
+            "disagreement": [
+                (found.square, found.spread, found.contradictory)
+                for mark in marks[:16:4]
+                for prior in (PRIOR, SizePrior(0.2, 0.03), SizePrior(1.9, 0.1))
+                if (found := disagreement(views, mark, prior))
+            ],
             "usual": class_sizes.usual_sizes([*CLASSES, "other", "warning--signal--g1"]),
             "sizes": class_sizes.sizes_of_others(views, marks, PRIOR),
             "noise": measured_noise(views, _landmarks(views), PRIOR, NOISE),
@@ -180,7 +193,9 @@ def geolocation_sightings() -> Any:
     drive, rng = rich_drive(), np.random.default_rng(4)
     views = drive.views()
     seen = _seen(views)
-    pairs = [(seen[2], seen[3]), (seen[2], seen[4]), (seen[1], seen[6])]
+    other = replace(seen[3], class_score={CLASSES[2]: 1.3, CLASSES[0]: 2.1, CLASSES[1]: 0.2})
+    mixed = replace(seen[2], class_score={CLASSES[2]: 3.3, CLASSES[0]: 1.1, CLASSES[3]: 0.4})
+    pairs = [(seen[2], seen[3]), (seen[2], seen[4]), (seen[1], seen[6]), (mixed, other)]
     groups = group_sightings(views, seen)
     joined = [[seen[k] for k in group] for group in groups]
     places = np.array([combine(members)[0] for members in joined])
@@ -194,7 +209,11 @@ def geolocation_sightings() -> Any:
     path = make_path(drive.path, views.origin, adjustment)
     facings, faces = find_facings(views, joined, path)
     rules = AssemblyRules(1.1, 0.07, 30.0, (0.2, 1.05), (-1.0, 4.5), "round")
-    back = [replace(s, position=s.position + [0.2, -0.1, 0.05], facing=-s.facing) for s in seen[:9]]
+    bend = [np.array([[np.cos(a), -np.sin(a)], [np.sin(a), np.cos(a)]]) for a in 0.22 * np.arange(9)]
+    back = [
+        replace(s, position=s.position + k * np.array([0.3, -0.2, 0.05]), facing=-bend[k] @ s.facing)
+        for k, s in enumerate(seen[:9])
+    ]
     off = (views.frame.max() + 1 + np.arange(len(views))).astype(np.int64)
     apart = replace(
         views,
