@@ -52,7 +52,7 @@ def calibration_rests() -> Any:
     a, b = rests[2], rests[3]
     near = replace(b, start=a.stop + 30, accel=a.accel + [3.0, 0.0, 1.0])
     flat = replace(one, gyro=np.round(one.gyro * [1.0, 0.0, 1.0]))
-    off = [replace(r, accel=r.accel * (1.02 if k == 4 else 1.0)) for k, r in enumerate(rests)]
+    off = [replace(r, accel=r.accel * (1.0, 1.08, 1.0, 0.95)[k % 4 if k < 8 else 0]) for k, r in enumerate(rests)]
     short = replace(one, t_ns=one.t_ns[:40], gyro=one.gyro[:40], accel=one.accel[:40])
     slow = replace(one, t_ns=one.t_ns * 30)
     return levelled(
@@ -79,7 +79,10 @@ def calibration_rests() -> Any:
             "least": [search.least_poses(n) for n in (6, 9)],
             "widths": [search._log_widths(some, GRAVITY, n) for some in (rests, rests[:5]) for n in (6, 9)],
             "bias": [search._log_bias(some) for some in (rests, rests[:1])],
-            "outliers": [table(part) for part in search._without_outliers(off, GRAVITY, 6)],
+            "outliers": [
+                table(part) for n, some in ((6, off), (9, rests), (6, off[:9]))
+                for part in search._without_outliers(some, GRAVITY, n)
+            ],
             "longest": [_longest_rest(log) for log in (one, other)],
         }
     )  # fmt: skip
@@ -129,6 +132,16 @@ def calibration_fits() -> Any:
             "axes": [_or_error(gyroscope._refuse_other_axes, m) for m in (
                 turned, -turned, turned[[1, 0, 2]], np.abs(turned), np.diag([1.0, 2.0, 0.0]),
             )],
+            "static": [
+                found if isinstance(found, str) else (
+                    found.warnings, found.accel.scale, found.gyro_scale, found.gyro_bias, found.turns
+                )
+                for some, n in (
+                    (_log(5, 7), None), (_log(5, 9), None), (_log(5, 7), 6),
+                    (replace(_log(5, 7), gyro_scale=None), 6),
+                )
+                for found in [_or_error(static.calibrate_static, [some], GRAVITY, n)]
+            ],
             "rough": static._rough_directions(rests[:9]),
             "few": [static._too_few([log], replace(_search(), rests=rests[:k]), n) for k, n in (
                 (0, 6), (1, 6), (4, 6), (8, 9), (9, 6),
@@ -300,7 +313,11 @@ def calibration_noise() -> Any:
     from automap.calibration import allan as of
     from automap.calibration import rest_attitude as resting
     from automap.calibration.allan_triads import resting_fits
-    from automap.calibration.rest_sequences import log_sequences, sequence_of
+    from automap.calibration.rest_sequences import (
+        log_sequences,
+        sequence_of,
+        simulated_sequences,
+    )
 
     rng = np.random.default_rng(8)
     n, rate_hz = 1200, 12.5
@@ -335,6 +352,7 @@ def calibration_noise() -> Any:
             "turned": resting.roll_pitch_since_start(attitude.down[::-1]),
             "largest": resting.largest_turn(moving.accel[::50] / 10.0),
             "sequence": sequence_of(rest, rest.gyro, rest.accel),
+            "made": simulated_sequences([2]),
             "sequences": [log_sequences(moving, at) for at in (None, 1.0)],
             "few": [_or_error(log_sequences, x) for x in (rest, replace(log, gyro_scale=None))],
         }
