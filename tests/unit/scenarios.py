@@ -768,4 +768,5 @@ from tests.unit import (  # noqa: E402
     scenarios_geolocation,  # noqa: F401
     scenarios_geolocation_plane,  # noqa: F401
     scenarios_geolocation_search,  # noqa: F401
+    scenarios_mapping,  # noqa: F401
 )
