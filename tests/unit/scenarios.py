@@ -769,4 +769,5 @@ from tests.unit import (  # noqa: E402
     scenarios_geolocation_plane,  # noqa: F401
     scenarios_geolocation_search,  # noqa: F401
     scenarios_mapping,  # noqa: F401
+    scenarios_mapping_changes,  # noqa: F401
 )
