@@ -37,6 +37,8 @@ def table(records: Any) -> dict[str, Any]:
             found[name] = levelled(np.array(values, np.float64))
         elif all(isinstance(v, np.ndarray) for v in values):
             found[name] = levelled(np.concatenate([v.ravel() for v in values]))
+        elif is_dataclass(values[0]):
+            found[name] = table(values)
         else:
             found[name] = " ".join(map(str, values))
     return found

@@ -33,7 +33,9 @@ def _poses(seed: int, k: int) -> tuple[FloatArray, FloatArray]:
     rng = np.random.default_rng(seed)
     up = rng.normal(size=(k, 3))
     up /= np.linalg.norm(up, axis=1)[:, None]
-    force = GRAVITY * up @ np.linalg.inv(np.array([[1.0, -0.01, 0.02], [0.0, 1.0, 0.013], [0, 0, 1]])).T
+    force = (
+        GRAVITY * up @ np.linalg.inv(np.array([[1.0, -0.01, 0.02], [0.0, 1.0, 0.013], [0, 0, 1]])).T
+    )
     means = (force - [0.2, -0.3, 0.1]) / [0.0048, 0.0051, 0.0046] + rng.normal(0.0, 0.9, (k, 3))
     return means, rng.uniform(0.2, 0.9, (k, 3))
 
@@ -52,7 +54,10 @@ def calibration_rests() -> Any:
     a, b = rests[2], rests[3]
     near = replace(b, start=a.stop + 30, accel=a.accel + [3.0, 0.0, 1.0])
     flat = replace(one, gyro=np.round(one.gyro * [1.0, 0.0, 1.0]))
-    off = [replace(r, accel=r.accel * (1.0, 1.08, 1.0, 0.95)[k % 4 if k < 8 else 0]) for k, r in enumerate(rests)]
+    off = [
+        replace(r, accel=r.accel * (1.0, 1.08, 1.0, 0.95)[k % 4 if k < 8 else 0])
+        for k, r in enumerate(rests)
+    ]
     short = replace(one, t_ns=one.t_ns[:40], gyro=one.gyro[:40], accel=one.accel[:40])
     slow = replace(one, t_ns=one.t_ns * 30)
     return levelled(
@@ -183,7 +188,9 @@ def calibration_squares() -> Any:
     up /= np.linalg.norm(up, axis=1)[:, None]
     matrix = np.eye(3) + 0.02 * rng.normal(size=(3, 3))
     triad = TriadCalibration(np.array([1.1, 0.9, 1.2]), np.array([0.1, -0.2, 0.3]), matrix)
-    before = ImuCalibration(triad, replace(triad, scale=triad.scale * 0.01), "g", "deg/s", 0.01 * matrix)
+    before = ImuCalibration(
+        triad, replace(triad, scale=triad.scale * 0.01), "g", "deg/s", 0.01 * matrix
+    )
     errors = 0.05 * rng.normal(size=12)
     root = rng.normal(size=(12, 12))
     wave = 10.0 * np.sin(np.linspace(0.0, 25.0, 300))
@@ -223,7 +230,8 @@ def calibration_squares() -> Any:
 @scenario
 def calibration_hand() -> Any:
     """The hand's motion by the innovations, and the covariance that goes with it."""
-    from automap.calibration import dynamic, hand_motion as of
+    from automap.calibration import dynamic
+    from automap.calibration import hand_motion as of
     from automap.calibration.limits import PRIOR_SD
 
     rng = np.random.default_rng(6)
@@ -325,17 +333,38 @@ def calibration_noise() -> Any:
     white = rng.normal(0.0, 1.0, (n, 6)) * [0.02, 0.03, 0.025, 1e-3, 2e-3, 1.5e-3]
     slow = np.cumsum(rng.normal(0.0, 1.0, (n, 6)), axis=0) * [3e-4, 2e-4, 5e-4, 1e-5, 4e-5, 3e-5]
     values = white + slow + [0.3, -0.5, -9.7, 0.01, -0.02, 0.015]
-    log = RawImu(t_ns=t_ns, gyro=values[:, 3:] * 100.0, accel=values[:, :3] * 50.0, gyro_scale=np.full(3, 0.01), accel_scale=np.full(3, 0.02), name="still")
-    bumped = replace(log, accel=log.accel + 400.0 * (np.arange(n) // 20 == 50)[:, None] * rng.normal(size=(n, 3)))
+    log = RawImu(
+        t_ns=t_ns,
+        gyro=values[:, 3:] * 100.0,
+        accel=values[:, :3] * 50.0,
+        gyro_scale=np.full(3, 0.01),
+        accel_scale=np.full(3, 0.02),
+        name="still",
+    )
+    bumped = replace(
+        log, accel=log.accel + 400.0 * (np.arange(n) // 20 == 50)[:, None] * rng.normal(size=(n, 3))
+    )
     factors = of.averaging_factors(n)
     edf = of.degrees_of_freedom(n, factors)
     squares = np.array([4e-5, 1e-7, 3e-9])
     tau = factors / rate_hz
     deviation = of.overlapping_deviation(values[:, 3], rate_hz, factors)
     t_s, gyro, accel = t_ns[:300] * 1e-9, values[:300, 3:], values[:300, :3]
-    rest = replace(log, t_ns=t_ns[:200], gyro=gyro[:200], accel=accel[:200], gyro_scale=np.ones(3), accel_scale=np.ones(3))
+    rest = replace(
+        log,
+        t_ns=t_ns[:200],
+        gyro=gyro[:200],
+        accel=accel[:200],
+        gyro_scale=np.ones(3),
+        accel_scale=np.ones(3),
+    )
     attitude = resting.rest_attitude(t_s, gyro, accel, 40)
-    moving = replace(_turned(4, 3, 6.0, 2.0), name="hand", gyro_scale=np.full(3, 1.1), accel_scale=np.full(3, 0.98))
+    moving = replace(
+        _turned(4, 3, 6.0, 2.0),
+        name="hand",
+        gyro_scale=np.full(3, 1.1),
+        accel_scale=np.full(3, 0.98),
+    )
     return levelled(
         {
             "factors": [of.averaging_factors(k) for k in (3, 60, n)],

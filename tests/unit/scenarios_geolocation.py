@@ -86,7 +86,8 @@ def geolocation_landmarks() -> Any:
         bias = 1e-3 * rng.normal(size=columns.shape[2])
         found[str(k)] = {
             "mark": mark,
-            "alone": of.fit_landmark(views, rows[4:5], PRIOR),
+            # its residuals are nothing but rounding
+            "alone": of.fit_landmark(views, rows[4:5], PRIOR).parameters,
             "two": of.fit_landmark(views, rows[[1, 5]], of.SizePrior(0.9, 0.2)),
             "told": [mark.depth_m, mark.size_m, mark.depth_log_sd],
             "at": at,
@@ -114,9 +115,9 @@ def geolocation_landmarks() -> Any:
 def geolocation_passes() -> Any:
     """Signs with the errors of their passes, what they tell of the camera, and their sizes."""
     from automap.geolocation import boresight, class_sizes, course_yaw, time_minima
+    from automap.geolocation.box_noise import margin_scatter, measured_noise, scatter
     from automap.geolocation.contradiction import disagreement
     from automap.geolocation.landmark import SizePrior
-    from automap.geolocation.box_noise import margin_scatter, measured_noise, scatter
     from automap.geolocation.pass_errors import pass_sd
 
     drive, rng = rich_drive(), np.random.default_rng(3)
@@ -209,9 +210,13 @@ def geolocation_sightings() -> Any:
     path = make_path(drive.path, views.origin, adjustment)
     facings, faces = find_facings(views, joined, path)
     rules = AssemblyRules(1.1, 0.07, 30.0, (0.2, 1.05), (-1.0, 4.5), "round")
-    bend = [np.array([[np.cos(a), -np.sin(a)], [np.sin(a), np.cos(a)]]) for a in 0.22 * np.arange(9)]
+    bend = [
+        np.array([[np.cos(a), -np.sin(a)], [np.sin(a), np.cos(a)]]) for a in 0.22 * np.arange(9)
+    ]
     back = [
-        replace(s, position=s.position + k * np.array([0.3, -0.2, 0.05]), facing=-bend[k] @ s.facing)
+        replace(
+            s, position=s.position + k * np.array([0.3, -0.2, 0.05]), facing=-bend[k] @ s.facing
+        )
         for k, s in enumerate(seen[:9])
     ]
     off = (views.frame.max() + 1 + np.arange(len(views))).astype(np.int64)
@@ -232,7 +237,6 @@ def geolocation_sightings() -> Any:
     return levelled(
         {
             "seen": table(seen),
-            "landmarks": table([s.landmark for s in seen]),
             "covariance": [s.covariance for s in seen],
             "pairs": [
                 (difference_covariance(a, b), _link_cost(a, b), class_agreement(a, b))

@@ -29,7 +29,9 @@ def _bearings(seed: int) -> Bearings:
     )  # fmt: skip
     offset = objects[None] - cameras[:, None]
     distance = np.hypot(offset[..., 0], offset[..., 1])
-    camera, thing = np.nonzero((distance < 33.0) & (distance > 2.5) & (rng.random(distance.shape) < 0.8))
+    camera, thing = np.nonzero(
+        (distance < 33.0) & (distance > 2.5) & (rng.random(distance.shape) < 0.8)
+    )
     n = len(camera)
     there = offset[camera, thing]
     lat, lon, _ = from_local_ned(np.column_stack([cameras[camera], np.zeros(n)]), HERE)
@@ -135,7 +137,8 @@ def geolocation_network() -> Any:
 @scenario
 def geolocation_faces() -> Any:
     """What widths tell of normals, belief by belief, and what the boxes tell of a face's state."""
-    from automap.geolocation import condition, facing as of
+    from automap.geolocation import condition
+    from automap.geolocation import facing as of
     from automap.geolocation.landmark import _crossing_depth
     from automap.geolocation.path_relation import (
         course_at,
@@ -149,17 +152,27 @@ def geolocation_faces() -> Any:
     turned = replace(
         views,
         log_aspect=np.where(
-            np.arange(len(views)) % 13 == 0, np.nan, views.log_aspect + rng.normal(-0.1, 0.06, len(views))
+            np.arange(len(views)) % 13 == 0,
+            np.nan,
+            views.log_aspect + rng.normal(-0.1, 0.06, len(views)),
         ),
     )
-    slow = replace(drive.path, vel_ned=drive.path.vel_ned * np.linspace(0.0, 1.0, len(drive.path))[:, None])
+    slow = replace(
+        drive.path, vel_ned=drive.path.vel_ned * np.linspace(0.0, 1.0, len(drive.path))[:, None]
+    )
     path = make_path(slow, views.origin)
     seen = _seen(views, range(2, 10))
     observed = [of._observed(turned, seen[k : k + 2], path) for k in range(0, 12, 2)]
     faces = of.Faces(0.3, 0.07, rng.normal(0.0, 0.03, 8), 0.05, 1.2, 1.1)
-    believed = [of._believe(one, f) for one, f in zip(observed, [faces, of.Faces()] * 3, strict=True)]
+    believed = [
+        of._believe(one, f) for one, f in zip(observed, [faces, of.Faces()] * 3, strict=True)
+    ]
     first, last = int(drive.path.t_ns[300]), int(drive.path.t_ns[900])
-    parallel = replace(views, measured=np.zeros_like(views.measured), C_cam_ref=views.C_cam_ref[:1] + 0 * views.C_cam_ref)
+    parallel = replace(
+        views,
+        measured=np.zeros_like(views.measured),
+        C_cam_ref=views.C_cam_ref[:1] + 0 * views.C_cam_ref,
+    )
     rows = drive.rows(views, 8)
     notes = ["too small", "dark", "", "too small", "blurred", "dark", "too small"]
     contrast = np.array([0.2, 0.5, np.nan, 0.3, 0.41, 0.9, 0.35])

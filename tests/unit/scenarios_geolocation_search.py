@@ -62,7 +62,8 @@ def geolocation_epipolar() -> Any:
 @scenario
 def geolocation_hypotheses() -> Any:
     """Cameras and boxes as they would be, how they are judged, and what is said of them."""
-    from automap.geolocation import camera_doubt, camera_hypotheses as of
+    from automap.geolocation import camera_doubt
+    from automap.geolocation import camera_hypotheses as of
     from automap.geolocation.camera_explanation import Trial
     from automap.geolocation.epipolar import pair_geometry
     from automap.geolocation.rules import GeolocationRules
@@ -79,7 +80,9 @@ def geolocation_hypotheses() -> Any:
     x = np.array([0.003, -0.002, 0.005, 0.02])
     statuses = ["ok"] * 6 + ["far", "single_view", "weak_geometry", "far", "doubtful"]
     signs = [_sign(k, status) for k, status in enumerate(statuses)]
-    notes = np.array(["", "misfit", "no_pose", "", "no_place", "back", "", "unconfirmed"] * 6, object)
+    notes = np.array(
+        ["", "misfit", "no_pose", "", "no_place", "back", "", "unconfirmed"] * 6, object
+    )
     used = notes == ""
     return levelled(
         {
@@ -99,17 +102,25 @@ def geolocation_hypotheses() -> Any:
             "few": judge.loss(of.Hypothesis("", _some(record, np.arange(3)), camera)),
             "unknown": camera_doubt.as_unknown(camera),
             "beyond": [
-                camera_doubt.beyond_stated(
-                    replace(CORRECTIONS["front"], **change), camera, 0.004
-                )
+                camera_doubt.beyond_stated(replace(CORRECTIONS["front"], **change), camera, 0.004)
                 for change in (
                     {"turn": np.array([0.0, k * 0.01, 0.0]), "time_s": t, "focal_log": f}
-                    for k, t, f in ((0, 0.001, 0.001), (3, 0.0, 0.0), (0, -0.2, 0.0), (0, 0.0, 0.06))
+                    for k, t, f in (
+                        (0, 0.001, 0.001),
+                        (3, 0.0, 0.0),
+                        (0, -0.2, 0.0),
+                        (0, 0.0, 0.06),
+                    )
                 )
             ],
             "misfit": [
                 camera_doubt.misfit(u, notes, s)
-                for u, s in ((used, signs), (used, signs[:6]), (used | True, signs), (used | True, signs[:8]))
+                for u, s in (
+                    (used, signs),
+                    (used, signs[:6]),
+                    (used | True, signs),
+                    (used | True, signs[:8]),
+                )
             ],
             "doubtful": camera_doubt.doubtful(signs[3], 7.5),
             "assumed": (assumed.cameras["left"].matrix, assumed.rules.camera),
@@ -341,5 +352,3 @@ def geolocation_whole() -> Any:
     told = {n: v for n, v in vars(found).items() if n not in ("adjusted", "signs")}
     places = [(s.lat_rad, s.lon_rad, s.height_m, s.n_views, s.existence) for s in found.signs]
     return levelled({**told, "signs": np.array(places), "id": [s.support for s in found.signs]})
-
-

@@ -111,6 +111,7 @@ def mapping_association() -> Any:
 @scenario
 def mapping_places() -> Any:
     """Signs placed tile by tile, levels of errors, attributes, probabilities and names."""
+    from automap.geolocation.path_errors import Equations
     from automap.mapping import adjustment as of
     from automap.mapping import sureness
     from automap.mapping.association import associate
@@ -118,7 +119,6 @@ def mapping_places() -> Any:
     from automap.mapping.backs import map_backs, with_backs
     from automap.mapping.error_levels import estimate_levels
     from automap.mapping.identity import founder_keys, name_signs
-    from automap.geolocation.path_errors import Equations
     from automap.mapping.sightings import stack_sightings
     from automap.mapping.tiles import Tile, cut_tiles
 
@@ -334,7 +334,9 @@ def mapping_lists() -> Any:
     partner = np.full(m, -1)
     partner[pairs.listed[chosen[::2]]] = pairs.sign[chosen[::2]]
     views = opportunities(drives, listed.lat_rad, listed.lon_rad, listed.facing_rad)
-    seen_by = [frozenset({0, 2}) if k % 3 == 0 else (None if k % 3 else frozenset()) for k in range(m)]
+    seen_by = [
+        frozenset({0, 2}) if k % 3 == 0 else (None if k % 3 else frozenset()) for k in range(m)
+    ]
     tries, hits = np.array([3, 1, 0, 4, 2, 2, 5, 1]), np.array([2, 0, 0, 0, 0, 2, 1, 1])
     group = np.array([0, 1, 0, 1, 0, 1, 0, 0])
     looked = np.array([12, 9, 20, 2, 7, 30, 1, 15])

@@ -51,7 +51,8 @@ def mapping_ways() -> Any:
     sigma = np.hypot(np.nan_to_num(sd, nan=2.0), of.LAYER_SD_M)
     time = 2.0 * np.arange(len(ways[0].xy))
     signs = [
-        (rng.uniform([-10.0, 0.0], [160.0, 140.0]), sign_at(0.0, 0.0, a)) for a in np.arange(-3.0, 3.1, 0.4)
+        (rng.uniform([-10.0, 0.0], [160.0, 140.0]), sign_at(0.0, 0.0, a))
+        for a in np.arange(-3.0, 3.1, 0.4)
     ]
     windows = [(np.nan, np.nan), (5.0, 30.0), (40.0, 41.0), (900.0, 950.0)]
     return levelled(
@@ -141,7 +142,9 @@ def mapping_series() -> Any:
     stacked = stack_sightings(street_scene(21, 7, 200.0, 9.0, errors).drives)
     found = associate(stacked)
     rng = np.random.default_rng(5)
-    late = (stacked.drive >= 3) & (found.sign % 4 == 1) | (stacked.drive >= 5) & (found.sign % 4 == 2)
+    late = (stacked.drive >= 3) & (found.sign % 4 == 1) | (stacked.drive >= 5) & (
+        found.sign % 4 == 2
+    )
     stacked = replace(
         stacked,
         code=np.where(late, (stacked.code + 1) % len(stacked.classes), stacked.code),
@@ -150,15 +153,29 @@ def mapping_series() -> Any:
         class_probability=rng.uniform(0.4, 0.99, len(stacked)),
         contrast=np.where(rng.random(len(stacked)) < 0.6, np.nan, rng.random(len(stacked))),
         contrast_note=np.array(["dark", "", "too small"], object)[rng.integers(0, 3, len(stacked))],
-        status=np.array(["far", "implausible", "weak_geometry"], object)[rng.integers(0, 3, len(stacked))],
+        status=np.array(["far", "implausible", "weak_geometry"], object)[
+            rng.integers(0, 3, len(stacked))
+        ],
         side=np.array(["left", "right", ""], object)[rng.integers(0, 3, len(stacked))],
     )
-    home = int(np.bincount(cell_of(stacked.lat, stacked.lon) - (base := cell_of(stacked.lat, stacked.lon).min())).argmax() + base)
+    home = int(
+        np.bincount(
+            cell_of(stacked.lat, stacked.lon) - (base := cell_of(stacked.lat, stacked.lon).min())
+        ).argmax()
+        + base
+    )
     tiles = error_levels.level_tiles(stacked, found.sign, home, 2)
     drives = np.array([0, 0, 1])
-    states = [np.array(s, object) for s in (
-        ["far", "ok", "far"], ["far", "far", "implausible"], ["far", "weak", "weak"], ["doubtful"] * 3, ["", "", ""],
-    )]
+    states = [
+        np.array(s, object)
+        for s in (
+            ["far", "ok", "far"],
+            ["far", "far", "implausible"],
+            ["far", "weak", "weak"],
+            ["doubtful"] * 3,
+            ["", "", ""],
+        )
+    ]
     return levelled(
         {
             "attributes": vars(of.combine_attributes(stacked, found.sign)),
@@ -179,7 +196,9 @@ def mapping_globe() -> Any:
 
     rng = np.random.default_rng(4)
     lat = np.concatenate([rng.uniform(-0.7, 0.7, 8), [1.4843, 1.4844, 1.57, -1.4843, -1.5, 1.2]])
-    lon = np.concatenate([rng.uniform(-3.1, 3.1, 8), [0.3, 3.14159, -2.0, -3.14159, 1.0, -3.1415926]])
+    lon = np.concatenate(
+        [rng.uniform(-3.1, 3.1, 8), [0.3, 3.14159, -2.0, -3.14159, 1.0, -3.1415926]]
+    )
     cell = of.cell_of(lat, lon)
     wide = 2.0e3
     many = np.unique(np.concatenate([[c + k for k in (-1, 0, 1, 2)] for c in cell.tolist()]))
@@ -272,7 +291,11 @@ def mapping_review() -> Any:
     places = [np.degrees([getattr(s, n) for s in later]) for n in ("lon_rad", "lat_rad")]
     names = [s.class_name for s in later]
     found: dict[str, Any] = {}
-    for name, these, some in (("now", signs, actions), ("later", later, actions), ("few", signs, actions[:16])):
+    for name, these, some in (
+        ("now", signs, actions),
+        ("later", later, actions),
+        ("few", signs, actions[:16]),
+    ):
         after = of.apply_review(these, some)
         renamed = after.renamed
         found[name] = {
