@@ -764,6 +764,7 @@ def geolocation_tracks() -> Any:
 
 # what they have besides: parts of the areas one by one
 from tests.unit import (  # noqa: E402
+    scenarios_cache,  # noqa: F401
     scenarios_calibration,  # noqa: F401
     scenarios_gap,  # noqa: F401
     scenarios_geolocation,  # noqa: F401

@@ -23,9 +23,13 @@ def _log(seed: int = 3, poses: int = 13, rest_s: float = 1.8, turn_s: float = 2.
     t_ns = log.t_ns + late + np.where(np.arange(len(log)) > 520, 1_500_000_000, 0)
     counts = np.array([2048.0, 2050.0, 2041.0])
     return replace(
-        log, t_ns=t_ns, accel=np.rint(log.accel / GRAVITY * counts), gyro=log.gyro * [900.0, 880.0, 910.0],
-        accel_scale=GRAVITY / counts, gyro_scale=1.0 / np.array([900.0, 880.0, 910.0]),
-    )  # fmt: skip
+        log,
+        t_ns=t_ns,
+        accel=np.rint(log.accel / GRAVITY * counts),
+        gyro=log.gyro * [900.0, 880.0, 910.0],
+        accel_scale=GRAVITY / counts,
+        gyro_scale=1.0 / np.array([900.0, 880.0, 910.0]),
+    )
 
 
 def _poses(seed: int, k: int) -> tuple[FloatArray, FloatArray]:
@@ -52,7 +56,7 @@ def calibration_rests() -> Any:
     found = {limit: of.rests_below([one, other], moved, limit) for limit in (2.0, 9.0, 70.0)}
     rests = found[9.0]
     a, b = rests[2], rests[3]
-    near = replace(b, start=a.stop + 30, accel=a.accel + [3.0, 0.0, 1.0])
+    near = replace(b, start=a.stop + 30, accel=a.accel + np.array([3.0, 0.0, 1.0]))
     flat = replace(one, gyro=np.round(one.gyro * [1.0, 0.0, 1.0]))
     off = [
         replace(r, accel=r.accel * (1.0, 1.08, 1.0, 0.95)[k % 4 if k < 8 else 0])
@@ -65,13 +69,18 @@ def calibration_rests() -> Any:
             "moved": moved,
             "flat": of.movement(flat),
             "refused": [_or_error(of.movement, log) for log in (short, slow)],
-            "noise": [of.noise_density(log, limit) for log in (one, other) for limit in (1.2, 8.0, 90.0)],
+            "noise": [
+                of.noise_density(log, limit) for log in (one, other) for limit in (1.2, 8.0, 90.0)
+            ],
             "windowed": of._windowed(one),
-            "step": of.quantisation_step(np.array([[0.0, 5.0], [2.0, 5.0], [2.5, 5.0], [9.0, 5.0]])),
+            "step": of.quantisation_step(
+                np.array([[0.0, 5.0], [2.0, 5.0], [2.5, 5.0], [9.0, 5.0]])
+            ),
             "rests": {str(limit): table(some) for limit, some in found.items()},
             "same": [
                 of._same_pose(one, x, y, span)
-                for x, y in ((a, b), (a, near), (a, rests[-1])) for span in (6000.0, 500.0)
+                for x, y in ((a, b), (a, near), (a, rests[-1]))
+                for span in (6000.0, 500.0)
             ],
             "joined": of._joined(a, b),
             "correlated": table(of._with_correlation(rests)),
@@ -82,15 +91,18 @@ def calibration_rests() -> Any:
             ],
             "open": search.find_rests([other], GRAVITY, 9).determined,
             "least": [search.least_poses(n) for n in (6, 9)],
-            "widths": [search._log_widths(some, GRAVITY, n) for some in (rests, rests[:5]) for n in (6, 9)],
+            "widths": [
+                search._log_widths(some, GRAVITY, n) for some in (rests, rests[:5]) for n in (6, 9)
+            ],
             "bias": [search._log_bias(some) for some in (rests, rests[:1])],
             "outliers": [
-                table(part) for n, some in ((6, off), (9, rests), (6, off[:9]))
+                table(part)
+                for n, some in ((6, off), (9, rests), (6, off[:9]))
                 for part in search._without_outliers(some, GRAVITY, n)
             ],
             "longest": [_longest_rest(log) for log in (one, other)],
         }
-    )  # fmt: skip
+    )
 
 
 @scenario
@@ -126,37 +138,65 @@ def calibration_fits() -> Any:
             "residuals": [of._norm_residuals(x[:n], y, GRAVITY) for n in (6, 9)],
             "start": [of._ellipsoid_start(m) for m in (means, means[:5], flat)],
             "left out": [
-                of.leave_one_out(means[:k], variances[:k], GRAVITY, f) for f in fits for k in (11, 10, 7)
+                of.leave_one_out(means[:k], variances[:k], GRAVITY, f)
+                for f in fits
+                for k in (11, 10, 7)
             ],
             "turns": table(turns),
             "seconds": [turn.seconds for turn in turns],
             "gyro": gyro,
             "rms": [g.turn_rms for g in gyro],
             "rate": [g.apply(log.gyro[::90], force[::90]) for g in gyro],
-            "linear": gyroscope._linear_start([log], [force], log.gyro[0], np.array([90.0, 80.0, 70.0])),
-            "axes": [_or_error(gyroscope._refuse_other_axes, m) for m in (
-                turned, -turned, turned[[1, 0, 2]], np.abs(turned), np.diag([1.0, 2.0, 0.0]),
-            )],
+            "linear": gyroscope._linear_start(
+                [log], [force], log.gyro[0], np.array([90.0, 80.0, 70.0])
+            ),
+            "axes": [
+                _or_error(gyroscope._refuse_other_axes, m)
+                for m in (
+                    turned,
+                    -turned,
+                    turned[[1, 0, 2]],
+                    np.abs(turned),
+                    np.diag([1.0, 2.0, 0.0]),
+                )
+            ],
             "static": [
-                found if isinstance(found, str) else (
-                    found.warnings, found.accel.scale, found.gyro_scale, found.gyro_bias, found.turns
+                found
+                if isinstance(found, str)
+                else (
+                    found.warnings,
+                    found.accel.scale,
+                    found.gyro_scale,
+                    found.gyro_bias,
+                    found.turns,
                 )
                 for some, n in (
-                    (_log(5, 7), None), (_log(5, 9), None), (_log(5, 7), 6),
+                    (_log(5, 7), None),
+                    (_log(5, 9), None),
+                    (_log(5, 7), 6),
                     (replace(_log(5, 7), gyro_scale=None), 6),
                 )
                 for found in [_or_error(static.calibrate_static, [some], GRAVITY, n)]
             ],
             "rough": static._rough_directions(rests[:9]),
-            "few": [static._too_few([log], replace(_search(), rests=rests[:k]), n) for k, n in (
-                (0, 6), (1, 6), (4, 6), (8, 9), (9, 6),
-            )],
+            "few": [
+                static._too_few([log], replace(_search(), rests=rests[:k]), n)
+                for k, n in (
+                    (0, 6),
+                    (1, 6),
+                    (4, 6),
+                    (8, 9),
+                    (9, 6),
+                )
+            ],
             "warned": [
-                static._pose_warnings(replace(_search(), rests=rests, outliers=tuple(rests[:1])), m, f)
+                static._pose_warnings(
+                    replace(_search(), rests=rests, outliers=tuple(rests[:1])), m, f
+                )
                 for m, f in ((means, fits[1]), (means[:6], fits[0]), (np.abs(means), fits[1]))
             ],
         }
-    )  # fmt: skip
+    )
 
 
 @cache
@@ -198,23 +238,38 @@ def calibration_squares() -> Any:
     log = _log()
     return levelled(
         {
-            "newton": [of.gauss_newton(model, np.array(x), np.sqrt(variance), n) for x, n in (
-                ([1.0, 0.3, 0.0], 60), ([5.0, 9.0, -3.0], 4), ([0.1, -2.0, 2.0], 60),
-            )],
+            "newton": [
+                of.gauss_newton(model, np.array(x), np.sqrt(variance), n)
+                for x, n in (
+                    ([1.0, 0.3, 0.0], 60),
+                    ([5.0, 9.0, -3.0], 4),
+                    ([0.1, -2.0, 2.0], 60),
+                )
+            ],
             "fit": fit,
             "half": fit.half_width(0.9),
             "redundancy": [of._redundancy(A, np.arange(9) < k, share[-9:]) for k in (3, 7)],
             "inverse": of._inverse(A.T @ A),
-            "floor": [of._floor(y[:9], v * variance[:9], e, share[:9]) for v in (0.0, 1.0, 1e5) for e in (3.0, 7.5)],
+            "floor": [
+                of._floor(y[:9], v * variance[:9], e, share[:9])
+                for v in (0.0, 1.0, 1e5)
+                for e in (3.0, 7.5)
+            ],
             "determined": [poses.determination(up[:k], n) for k in (5, 6, 8) for n in (6, 9)],
             "design": [poses._design(up, n) for n in (6, 9)],
             "helpful": [poses.helpful_poses(up[:k], n) for k in (0, 3, 6) for n in (6, 9)],
             "named": [poses.pose_name(np.array(v)) for v in ([0.0, -1.0, 0.0], [1.0, 0.0, -1.0])],
             "folded": fold.corrected(before, errors),
-            "covariance": [fold.folded_covariance(triad, root @ root.T, at, 7) for at in ((0, 6), (3, 9))],
+            "covariance": [
+                fold.folded_covariance(triad, root @ root.T, at, 7) for at in ((0, 6), (3, 9))
+            ],
             "angles": fold.angles(matrix),
             "saturated": [plausible._saturated(x) for x in cut.values()],
-            "cut": [plausible._cut_off(x, s, n) for x in cut.values() for s, n in ((18, 4), (120, 9), (0, 5))],
+            "cut": [
+                plausible._cut_off(x, s, n)
+                for x in cut.values()
+                for s, n in ((18, 4), (120, 9), (0, 5))
+            ],
             "units": [
                 _or_error(refuse, replace(log, accel_unit="g", gyro_unit="deg/s"), s * scale)
                 for refuse, scale in (
@@ -224,7 +279,7 @@ def calibration_squares() -> Any:
                 for s in (1.0, 0.78, 1.24, 1.27, 9.8, 57.0, 0.0174, 400.0)
             ],
         }
-    )  # fmt: skip
+    )
 
 
 @scenario
@@ -250,9 +305,17 @@ def calibration_hand() -> Any:
     errors = 0.01 * rng.normal(size=12)
     sd = np.linspace(1.0, 0.2, 30)[:, None] * PRIOR_SD
     made = dynamic.DynamicCalibration(
-        np.arange(30.0), np.zeros((30, 4)), np.tile(errors, (30, 1)), sd, root, 0.6, 0.1,
-        np.array([3.0, 9.0, 5.0]), innovations, (),
-    )  # fmt: skip
+        np.arange(30.0),
+        np.zeros((30, 4)),
+        np.tile(errors, (30, 1)),
+        sd,
+        root,
+        0.6,
+        0.1,
+        np.array([3.0, 9.0, 5.0]),
+        innovations,
+        (),
+    )
     return levelled(
         {
             "hand": [of.hand_motion(innovations[:k], moving[:k], 0.1) for k in (m, 90, 40)],
@@ -261,8 +324,12 @@ def calibration_hand() -> Any:
             "weights": weights,
             "covariance": [
                 of.coloured_noise_covariance(
-                    root @ root.T, own[:k], rng.uniform(0.01, 0.1, (k, 2)), innovations[:k],
-                    moving[:k], 0.1,
+                    root @ root.T,
+                    own[:k],
+                    rng.uniform(0.01, 0.1, (k, 2)),
+                    innovations[:k],
+                    moving[:k],
+                    0.1,
                 )
                 for k in (m, 40)
             ],
@@ -270,17 +337,26 @@ def calibration_hand() -> Any:
             "phase": of._cross_spectrum(innovations[:, [2, 9]], of._used(moving), 0.3),
             "history": of.coloured_noise_history(sd, 1.2 * PRIOR_SD, 0.3 * PRIOR_SD),
             "start": [
-                dynamic._start(log, log.accel, errors, rest, GRAVITY, PRIOR_SD) for rest in (True, False)
+                dynamic._start(log, log.accel, errors, rest, GRAVITY, PRIOR_SD)
+                for rest in (True, False)
             ],
             "unit": dynamic._unit(log.accel * 3.0, log.accel),
             "judged": dynamic._judged(made, log, PRIOR_SD).warnings,
             "final": made.final,
             "refused": [
-                _or_error(dynamic.calibrate_dynamic, log, log.gyro, s * log.accel, GRAVITY, PRIOR_SD, least)
+                _or_error(
+                    dynamic.calibrate_dynamic,
+                    log,
+                    log.gyro,
+                    s * log.accel,
+                    GRAVITY,
+                    PRIOR_SD,
+                    least,
+                )
                 for s, least in ((1.0, 1e3), (0.5, 1.0), (2.0, 1.0))
             ],
         }
-    )  # fmt: skip
+    )
 
 
 @scenario
@@ -301,9 +377,21 @@ def calibration_kernels() -> Any:
         out, innov = np.zeros((n, 28)), np.zeros((n // every + 1, 10))
         response = np.zeros((len(innov) if followed else 0, 21, 27))
         count = run_filter(
-            rng.uniform(0.05, 0.2, n - 1), gyro, accel, 9.7, quat, errors, P, np.array([0.3, 0.2]),
-            every, rng.uniform(0.5, 2.0, (n, 2)), rng.uniform(0.1, 0.4, 12), out, innov, response,
-        )  # fmt: skip
+            rng.uniform(0.05, 0.2, n - 1),
+            gyro,
+            accel,
+            9.7,
+            quat,
+            errors,
+            P,
+            np.array([0.3, 0.2]),
+            every,
+            rng.uniform(0.5, 2.0, (n, 2)),
+            rng.uniform(0.1, 0.4, 12),
+            out,
+            innov,
+            response,
+        )
         found[str(seed)] = [count, quat, errors, P, out, innov, response]
     rng = np.random.default_rng(3)
     for seconds in (0.3, 0.002):
@@ -372,9 +460,14 @@ def calibration_noise() -> Any:
             "deviation": deviation,
             "basis": of._basis(tau),
             "squares": of._fit_squares(tau, deviation, edf),
-            "simulated": [of._simulated(np.random.default_rng(1), s, 101, rate_hz) for s in (np.sqrt(squares), np.array([0.1, 0.0, 0.2]))],
+            "simulated": [
+                of._simulated(np.random.default_rng(1), s, 101, rate_hz)
+                for s in (np.sqrt(squares), np.array([0.1, 0.0, 0.2]))
+            ],
             "terms": of._terms(squares, 400, rate_hz, of.averaging_factors(400), edf, 6),
-            "refused": [_or_error(of.allan_fit, v, rate_hz, "x") for v in (values[:90, 0], np.ones(700))],
+            "refused": [
+                _or_error(of.allan_fit, v, rate_hz, "x") for v in (values[:90, 0], np.ones(700))
+            ],
             "fits": resting_fits(bumped),
             "attitude": attitude,
             "drift": attitude.drift,
@@ -385,4 +478,4 @@ def calibration_noise() -> Any:
             "sequences": [log_sequences(moving, at) for at in (None, 1.0)],
             "few": [_or_error(log_sequences, x) for x in (rest, replace(log, gyro_scale=None))],
         }
-    )  # fmt: skip
+    )

@@ -67,15 +67,18 @@ def gap_parts() -> Any:
             "some": rows.some(rows.channel == CH_VEL),
             "contradicted": [
                 of._contradicted(of._stacked(known, part), value * np.ones(len(part)), r)
-                for part in parts for value in (0.1, 0.9) for r in (1.0, 9.0)
+                for part in parts
+                for value in (0.1, 0.9)
+                for r in (1.0, 9.0)
             ],
             "ratio": of._ratio(rows, estimate),
             "starts": starts,
             "scatter": [
-                of._scatter(along * rows.w, along**2, rows.t, rows.drive, s) for s in (3.0, 8.0, 60.0)
+                of._scatter(along * rows.w, along**2, rows.t, rows.drive, s)
+                for s in (3.0, 8.0, 60.0)
             ],
             "predicted": of._predicted(rows.phi, rows.w, along**2, starts, np.diag([4.0, 9.0])),
-        }  # fmt: skip
+        }
     root = rng.normal(size=(3, 3))
     found["bayes"] = of._bayes_factor(rng.normal(size=3), root @ root.T, np.array([0.5, 1.0, 2.0]))
     found["nats"] = of.single_nats(
@@ -116,9 +119,10 @@ def gap_levels() -> Any:
         for e, seed, size, s in ((wrong, 3, 1.0, 26.0), ({}, 5, 1.6, 34.0))
     ]
     fits = [fit_drive(d, model) for d in drives]
-    factors = {k: model.factors[k] * f for k, f in zip(
-        ALL_LEVELS, np.linspace(0.6, 1.9, len(ALL_LEVELS)), strict=True
-    )}  # fmt: skip
+    factors = {
+        k: model.factors[k] * f
+        for k, f in zip(ALL_LEVELS, np.linspace(0.6, 1.9, len(ALL_LEVELS)), strict=True)
+    }
     held = scoring.fit_held_out(drives[:1], model, {"accel_scale": {"x": 0.02}}, fits[:1])
     states = noise.fitted_about(model, {"accel_scale": 1.5, "gyro_scale": 1.0}, fits)
     said: list[str] = []
@@ -130,7 +134,10 @@ def gap_levels() -> Any:
         {
             "score": [noise.noise_score(fits, f) for f in (factors, model.factors)],
             "slopes": [slopes.score, slopes.slope, slopes.info],
-            "climbed": [noise.fit_noise(fits, ("accel", "nhc_y"), factors), noise.fit_noise(fits[:1])],
+            "climbed": [
+                noise.fit_noise(fits, ("accel", "nhc_y"), factors),
+                noise.fit_noise(fits[:1]),
+            ],
             "time": noise._time_constant(fits, -1e9, dict(factors)),
             "limits": [noise._limits(level) for level in ALL_LEVELS],
             "relative": noise._relative(fits, factors),
@@ -148,7 +155,7 @@ def gap_levels() -> Any:
             "channels": scoring.channel_gaps(fits, states.fits, {CH_VEL: "accel_scale"}),
             "joined": [scoring._joined(fits, c) for c in (CH_POS, CH_VEL + 1, CH_NHC)],
         }
-    )  # fmt: skip
+    )
 
 
 @scenario

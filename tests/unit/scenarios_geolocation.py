@@ -80,7 +80,7 @@ def geolocation_landmarks() -> Any:
         rows = drive.rows(views, k)
         mark = of.fit_landmark(views, rows, PRIOR, robust)
         anchor = int(rows[2])
-        at = of.seen_from(views, anchor, mark.position + [0.5, -0.7, 0.3], -0.4)
+        at = of.seen_from(views, anchor, mark.position + np.array([0.5, -0.7, 0.3]), -0.4)
         assert at is not None
         columns, effects = of.columns_of(views, rows, anchor, at)
         bias = 1e-3 * rng.normal(size=columns.shape[2])

@@ -24,9 +24,11 @@ def _bearings(seed: int) -> Bearings:
     objects[5] = objects[4] + [1.4, 0.6]
     objects[7] = objects[6] + [-2.2, 3.1]
     cameras = np.vstack(
-        [np.column_stack([np.arange(0.0, 90.0, 7.0), rng.normal(0.0, 0.4, 13)]),
-         np.column_stack([rng.normal(40.0, 0.4, 6), np.arange(-28.0, 25.0, 9.0)])]
-    )  # fmt: skip
+        [
+            np.column_stack([np.arange(0.0, 90.0, 7.0), rng.normal(0.0, 0.4, 13)]),
+            np.column_stack([rng.normal(40.0, 0.4, 6), np.arange(-28.0, 25.0, 9.0)]),
+        ]
+    )
     offset = objects[None] - cameras[:, None]
     distance = np.hypot(offset[..., 0], offset[..., 1])
     camera, thing = np.nonzero(
@@ -69,7 +71,7 @@ def geolocation_rays() -> Any:
     near = first[0] + rng.normal(0.0, 1.5, first[0].shape)
     mixed = first[1].copy()
     mixed[::6] = (mixed[::6] + 1) % len(first[0])
-    twice = np.vstack([first[0], first[0][:4] + [0.5, -0.4]])
+    twice = np.vstack([first[0], first[0][:4] + np.array([0.5, -0.4])])
     halves = np.where((mixed < 4) & (np.arange(len(mixed)) % 2 == 0), mixed + len(first[0]), mixed)
     halves[mixed < 0] = -1
     measured = rng.uniform(3.0, 40.0, 30)
@@ -78,10 +80,17 @@ def geolocation_rays() -> Any:
         {
             "rays": rays,
             "costs": of.costs(rays, some, points, rules),
-            "equations": [of.normal_equations(rays, some[k : k + 5], points[k], rules) for k in (0, 4)],
-            "points": [of.fit_point(rays, rays_of, start, rules) for rays_of, start in (
-                (some[2:5], points[1]), (some[6:7], points[3]), (np.flatnonzero(mixed == 2), near[2]),
-            )],
+            "equations": [
+                of.normal_equations(rays, some[k : k + 5], points[k], rules) for k in (0, 4)
+            ],
+            "points": [
+                of.fit_point(rays, rays_of, start, rules)
+                for rays_of, start in (
+                    (some[2:5], points[1]),
+                    (some[6:7], points[3]),
+                    (np.flatnonzero(mixed == 2), near[2]),
+                )
+            ],
             "candidates": places,
             "best": [cover._best_set(rays, some, p, rules) for p in first[0][:5]],
             "cover": first,
@@ -91,14 +100,22 @@ def geolocation_rays() -> Any:
             "scale": bearings._depth_scale(rays, *first, rules),
             "single": bearings._without_single(*first),
             "signs": table(bearings._signs(told, rays, *first, rules, HERE, "round")[0]),
-            "all": [(table(signs), owner) for signs, owner in (
-                bearings.locate_from_bearings(told, replace(rules, single=False)),
-            )],
-            "none": bearings.locate_from_bearings(replace(told, **{n: v[:0] for n, v in vars(told).items()})),
-            "fit": [fit_depth_scale(measured, away, s * rng.uniform(0.1, 0.3, 30), 2.5, 0.4) for s in (1.0, 3.0)],
+            "all": [
+                (table(signs), owner)
+                for signs, owner in (
+                    bearings.locate_from_bearings(told, replace(rules, single=False)),
+                )
+            ],
+            "none": bearings.locate_from_bearings(
+                replace(told, **{n: v[:0] for n, v in vars(told).items()})
+            ),
+            "fit": [
+                fit_depth_scale(measured, away, s * rng.uniform(0.1, 0.3, 30), 2.5, 0.4)
+                for s in (1.0, 3.0)
+            ],
             "apply": DepthScale(-3.0, 1.4).apply(np.array([1.0, 2.5, 9.0, np.nan])),
         }
-    )  # fmt: skip
+    )
 
 
 @scenario
@@ -117,9 +134,13 @@ def geolocation_network() -> Any:
         sign = np.concatenate([np.arange(6), rng.integers(0, 6, 13)])
         root = rng.normal(size=(19, axes, axes))
         network = Network(
-            alike, node, sign, rng.uniform(0.3, 1.2, (19, axes)), 3.0 * rng.normal(size=(19, axes)),
+            alike,
+            node,
+            sign,
+            rng.uniform(0.3, 1.2, (19, axes)),
+            3.0 * rng.normal(size=(19, axes)),
             root @ np.swapaxes(root, 1, 2) + 0.4 * np.eye(axes),
-        )  # fmt: skip
+        )
         equations = Equations(network)
         whole = equations.solve()
         part = Equations(network, equations.order).solve(rng.uniform(0.2, 1.5, 19))
@@ -191,24 +212,35 @@ def geolocation_faces() -> Any:
             },
             "path": path,
             "relation": [f(path, p, first, last) for p in drive.place for f in (relate, course_at)],
-            "side": [side_of_path(a, b) for a in (-4.0, -1.0, 0.0, 2.9, 3.1) for b in (3.0, 4.6, 6.0)],
+            "side": [
+                side_of_path(a, b) for a in (-4.0, -1.0, 0.0, 2.9, 3.1) for b in (3.0, 4.6, 6.0)
+            ],
             "depth": [_crossing_depth(v, rows, int(rows[1])) for v in (views, parallel)],
             "face": [
                 condition.face_of_views(contrast[:n], notes[:n], heights[:n]) for n in (7, 4, 1)
-            ] + [condition.face_of_views(np.full(7, np.nan), notes[k:], heights) for k in (0, 6)],
+            ]
+            + [condition.face_of_views(np.full(7, np.nan), notes[k:], heights) for k in (0, 6)],
             "usual": condition._usual_heights(views, marks),
-            "searched": [condition._searched(d, drive.cameras[d.camera]) for d in (
-                *drive.detections, replace(drive.detections[0], looked=None),
-            )],
+            "searched": [
+                condition._searched(d, drive.cameras[d.camera])
+                for d in (
+                    *drive.detections,
+                    replace(drive.detections[0], looked=None),
+                )
+            ],
             "due": [
                 condition._due(
-                    views, m, drive.path, condition._searched(drive.detections[0], drive.cameras["front"]),
-                    drive.cameras["front"], 0.02,
+                    views,
+                    m,
+                    drive.path,
+                    condition._searched(drive.detections[0], drive.cameras["front"]),
+                    drive.cameras["front"],
+                    0.02,
                 )
                 for m in marks[:12:3]
             ],
         }
-    )  # fmt: skip
+    )
 
 
 @scenario
@@ -237,7 +269,9 @@ def geolocation_start() -> Any:
                 of._settled(correction, replace(correction, time_s=0.004 + step))
                 for step in (1e-6, 1e-3, -1e-3)
             ],
-            "refit": of.refit(views, [views.row[m.rows][::-1] for m in marks[:2]] + [np.array([10**6])], rules),
+            "refit": of.refit(
+                views, [views.row[m.rows][::-1] for m in marks[:2]] + [np.array([10**6])], rules
+            ),
             "classes": list(CLASSES),
         }
-    )  # fmt: skip
+    )

@@ -1,8 +1,9 @@
-"""The search for cameras, links, stamps and existence, on a drive where no two numbers are alike."""
+"""Cameras, links, stamps and existence, on a drive where no two numbers are alike."""
 
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -134,11 +135,23 @@ def _sign(number: int, status: str) -> Any:
 
     root = np.random.default_rng(number).normal(size=(3, 3))
     return Sign(
-        id=f"s{number}", class_name=CLASSES[number % 4], lat_rad=-0.61, lon_rad=2.6, height_m=4.0,
-        cov_enu=root @ root.T, confidence=0.7, n_views=5, first_seen_ns=NO_TIME,
-        last_seen_ns=NO_TIME, height_above_road_m=2.0, facing_rad=1.0, facing_sd_rad=0.1,
-        size_m=0.7, side="left", status=status,
-    )  # fmt: skip
+        id=f"s{number}",
+        class_name=CLASSES[number % 4],
+        lat_rad=-0.61,
+        lon_rad=2.6,
+        height_m=4.0,
+        cov_enu=root @ root.T,
+        confidence=0.7,
+        n_views=5,
+        first_seen_ns=NO_TIME,
+        last_seen_ns=NO_TIME,
+        height_above_road_m=2.0,
+        facing_rad=1.0,
+        facing_sd_rad=0.1,
+        size_m=0.7,
+        side="left",
+        status=status,
+    )
 
 
 @scenario
@@ -152,9 +165,15 @@ def geolocation_existence() -> Any:
     rng = np.random.default_rng(8)
     marks = _landmarks(views)
     # some were seen once or twice
-    marks = [*marks[4:16], *(_few(views, mark.rows[k : k + n]) for mark, k, n in zip(
-        marks[:9], (2, 3, 4, 5, 6, 1, 2, 7, 3), (1, 2, 1, 3, 1, 1, 2, 1, 1), strict=True
-    ))]  # fmt: skip
+    marks = [
+        *marks[4:16],
+        *(
+            _few(views, mark.rows[k : k + n])
+            for mark, k, n in zip(
+                marks[:9], (2, 3, 4, 5, 6, 1, 2, 7, 3), (1, 2, 1, 3, 1, 1, 2, 1, 1), strict=True
+            )
+        ),
+    ]
     grids = {d.camera: of.FrameGrid(d) for d in drive.detections}
     one = grids["front"]
     holes = of.FrameGrid(_some(drive.detections[1], np.r_[0:40, 70:110:3]))
@@ -173,14 +192,23 @@ def geolocation_existence() -> Any:
     )
     return levelled(
         {
-            "grid": [vars(g) for g in (*grids.values(), holes, of.FrameGrid(_some(drive.detections[0], [])))],
+            "grid": [
+                vars(g)
+                for g in (*grids.values(), holes, of.FrameGrid(_some(drive.detections[0], [])))
+            ],
             "stamped": [g.stamped(np.arange(-4, 250, 7)) for g in (one, holes)],
             "between": one.count_between(first, first + 7 * 10**9),
             "around": [g.around(first + 3 * 10**9, n) for g in (one, holes) for n in (2, 5)],
             "heights": [
                 of.apparent_heights(
-                    mark.position, 0.8, views.centre[mark.rows], times, drive.path,
-                    drive.cameras["front"], views.origin, part,
+                    mark.position,
+                    0.8,
+                    views.centre[mark.rows],
+                    times,
+                    drive.path,
+                    drive.cameras["front"],
+                    views.origin,
+                    part,
                 )
                 for part in (None, region)
             ],
@@ -196,7 +224,7 @@ def geolocation_existence() -> Any:
             "carried": [carried_views(v, PRIOR) for v in (views, carried, lorry)],
             "moves": [moves_along(v, r, PRIOR) for v in (views, lorry) for r in tracked],
         }
-    )  # fmt: skip
+    )
 
 
 def _few(views: Any, rows: Any) -> Any:
@@ -256,7 +284,7 @@ def geolocation_links() -> Any:
     rules = tracking.TrackingRules(missed=3e-3, slack_rad=0.004, max_silence_s=6.0)
     few = np.sort(rng.choice(len(views), 110, replace=False))
     tracks = tracking.link_views(views, PRIOR, rules)
-    mixed = [np.unique(np.r_[a, b[:2]]) for a, b in zip(tracks[2:9], tracks[3:10], strict=True)]
+    mixed = [np.unique(np.r_[a, b[:2]]) for a, b in pairwise(tracks[2:10])]
     stray = replace(views, measured=views.measured.copy())
     stray.measured[[60, 131, 202, 203]] += [0.11, -0.08, 0.2]
     marks, misfits = splitting.clean_tracks(stray, mixed, PRIOR, rules)
@@ -310,9 +338,12 @@ def geolocation_hand() -> Any:
             return str(error)
 
     seen = of.nothing_observed(
-        len(drive.owner[0]) + len(drive.owner[1]), views, drive.path, drive.detections,
+        len(drive.owner[0]) + len(drive.owner[1]),
+        views,
+        drive.path,
+        drive.detections,
         drive.cameras,
-    )  # fmt: skip
+    )
     before = seen.note.copy()
     for number, mark in enumerate(_settled(views, (1, 4, 7))):
         of.record_sign(seen, views, mark, number, f"s{number}", np.array([950.0, 810.0]))

@@ -88,7 +88,9 @@ def mapping_association() -> Any:
             "none": seen.stack_sightings([]).first,
             "order": seen.canonical_order([drives[k] for k in (2, 0, 3, 1)]),
             "shared": [seen.shared_sd(d, rows[:4]) for d in drives],
-            "split": seen.split_covariance(drives[0].cov_enu, 0.7 * seen.shared_sd(drives[0], rows)),
+            "split": seen.split_covariance(
+                drives[0].cov_enu, 0.7 * seen.shared_sd(drives[0], rows)
+            ),
             "found": found,
             "few": associate(stacked, 7.0, 1),
             "by cells": associate_by_cells(stacked),
@@ -96,16 +98,14 @@ def mapping_association() -> Any:
             "places": places,
             "pairs": pairs,
             "one": [
-                of._evidence_for_one(
-                    places, stacked, evidence, a, b, members[a], members[b], 0.8
-                )
+                of._evidence_for_one(places, stacked, evidence, a, b, members[a], members[b], 0.8)
                 for a, b in pairs.tolist()
             ],
             "near": [of._place_evidence(places, a, b, 2) for a, b in pairs.tolist()],
             "dominant": of.dominant_code(cut.sign, stacked.code, stacked.confidence),
             "joined": [of.join_duplicates(stacked, cut, d).sign for d in (0.5, 0.95)],
         }
-    )  # fmt: skip
+    )
 
 
 @scenario
@@ -159,12 +159,15 @@ def mapping_places() -> Any:
             "tiles": [table(list(cut_tiles(lat, lon, n, m))) for n, m in ((5, 20.0), (3, 1.0))],
             "names": name_signs(keys, {2: "s7", 4: "s9"}, {"s7", "s9"}),
             "backs": map_backs(
-                names, near[0] - 0.6, near[1] + 2.6, rng.uniform(0.0, 6.0, 12),
+                names,
+                near[0] - 0.6,
+                near[1] + 2.6,
+                rng.uniform(0.0, 6.0, 12),
                 0.05 * np.broadcast_to(np.eye(3), (12, 3, 3)),
             ),
             "with": with_backs(np.arange(6), np.arange(3, 9), np.array([-1, 0, 0, -2, -1, 4])),
         }
-    )  # fmt: skip
+    )
 
 
 @scenario
@@ -208,11 +211,14 @@ def mapping_existence() -> Any:
             "spread": of._with_spread(pairs, other, belief),
             "exists": [of.existence(p, r, m, when) for p in (pairs, plain) for r in (rates, other)],
             "still": of.still_there(
-                np.array([0, 0, 1, 3]), np.array([1.0, 0.4, 0.7, 1.0]), other, belief[:5],
+                np.array([0, 0, 1, 3]),
+                np.array([1.0, 0.4, 0.7, 1.0]),
+                other,
+                belief[:5],
                 np.array([1.0, 2.0, 3.0, 4.0, 5.0]),
             ),
         }
-    )  # fmt: skip
+    )
 
 
 def _values(rng: np.random.Generator, n: int, most: int) -> tuple[Any, FloatArray]:
@@ -222,7 +228,7 @@ def _values(rng: np.random.Generator, n: int, most: int) -> tuple[Any, FloatArra
     for i in range(n):
         count = int(rng.integers(0, 4)) if i % 5 else 3
         index[i, :count] = rng.choice(7, count, replace=False)
-        values[i, :, :3] = rng.normal(0.0, 1.2, (most, 3)) + [0.6, -0.8, 0.5]
+        values[i, :, :3] = rng.normal(0.0, 1.2, (most, 3)) + np.array([0.6, -0.8, 0.5])
         values[i, :, 3] = rng.uniform(0.3, 1.0, most)
         values[i, :, 5] = rng.uniform(0.3, 1.0, most)
         values[i, :, 4] = rng.uniform(-0.2, 0.2, most)
@@ -306,11 +312,14 @@ def mapping_lists() -> Any:
     n = len(drives[1])
     signs = signs_of(drives[1], rng.uniform(0.4, 0.99, n), rng.uniform(0.3, 0.95, n))
     signs = [
-        replace(s, class_probability=0.9 - 0.02 * k if k % 3 else float("nan"),
-                existence=s.existence if k % 4 else float("nan"),
-                drives=("a", "b", "c")[: 1 + k % 3])
+        replace(
+            s,
+            class_probability=0.9 - 0.02 * k if k % 3 else float("nan"),
+            existence=s.existence if k % 4 else float("nan"),
+            drives=("a", "b", "c")[: 1 + k % 3],
+        )
         for k, s in enumerate(signs)
-    ]  # fmt: skip
+    ]
     m = n + 2
     order = np.concatenate([rng.permutation(n), [0, 1]])
     names = [str(drives[1].class_name[k]) for k in order]
@@ -340,9 +349,14 @@ def mapping_lists() -> Any:
     tries, hits = np.array([3, 1, 0, 4, 2, 2, 5, 1]), np.array([2, 0, 0, 0, 0, 2, 1, 1])
     group = np.array([0, 1, 0, 1, 0, 1, 0, 0])
     looked = np.array([12, 9, 20, 2, 7, 30, 1, 15])
-    gaps = [hidden.gaps(part, looked[:k]) for part, k in (
-        (np.array([10, 9, 11, 2, 3, 28, 1, 6]), 8), (np.array([12, 9]), 2), (looked[:0], 0),
-    )]  # fmt: skip
+    gaps = [
+        hidden.gaps(part, looked[:k])
+        for part, k in (
+            (np.array([10, 9, 11, 2, 3, 28, 1, 6]), 8),
+            (np.array([12, 9]), 2),
+            (looked[:0], 0),
+        )
+    ]
     whole = of.compare_inventory(signs, listed, drives)
     return levelled(
         {
@@ -364,7 +378,9 @@ def mapping_lists() -> Any:
             "belief": [findings.class_belief(s) for s in signs],
             "new": table(findings.new_signs(signs, np.arange(0, n, 4))),
             "judged": table(
-                findings.judge_classes([replace(f, kind="class") for f in paired[::2]] + paired, signs)
+                findings.judge_classes(
+                    [replace(f, kind="class") for f in paired[::2]] + paired, signs
+                )
             ),
             "standing": [
                 missing.standing(tries[:k], hits[:k], group[:k], p)
@@ -375,4 +391,4 @@ def mapping_lists() -> Any:
             "gone": [hidden.gone_by_gaps(g, a, b) for g in gaps for a, b in ((20, 2), (9, 5))],
             "whole": (table(whole.findings), whole.shift_m, whole.sd_m, whole.detection),
         }
-    )  # fmt: skip
+    )

@@ -66,25 +66,39 @@ def mapping_ways() -> Any:
                 for k, (place, sign) in enumerate(signs)
             ],
             "near": [
-                of._on_road(ways[0].xy[k] + [2.0, -3.0 + k / 5.0], sign, windows[0], time, ways[0], network)
+                of._on_road(
+                    ways[0].xy[k] + [2.0, -3.0 + k / 5.0], sign, windows[0], time, ways[0], network
+                )
                 for k, (_, sign) in enumerate(signs)
             ],
         }
-    )  # fmt: skip
+    )
 
 
 def _signs(rng: np.random.Generator, n: int) -> list[Sign]:
     root = 0.3 * rng.normal(size=(n, 3, 3))
     return [
         Sign(
-            id=f"s{k}", class_name=CLASSES[k % 4], lat_rad=-0.61 + 2e-6 * k + 3e-7 * (k % 3),
-            lon_rad=2.6 + 1.5e-6 * (k % 5), height_m=580.0 + k, cov_enu=root[k] @ root[k].T + 0.1 * np.eye(3),
-            confidence=0.5 + 0.02 * k, n_views=3 + k, first_seen_ns=10**9 * k, last_seen_ns=10**9 * (k + 3),
-            height_above_road_m=2.0 + 0.1 * k, facing_rad=0.4 * k if k % 6 else float("nan"),
-            size_m=0.6 + 0.01 * k, side="left", status="ok", drives=(f"d{k % 3}",), existence=0.9,
+            id=f"s{k}",
+            class_name=CLASSES[k % 4],
+            lat_rad=-0.61 + 2e-6 * k + 3e-7 * (k % 3),
+            lon_rad=2.6 + 1.5e-6 * (k % 5),
+            height_m=580.0 + k,
+            cov_enu=root[k] @ root[k].T + 0.1 * np.eye(3),
+            confidence=0.5 + 0.02 * k,
+            n_views=3 + k,
+            first_seen_ns=10**9 * k,
+            last_seen_ns=10**9 * (k + 3),
+            height_above_road_m=2.0 + 0.1 * k,
+            facing_rad=0.4 * k if k % 6 else float("nan"),
+            size_m=0.6 + 0.01 * k,
+            side="left",
+            status="ok",
+            drives=(f"d{k % 3}",),
+            existence=0.9,
         )
         for k in range(n)
-    ]  # fmt: skip
+    ]
 
 
 @scenario
@@ -180,13 +194,17 @@ def mapping_series() -> Any:
         {
             "attributes": vars(of.combine_attributes(stacked, found.sign)),
             "status": [of._status(s, d) for s in states for d in (drives, 0 * drives)],
-            "most": of._most(np.array(["b", "a", "", "b", "c"], object), np.array([1.0, 1.5, 9.0, 0.4, 1.45])),
+            "most": of._most(
+                np.array(["b", "a", "", "b", "c"], object), np.array([1.0, 1.5, 9.0, 0.4, 1.45])
+            ),
             "levels": [error_levels.levels_of_tiles(t) for t in (tiles, [])],
             "estimated": error_levels.estimate_levels(stacked, found),
             "tiles": [(data.rows, data.sign, error_levels._spare(data)) for _, data in tiles],
-            "cells": [error_levels.level_cells(np.arange(40) * 7, np.arange(40) * k) for k in (1, 90)],
+            "cells": [
+                error_levels.level_cells(np.arange(40) * 7, np.arange(40) * k) for k in (1, 90)
+            ],
         }
-    )  # fmt: skip
+    )
 
 
 @scenario
@@ -233,37 +251,56 @@ def mapping_review() -> Any:
         if sign in (own := {s.id: s for s in signs}):
             s = own[sign]
             told = {
-                "seen_class": s.class_name, "seen_lon_deg": float(np.degrees(s.lon_rad)),
+                "seen_class": s.class_name,
+                "seen_lon_deg": float(np.degrees(s.lon_rad)),
                 "seen_lat_deg": float(np.degrees(s.lat_rad)),
-            }  # fmt: skip
+            }
         time, who = f"2026-01-{number + 1:02d}", ("ann", "bob")[number % 2]
         return ReviewAction(f"a{number}", time, sign, kind, **({"reviewer": who} | told | more))
 
     def other(sign: str) -> dict[str, Any]:
         s = {each.id: each for each in signs}[sign]
         return {
-            "other": sign, "other_seen_class": s.class_name,
+            "other": sign,
+            "other_seen_class": s.class_name,
             "other_seen_lon_deg": float(np.degrees(s.lon_rad)),
             "other_seen_lat_deg": float(np.degrees(s.lat_rad)),
-        }  # fmt: skip
+        }
 
     lon, lat = float(np.degrees(2.6)), float(np.degrees(-0.61))
     place = PlacedSign(
-        lon_deg=lon + 1e-5, lat_deg=lat - 2e-5, cov_m2=(0.4, 0.1, 0.5, 0.9), height_m=577.0,
-        height_above_road_m=2.7, sd_above_road_m=0.2, size_m=0.8, facing_deg=123.0, facing_sd_deg=9.0,
-        side="right", n_views=4, first_seen_ns=5, last_seen_ns=99,
-    )  # fmt: skip
+        lon_deg=lon + 1e-5,
+        lat_deg=lat - 2e-5,
+        cov_m2=(0.4, 0.1, 0.5, 0.9),
+        height_m=577.0,
+        height_above_road_m=2.7,
+        sd_above_road_m=0.2,
+        size_m=0.8,
+        facing_deg=123.0,
+        facing_sd_deg=9.0,
+        side="right",
+        n_views=4,
+        first_seen_ns=5,
+        last_seen_ns=99,
+    )
     bare = replace(
-        place, height_m=float("nan"), height_above_road_m=float("nan"), facing_deg=float("nan"),
-        n_views=0, side="", cov_m2=(1.4, -0.3, 0.7, 2.0),
-    )  # fmt: skip
+        place,
+        height_m=float("nan"),
+        height_above_road_m=float("nan"),
+        facing_deg=float("nan"),
+        n_views=0,
+        side="",
+        cov_m2=(1.4, -0.3, 0.7, 2.0),
+    )
     views = (SeenIn("d1", "front", 3), SeenIn("d2", "left", 8))
     actions = [
         action(0, "s0", "accept"),
         action(1, "s0", "reject"),
         action(2, "s1", "correct", class_name=CLASSES[3], lon_deg=lon, lat_deg=lat, sd_m=0.7),
         action(3, "s1", "note", note="leans"),
-        action(4, "s2", "correct", facing_deg=-30.0, height_above_road_m=3.4, lon_deg=lon, lat_deg=lat),
+        action(
+            4, "s2", "correct", facing_deg=-30.0, height_above_road_m=3.4, lon_deg=lon, lat_deg=lat
+        ),
         action(5, "s3", "split", views=views, place=place, other="new1", other_place=bare),
         action(6, "s4", "merge", place=bare, **other("s5")),
         action(7, "add1", "add", place=place, views=views[:1], seen_class=CLASSES[2]),
@@ -280,10 +317,17 @@ def mapping_review() -> Any:
         action(18, "s10", "correct", class_name=CLASSES[1]),
         action(19, "s10", "reject"),
         *(
-            action(20 + k, f"gone{k}", "accept", seen_class=CLASSES[0], seen_lon_deg=8.0, seen_lat_deg=7.0)
+            action(
+                20 + k,
+                f"gone{k}",
+                "accept",
+                seen_class=CLASSES[0],
+                seen_lon_deg=8.0,
+                seen_lat_deg=7.0,
+            )
             for k in range(6)
         ),
-    ]  # fmt: skip
+    ]
     # a later run: numbers moved by two, all a metre further on
     later = [replace(s, id=f"s{k + 2}", lat_rad=s.lat_rad + 1e-7) for k, s in enumerate(signs)]
     state = review_state.verdicts(actions)
@@ -309,7 +353,7 @@ def mapping_review() -> Any:
                 for sign in ("s3", "s5", "s7", "s9")
                 for view in (("front", 3), ("front", 3, "d1"), ("left", 8, "d1"), ("left", 9, "d2"))
             ],
-        }  # fmt: skip
+        }
     return levelled(
         found
         | {
