@@ -119,6 +119,7 @@ def geolocation_passes() -> Any:
     from automap.geolocation.contradiction import disagreement
     from automap.geolocation.landmark import SizePrior
     from automap.geolocation.pass_errors import pass_sd
+    from automap.signs.classes import load_classes
 
     drive, rng = rich_drive(), np.random.default_rng(3)
     views = drive.views()
@@ -158,10 +159,10 @@ def geolocation_passes() -> Any:
             "disagreement": [
                 (found.square, found.spread, found.contradictory)
                 for mark in marks[:16:4]
-                for prior in (PRIOR, SizePrior(0.2, 0.03), SizePrior(1.9, 0.1))
+                for prior in (PRIOR, SizePrior(0.5, 0.02), SizePrior(0.9, 0.02))
                 if (found := disagreement(views, mark, prior))
             ],
-            "usual": class_sizes.usual_sizes([*CLASSES, "other", "warning--signal--g1"]),
+            "usual": class_sizes.usual_sizes([*load_classes(), *CLASSES, "other", "white--circle"]),
             "sizes": class_sizes.sizes_of_others(views, marks, PRIOR),
             "noise": measured_noise(views, _landmarks(views), PRIOR, NOISE),
             "margin": margin_scatter(views, _landmarks(views, (1, 7, 9)), PRIOR),

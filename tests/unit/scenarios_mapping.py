@@ -14,13 +14,13 @@ from tests.unit.scenarios import scenario
 
 
 @cache
-def _drives() -> list[Any]:
+def _drives(length_m: float = 230.0) -> list[Any]:
     """Four drives of a street; one tells no path, one no probabilities, some cells are unknown."""
     from automap.mapping.sightings import CameraView
     from tests.unit.merge_scene import Errors, street_scene
 
     errors = Errors(clutter=0.15, wrong_class=0.15, missed=0.2, own_across=0.3)
-    drives = street_scene(12, 4, 230.0, 11.0, errors).drives
+    drives = street_scene(12, 4, length_m, 11.0, errors).drives
     rng = np.random.default_rng(3)
     told = []
     for k, drive in enumerate(drives):
@@ -307,7 +307,7 @@ def mapping_lists() -> Any:
     from tests.unit.inventory_case import signs_of
     from tests.unit.merge_scene import CLASSES
 
-    drives = _drives()
+    drives = _drives(640.0)
     rng = np.random.default_rng(4)
     n = len(drives[1])
     signs = signs_of(drives[1], rng.uniform(0.4, 0.99, n), rng.uniform(0.3, 0.95, n))
@@ -333,6 +333,10 @@ def mapping_lists() -> Any:
         np.where(rng.random(m) < 0.4, np.nan, rng.uniform(0.05, 1.5, m)),
     )
     turned = replace(listed, facing_rad=listed.facing_rad + np.pi)
+    partly = [
+        replace(turned, facing_rad=turned.facing_rad + np.where(np.arange(m) < k, a, 0.0))
+        for k, a in ((m, 0.9), (m // 3, np.pi), (m // 2, 1.5), (m // 4, np.pi), (m, 1.2))
+    ]
     pairs = of._candidates(signs, listed)
     shift, sd, evidence, moved, square = of._fit(pairs, listed, signs)
     chosen = of._one_to_one(pairs, evidence, n)
@@ -361,7 +365,7 @@ def mapping_lists() -> Any:
     return levelled(
         {
             "pairs": pairs,
-            "turned": [of._is_turned(signs, each) for each in (listed, turned)],
+            "turned": [of._is_turned(signs, each) for each in (listed, turned, *partly)],
             "fit": (shift, sd, evidence, moved, square),
             "chosen": chosen,
             "paired": table(paired),

@@ -179,6 +179,7 @@ def mapping_series() -> Any:
         + base
     )
     tiles = error_levels.level_tiles(stacked, found.sign, home, 2)
+    surer = [(replace(own, own=0.1 * own.own), data) for own, data in tiles]
     drives = np.array([0, 0, 1])
     states = [
         np.array(s, object)
@@ -197,7 +198,7 @@ def mapping_series() -> Any:
             "most": of._most(
                 np.array(["b", "a", "", "b", "c"], object), np.array([1.0, 1.5, 9.0, 0.4, 1.45])
             ),
-            "levels": [error_levels.levels_of_tiles(t) for t in (tiles, [])],
+            "levels": [error_levels.levels_of_tiles(t) for t in (tiles, surer, [])],
             "estimated": error_levels.estimate_levels(stacked, found),
             "tiles": [(data.rows, data.sign, error_levels._spare(data)) for _, data in tiles],
             "cells": [
