@@ -113,6 +113,7 @@ def gap_levels() -> Any:
     from tests.unit.test_gap import simulated
 
     model = base_model()
+    model = replace(model, factors={k: 1.3 * v for k, v in model.factors.items()})
     wrong = {"accel_scale": {"x": 0.02, "y": -0.01, "z": 0.015}}
     drives = [
         open_drive(_cut(simulated(e, seed, size), s), model.options)
