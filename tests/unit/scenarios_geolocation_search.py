@@ -383,3 +383,27 @@ def geolocation_whole() -> Any:
     told = {n: v for n, v in vars(found).items() if n not in ("adjusted", "signs")}
     places = [(s.lat_rad, s.lon_rad, s.height_m, s.n_views, s.existence) for s in found.signs]
     return levelled({**told, "signs": np.array(places), "id": [s.support for s in found.signs]})
+
+
+@scenario
+def geolocation_late() -> Any:
+    """One camera's frames, each off its stamp, with the camera and the noise estimated."""
+    from automap.geolocation.locate import locate_signs
+    from automap.geolocation.rules import GeolocationRules
+
+    drive, rng = rich_drive(), np.random.default_rng(6)
+    record, owner = drive.detections[0], drive.owner[0]
+    moved = np.rint(rng.normal(0.0, 5e7, len(record))).astype(np.int64)
+    late = replace(record, t_ns=record.t_ns + moved)
+    some = _some(late, np.flatnonzero(np.isin(owner, (6, 7, 8, 9, 10, 11))))
+    rules = GeolocationRules(noise=NOISE, size=PRIOR)
+    found = locate_signs(drive.path, [some], drive.cameras, rules)
+    correction = found.corrections["front"]
+    return {
+        "noise": found.noise,
+        "places": [(s.lat_rad, s.lon_rad, s.height_m, s.confidence) for s in found.signs],
+        "sd": [np.sqrt(np.diag(s.cov_enu)) for s in found.signs],
+        "turn": correction.turn,
+        "sigmas": np.sqrt(np.diag(correction.covariance)),
+        "warnings": found.warnings,
+    }
