@@ -32,6 +32,13 @@ def _log(seed: int = 3, poses: int = 13, rest_s: float = 1.8, turn_s: float = 2.
     )
 
 
+def _off(log: RawImu, counts: float) -> RawImu:
+    """The log with another error of the accelerometer in every stretch of four seconds."""
+    stretch = ((log.t_ns - log.t_ns[0]) // 3_800_000_000).astype(np.int64)
+    errors = counts * np.random.default_rng(1).normal(size=(stretch.max() + 1, 3))
+    return replace(log, accel=log.accel + np.rint(errors[stretch]))
+
+
 def _poses(seed: int, k: int) -> tuple[FloatArray, FloatArray]:
     """Mean readings [k, 3] of poses and their variances."""
     rng = np.random.default_rng(seed)
@@ -175,6 +182,8 @@ def calibration_fits() -> Any:
                     (_log(5, 9), None),
                     (_log(5, 7), 6),
                     (replace(_log(5, 7), gyro_scale=None), 6),
+                    (_off(_log(), 9.0), 6),
+                    (_off(_log(), 60.0), 6),
                 )
                 for found in [_or_error(static.calibrate_static, [some], GRAVITY, n)]
             ],
