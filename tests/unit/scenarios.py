@@ -760,3 +760,16 @@ def geolocation_tracks() -> Any:
         "misfits": misfits,
         "joined": join_pieces(views, pieces, prior, rules),
     }
+
+
+# what they have besides: parts of the areas one by one
+from tests.unit import (  # noqa: E402
+    scenarios_cache,  # noqa: F401
+    scenarios_calibration,  # noqa: F401
+    scenarios_gap,  # noqa: F401
+    scenarios_geolocation,  # noqa: F401
+    scenarios_geolocation_plane,  # noqa: F401
+    scenarios_geolocation_search,  # noqa: F401
+    scenarios_mapping,  # noqa: F401
+    scenarios_mapping_changes,  # noqa: F401
+)

@@ -1,0 +1,281 @@
+"""Parts of the geolocation one by one, on a drive where no two numbers are alike."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from tests.unit.figure_levels import levelled, table
+from tests.unit.geolocation_drive import (
+    CLASSES,
+    CORRECTIONS,
+    NOISE,
+    PRIOR,
+    rich_drive,
+)
+from tests.unit.scenarios import scenario
+
+
+def _landmarks(views: Any, signs: Any = range(16)) -> list[Any]:
+    from automap.geolocation.landmark import fit_landmark
+
+    drive = rich_drive()
+    told = [drive.rows(views, k, camera) for k in signs for camera in (0, 1)]
+    return [fit_landmark(views, rows, PRIOR) for rows in told if len(rows) > 1]
+
+
+def _settled(views: Any, signs: Any = range(16)) -> list[Any]:
+    from automap.geolocation.pass_errors import solve_with_pass_errors
+
+    return [solve_with_pass_errors(views, mark, PRIOR) for mark in _landmarks(views, signs)]
+
+
+def _seen(views: Any, signs: Any = range(16)) -> list[Any]:
+    from automap.geolocation.contradiction import disagreement
+    from automap.geolocation.sightings import make_sighting
+
+    rng = np.random.default_rng(1)
+    root = 1e-3 * rng.normal(size=(2, 9, 9))
+    camera = [r @ r.T for r in root]
+    return [
+        make_sighting(views, mark, camera, disagreement(views, mark, PRIOR))
+        for mark in _settled(views, signs)
+    ]
+
+
+@scenario
+def geolocation_views() -> Any:
+    """Rays of two cameras, with and without corrections and errors of the stamps."""
+    from automap.geolocation.views import build_views, map_origin
+
+    drive = rich_drive()
+    late = replace(NOISE, stamp_sd_s=0.013)
+    gone = replace(drive.path, lat_rad=np.full(len(drive.path), np.nan))
+    lost = replace(drive.path, height_m=np.full(len(drive.path), np.nan))
+    found = {
+        "corrected": drive.views(),
+        "plain": drive.views(late, plain=True),
+        "none": build_views(drive.path, [], drive.cameras, NOISE),
+        "origin": [map_origin(p) for p in (drive.path, gone, lost)],
+        "values": CORRECTIONS["front"].values,
+    }
+    return levelled(found)
+
+
+@scenario
+def geolocation_landmarks() -> Any:
+    """Signs from their boxes, robust or not, their derivatives and where they are expected."""
+    from automap.geolocation import landmark as of
+    from automap.robust import BY_CAUCHY, BY_HUBER, PLAIN
+
+    drive, rng = rich_drive(), np.random.default_rng(2)
+    views = drive.views()
+    near = np.array([3, 3, 4, 4, 4, 9])
+    still = replace(views, centre=views.centre.copy())
+    still.centre[near] = views.centre[near[0]] + rng.normal(0.0, 0.01, (6, 3))
+    found: dict[str, Any] = {"sd": of.view_sd(still, np.arange(20))}
+    for k, robust in ((1, True), (7, True), (11, False)):
+        rows = drive.rows(views, k)
+        mark = of.fit_landmark(views, rows, PRIOR, robust)
+        anchor = int(rows[2])
+        at = of.seen_from(views, anchor, mark.position + np.array([0.5, -0.7, 0.3]), -0.4)
+        assert at is not None
+        columns, effects = of.columns_of(views, rows, anchor, at)
+        bias = 1e-3 * rng.normal(size=columns.shape[2])
+        found[str(k)] = {
+            "mark": mark,
+            # its residuals are nothing but rounding
+            "alone": of.fit_landmark(views, rows[4:5], PRIOR).parameters,
+            "two": of.fit_landmark(views, rows[[1, 5]], of.SizePrior(0.9, 0.2)),
+            "told": [mark.depth_m, mark.size_m, mark.depth_log_sd],
+            "at": at,
+            "columns": columns.reshape(-1, columns.shape[2]).T.copy(),
+            "effects": effects,
+            "drift": of.view_drift(views, rows, anchor),
+            "elapsed": of.elapsed_s(views, rows, anchor),
+            "residuals": of.direction_residuals(views, mark),
+            "jacobian": of.position_jacobian(views, mark),
+            "place": of.place(views, anchor, at),
+            "behind": of.seen_from(views, anchor, views.centre[anchor] - drive.place[0], 0.1),
+            "equations": [
+                of.sign_equations(views, rows, anchor, at, columns, bias, PRIOR, kind)
+                for kind in (PLAIN, BY_HUBER, BY_CAUCHY)
+            ],
+        }
+    marks = _landmarks(views, (2, 3, 5, 6))
+    frame = np.flatnonzero(views.frame == views.frame[marks[1].rows[2]])
+    found["distances"] = of.distances_to(views, marks, frame, 0.004)
+    found["prior"] = [PRIOR.of(names).size_m for names in (CLASSES[2:3], CLASSES, CLASSES[1:4])]
+    return levelled(found)
+
+
+@scenario
+def geolocation_passes() -> Any:
+    """Signs with the errors of their passes, what they tell of the camera, and their sizes."""
+    from automap.geolocation import boresight, class_sizes, course_yaw, time_minima
+    from automap.geolocation.box_noise import margin_scatter, measured_noise, scatter
+    from automap.geolocation.contradiction import disagreement
+    from automap.geolocation.landmark import SizePrior
+    from automap.geolocation.pass_errors import pass_sd
+    from automap.signs.classes import load_classes
+
+    drive, rng = rich_drive(), np.random.default_rng(3)
+    views = drive.views()
+    marks = _settled(views)
+    camera, priors = drive.cameras["front"], boresight.CameraPriors(0.007, 1.4)
+    current = CORRECTIONS["front"]
+    corrected = boresight.refine_correction(views, marks, 0, camera, current, PRIOR, priors)
+    straight = replace(views, rate=0.2 * views.rate)
+    minima = [
+        time_minima.Minimum(replace(corrected, time_s=t), cost)
+        for t, cost in ((0.3, 41.0), (0.02, 40.0), (-0.4, 42.5), (0.021, 40.5), (0.8, 90.0))
+    ]
+    walk = [np.cumsum(rng.normal(size=n)) * 0.4 + rng.normal(size=n) for n in (9, 14, 11, 30)]
+    walk[2][3] = 40.0
+    return levelled(
+        {
+            "marks": table(marks),
+            "sd": [pass_sd(views, mark.rows, a) for mark in marks[:2] for a in (True, False)],
+            "prior": boresight.prior_covariance(camera, priors),
+            "usable": [len(boresight.usable_landmarks(views, marks, c)) for c in (0, 1)],
+            "first": boresight.refine_correction(
+                views, marks, 1, drive.cameras["left"], None, PRIOR, priors
+            ),
+            "corrected": corrected,
+            "course": [
+                course_yaw.yaw_by_course(v, marks, 0, camera, corrected, PRIOR, priors)
+                for v in (views, straight)
+            ],
+            "cost": time_minima.cost_of(views, marks[:9], camera, current, PRIOR, priors),
+            "starts": time_minima.starts(0.03),
+            "alike": [time_minima.alike(minima[k:]) for k in (0, 2, 4)],
+            "apart": [
+                time_minima.apart(minima[1].correction, replace(other.correction, covariance=cov))
+                for other in minima
+                for cov in (1e-6 * np.eye(9), 0.01 * np.eye(9))
+            ],
+            "disagreement": [
+                (found.square, found.spread, found.contradictory)
+                for mark in marks[:16:4]
+                for prior in (PRIOR, SizePrior(0.5, 0.02), SizePrior(0.9, 0.02))
+                if (found := disagreement(views, mark, prior))
+            ],
+            "usual": class_sizes.usual_sizes([*load_classes(), *CLASSES, "other", "white--circle"]),
+            "sizes": class_sizes.sizes_of_others(views, marks, PRIOR),
+            "noise": measured_noise(views, _landmarks(views), PRIOR, NOISE),
+            "margin": margin_scatter(views, _landmarks(views, (1, 7, 9)), PRIOR),
+            "scatter": [scatter(walk), scatter(walk[:1], 2.0), scatter([0.01 * w for w in walk])],
+        }
+    )
+
+
+@scenario
+def geolocation_sightings() -> Any:
+    """Sightings of two cameras, grouped, combined, faced, surveyed and adjusted."""
+    from automap.earth import from_local_ned
+    from automap.geolocation import trajectory_adjustment as adjusting
+    from automap.geolocation.assembly import AssemblyRules, assemble_sign
+    from automap.geolocation.backs import find_backs
+    from automap.geolocation.condition import conditions
+    from automap.geolocation.control import ControlSigns, match_control
+    from automap.geolocation.facing import find_facings
+    from automap.geolocation.merging import (
+        _link_cost,
+        class_agreement,
+        combine,
+        difference_covariance,
+        group_sightings,
+    )
+    from automap.geolocation.passes import join_passes
+    from automap.geolocation.path_relation import make_path
+    from automap.geolocation.supports import support_numbers
+
+    drive, rng = rich_drive(), np.random.default_rng(4)
+    views = drive.views()
+    seen = _seen(views)
+    other = replace(seen[3], class_score={CLASSES[2]: 1.3, CLASSES[0]: 2.1, CLASSES[1]: 0.2})
+    mixed = replace(seen[2], class_score={CLASSES[2]: 3.3, CLASSES[0]: 1.1, CLASSES[3]: 0.4})
+    pairs = [(seen[2], seen[3]), (seen[2], seen[4]), (seen[1], seen[6]), (mixed, other)]
+    groups = group_sightings(views, seen)
+    joined = [[seen[k] for k in group] for group in groups]
+    places = np.array([combine(members)[0] for members in joined])
+    lat, lon, _ = from_local_ned(places + rng.normal(0.0, 0.5, places.shape), views.origin)
+    names = np.array([joined[k][0].class_name if k % 3 else "" for k in range(len(joined))], object)
+    names[1] = CLASSES[3]
+    control = ControlSigns(lat[1::2], lon[1::2], names[1::2], rng.uniform(0.1, 0.6, len(lat[1::2])))
+    controlled = match_control(control, seen, groups, views.origin)
+    adjustment = adjusting.adjust_trajectory(drive.path, seen, groups, controlled)
+    assert adjustment is not None
+    path = make_path(drive.path, views.origin, adjustment)
+    facings, faces = find_facings(views, joined, path)
+    rules = AssemblyRules(1.1, 0.07, 30.0, (0.2, 1.05), (-1.0, 4.5), "round")
+    bend = [
+        np.array([[np.cos(a), -np.sin(a)], [np.sin(a), np.cos(a)]]) for a in 0.22 * np.arange(9)
+    ]
+    back = [
+        replace(
+            s, position=s.position + k * np.array([0.3, -0.2, 0.05]), facing=-bend[k] @ s.facing
+        )
+        for k, s in enumerate(seen[:9])
+    ]
+    off = (views.frame.max() + 1 + np.arange(len(views))).astype(np.int64)
+    apart = replace(
+        views,
+        centre=np.concatenate([views.centre, views.centre]),
+        frame=np.concatenate([views.frame, off]),
+    )
+    back = [
+        replace(
+            s,
+            landmark=replace(s.landmark, rows=s.landmark.rows + len(views)),
+            class_score={"information--sign--back": 2.0},
+        )
+        for s in back
+    ]
+    both = [*seen[:9], *back]
+    return levelled(
+        {
+            "seen": table(seen),
+            "covariance": [s.covariance for s in seen],
+            "pairs": [
+                (difference_covariance(a, b), _link_cost(a, b), class_agreement(a, b))
+                for a, b in pairs
+            ],
+            "groups": groups,
+            "combined": [combine(members, done) for members in joined for done in (False, True)],
+            "controlled": controlled,
+            "adjustment": adjustment,
+            "shifted": adjusting.shift_sighting(seen[5], adjustment).position,
+            "adjusted": adjusting.shifted(drive.path, adjustment, views.origin),
+            "path": path,
+            "facings": table(facings),
+            "faces": faces,
+            "signs": table(
+                [
+                    assemble_sign(
+                        views, members, combine(members), path, facing, k, rules, 0.5 + 0.02 * k
+                    )
+                    for k, (members, facing) in enumerate(zip(joined, facings, strict=True))
+                ]
+            ),
+            "backs": find_backs(apart, both, [[k] for k in range(len(both))]),
+            "condition": table(
+                conditions(views, joined, drive.path, drive.detections, drive.cameras)
+            ),
+            "passes": [
+                {n: v for n, v in vars(join_passes(*way)).items() if n != "sightings"}
+                for way in (
+                    (views, seen, drive.path, control, True),
+                    (views, seen, drive.path, None, False),
+                    (apart, both, drive.path, control, True),
+                )
+            ],
+            "supports": support_numbers(
+                rng.uniform(0.0, 30.0, (25, 3)),
+                rng.uniform(0.01, 0.5, 25)[:, None, None] * np.eye(3),
+                (rng.random(25) < 0.4).tolist(),
+            ),
+        }
+    )
