@@ -20,15 +20,20 @@ DEPTH = 9
 
 _KERNEL = re.compile(r"kernel|kernel_with\(.*\)", re.DOTALL)
 _TEST = re.compile(r"tests/unit/test_\w+\.py:(?:Test\w+\.)?test_\w+")
+_FIGURES = "tests/unit/test_figures.py::test_figures_are_those_that_were_kept"
 
 
 class Function(NamedTuple):
-    """A function or a constant of the project, the words in it, and whether it is compiled."""
+    """A function or a constant of the project, the words in it, and what it is.
+
+    It may be compiled, or be a scenario, which is asked by the test of figures.
+    """
 
     path: str
     name: str
     words: frozenset[str]
     kernel: bool
+    scenario: bool = False
 
     def __str__(self) -> str:
         return f"{self.path}:{self.name}"
@@ -74,7 +79,9 @@ def reaching(changed: set[str]) -> dict[str, int]:
         last = _naming(last) - found.keys()
         found |= dict.fromkeys(last, depth)
     tests = {str(f): depth for f, depth in found.items() if _TEST.fullmatch(str(f))}
-    return {name.replace(":", "::").replace(".Test", "::Test"): d for name, d in tests.items()}
+    named = {name.replace(":", "::").replace(".Test", "::Test"): d for name, d in tests.items()}
+    kept = {str(f): depth for f, depth in found.items() if f.scenario}
+    return named | {f"{_FIGURES}[{name.split(':')[1]}]": d + 1 for name, d in kept.items()}
 
 
 def _naming(called: set[Function]) -> set[Function]:
@@ -178,8 +185,10 @@ def _functions() -> tuple[Function, ...]:
             before = f"{node.name}." if isinstance(node, ast.ClassDef) else ""
             for each in inner:
                 if isinstance(each, ast.FunctionDef):
-                    kernel = any(_KERNEL.fullmatch(ast.unparse(d)) for d in each.decorator_list)
-                    found.append(Function(path, before + each.name, _words(each), kernel))
+                    marks = [ast.unparse(d) for d in each.decorator_list]
+                    kernel = any(_KERNEL.fullmatch(mark) for mark in marks)
+                    name, kept = before + each.name, "scenario" in marks
+                    found.append(Function(path, name, _words(each), kernel, kept))
     return tuple(found)
 
 

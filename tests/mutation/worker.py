@@ -183,8 +183,13 @@ class Asker:
         silent: list[str] = []
         taken: dict[str, float] = {}
 
+        seconds = dict(job["tests"])
+
+        def asked(test: str) -> str:
+            return test if test in seconds else test.split("[")[0]
+
         def key(test: str) -> str:
-            return f"{_base(test)}{INTERPRETED if plain else ''}"
+            return f"{asked(test)}{INTERPRETED if plain else ''}"
 
         while tests and left > 0.0:
             told = self._with(job, plain, tests, left)
@@ -198,7 +203,7 @@ class Asker:
                     taken[key(test)] = _LIMIT_S  # to be asked last
                     if silent:
                         continue  # one tells whether it is the mistake
-                known = what == "failed" and not plain and dict(job["tests"]).get(_base(test))
+                known = what == "failed" and not plain and seconds.get(asked(test))
                 sound_s = known or self._sound_s(test, plain)
                 took_s = _took(told, test)
                 if sound_s is None or (what != "failed" and sound_s * _CLEAR > took_s):
@@ -206,7 +211,7 @@ class Asker:
                     continue
                 why = text if what == "failed" else f"{what}: {took_s:.0f} s, {sound_s:.1f} else"
                 return "killed", f"{test} - {' '.join(why.split())[-200:]}", taken
-            what, last = (told[-1][0], _base(told[-1][1])) if told else ("", "")
+            what, last = (told[-1][0], asked(told[-1][1])) if told else ("", "")
             if what not in ("failed", "died") or last not in tests:
                 break
             tests = tests[tests.index(last) + 1 :]
@@ -269,10 +274,6 @@ class Asker:
         finally:
             told.flush()
             os._exit(0)
-
-
-def _base(test: str) -> str:
-    return test.split("[")[0]
 
 
 def _took(told: Told, test: str) -> float:

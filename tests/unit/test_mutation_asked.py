@@ -34,6 +34,9 @@ SOURCES = {
     "tests/conftest.py": "",
     "tests/unit/test_top.py": "from automap.top import run\ndef test_run():\n    run()\n",
     "tests/unit/test_low.py": "from automap.low import leaf\ndef test_leaf():\n    leaf(1)\n",
+    "tests/unit/scenarios.py": (
+        "from automap.low import leaf\n@scenario\ndef short():\n    leaf(1)\ndef other():\n    leaf(1)\n"
+    ),
     "tests/unit/test_alien.py": "from automap.alien import alone\ndef test_it():\n    alone()\n",
 }
 
@@ -53,7 +56,12 @@ def test_what_is_compiled_from_a_line_and_what_tests_it(
             changed = graph.functions_of(Path("automap/low.py"), line)
             assert changed == {"automap/low.py:leaf"}
         assert graph.kernels_from(changed) == {"automap/low.py:leaf", "automap/mid.py:tree"}
-        tests = {"tests/unit/test_low.py::test_leaf": 1, "tests/unit/test_top.py::test_run": 3}
+        tests = {
+            "tests/unit/test_low.py::test_leaf": 1,
+            "tests/unit/test_top.py::test_run": 3,
+            # a scenario by the test that keeps its figures, one call further
+            "tests/unit/test_figures.py::test_figures_are_those_that_were_kept[short]": 2,
+        }
         assert graph.reaching(changed) == tests
     finally:
         for function in kept:
