@@ -760,3 +760,7 @@ def geolocation_tracks() -> Any:
         "misfits": misfits,
         "joined": join_pieces(views, pieces, prior, rules),
     }
+
+
+# what they have besides: scenarios of single kernels and of parts
+from tests.unit import scenarios_effects, scenarios_kernels  # noqa: E402, F401

@@ -35,7 +35,8 @@ SOURCES = {
     "tests/unit/test_top.py": "from automap.top import run\ndef test_run():\n    run()\n",
     "tests/unit/test_low.py": "from automap.low import leaf\ndef test_leaf():\n    leaf(1)\n",
     "tests/unit/scenarios.py": (
-        "from automap.low import leaf\n@scenario\ndef short():\n    leaf(1)\ndef other():\n    leaf(1)\n"
+        "from automap.low import leaf\n@scenario\ndef short():\n    leaf(1)\n"
+        "def other():\n    leaf(1)\n"
     ),
     "tests/unit/test_alien.py": "from automap.alien import alone\ndef test_it():\n    alone()\n",
 }
