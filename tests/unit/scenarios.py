@@ -763,4 +763,9 @@ def geolocation_tracks() -> Any:
 
 
 # what they have besides: scenarios of single kernels and of parts
-from tests.unit import scenarios_effects, scenarios_kernels  # noqa: E402, F401
+from tests.unit import (  # noqa: E402, F401
+    scenarios_effects,
+    scenarios_fusion,
+    scenarios_kernels,
+    scenarios_runs,
+)

@@ -1,0 +1,242 @@
+"""Short drives fused as a whole and judged, with all that a drive may have or lack."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from io import BytesIO
+from typing import Any
+
+import numpy as np
+
+from automap.records import Fixes, FixType, ImuData
+from tests.unit.figure_calls import after
+from tests.unit.scenarios import scenario
+
+
+@contextmanager
+def small_stretches(rows: int) -> Iterator[None]:
+    """Have long drives begin at so many rows."""
+    from automap.fusion import aside, dense_pieces, engine
+
+    before = aside.ROWS
+    aside.ROWS = engine.ROWS = dense_pieces.PIECE_ROWS = rows
+    try:
+        yield
+    finally:
+        aside.ROWS = engine.ROWS = dense_pieces.PIECE_ROWS = before
+
+
+def _summary(result: Any) -> dict[str, Any]:
+    wheels = None if result.wheels is None else [result.wheels.scale, result.wheels.late]
+    own = {k: v for k, v in vars(result).items() if k not in ("wheels", "t_ns")}
+    shown = {"trajectory": result.trajectory, "filtered": result.filtered, "wheels": wheels}
+    return own | shown
+
+
+def _judged(result: Any, imu: ImuData, fixes: Fixes, options: Any, **changes: Any) -> Any:
+    from automap.fusion.aside import put_aside
+    from automap.fusion.result import Prior
+    from automap.fusion.verdict import weigh
+    from automap.sync.velocity_consistency import velocity_consistency
+    from tests.unit.fusion_drive import CLOCK
+
+    given: dict[str, Any] = {
+        "result": result,
+        "fused": put_aside(result.path_run(), result.t_ns, BytesIO()),
+        "imu": imu,
+        "as_read": lambda readings: readings,
+        "fixes": fixes,
+        "clock": CLOCK,
+        "options": options,
+        "delay": Prior(0.02, 0.05),
+        "delay_is_clock": False,
+        "receiver": velocity_consistency(fixes),
+    }
+    found = weigh(**(given | changes))
+    return {
+        "verdict": found.verdict,
+        "reasons": [str(reason.as_dict()) for reason in found.verdict.reasons],
+        "path": found.trajectory,
+        "sd": found.horizontal_sd,
+        "rows": found.rows,
+        "alone": found.alone,
+    }
+
+
+def _drive(seconds: float, seed: int, **receiver: Any) -> tuple[Any, ImuData, Fixes]:
+    from tests.unit.fusion_drive import Sensor, record
+    from tests.unit.fusion_motion import city_drive
+    from tests.unit.fusion_receiver import Receiver, receive
+
+    motion = city_drive(seconds, seed)
+    imu = record(motion, Sensor(), 2, rate=20.0, delay_s=0.04)
+    return motion, imu, receive(motion, Receiver(rate=3.0, **receiver), 3, begin=0.7)
+
+
+@scenario
+def runs_unknown_axes() -> Any:
+    """Axes, arm and wheels that nobody knows, in stretches and with a file."""
+    from automap.fusion.engine import fuse_imu_gnss
+    from automap.fusion.options import FusionOptions
+    from automap.fusion.result import Prior
+    from automap.records import WheelSpeed
+    from tests.unit.fusion_drive import BASE_NS, CLOCK, Sensor, record
+
+    motion, _, fixes = _drive(60.0, 4, lever=(0.5, -0.4, -1.1), vel_latency=0.1)
+    turn = np.array([[0.0, 0.8, 0.6], [-1.0, 0.0, 0.0], [0.0, -0.6, 0.8]])
+    imu = record(motion, Sensor(), 2, rate=20.0, delay_s=0.04, c_v_s=turn)
+    t = np.arange(1.0, 59.0, 0.3)
+    true = motion.at(t - 0.2)
+    speed = np.einsum("ni,ni->n", true.c_n_b[:, :, 0], true.vel) * 1.02
+    wheels = WheelSpeed(BASE_NS + np.rint(t * 1e9).astype(np.int64), np.round(speed, 2))
+    told: list[str] = []
+    with small_stretches(500):
+        result = fuse_imu_gnss(
+            imu, fixes, CLOCK, FusionOptions(passes=3), Prior(0.02, 0.05), delay_is_clock=True,
+            odometer=wheels, progress=lambda f, text: told.append(f"{f} {text}"),
+            scratch=BytesIO(),
+        )  # fmt: skip
+        return {"result": _summary(result), "told": told}
+
+
+@scenario
+def runs_carriers() -> Any:
+    """Good fixes with a stated arm, judged; turned, stepping and silent receivers as well."""
+    from automap.fusion.engine import fuse_imu_gnss
+    from automap.fusion.options import FusionOptions
+    from automap.fusion.result import Prior
+    from automap.fusion.verdict import weigh_alone
+    from automap.sync.velocity_consistency import velocity_consistency
+    from tests.unit.fusion_drive import CLOCK
+
+    _, imu, fixes = _drive(
+        75.0, 6, wander=(0.05, 0.05, 0.1), white=(0.02, 0.02, 0.03), latency=0.05
+    )
+    fixes = replace(fixes, fix_type=np.full(len(fixes), FixType.FIXED))
+    arm = np.array([0.3, -0.2, -1.0])
+    options = FusionOptions(passes=4, iterations=2, fixed={"gnss_velocity_lag": {"tau": 0.02}})
+    result = fuse_imu_gnss(imu, fixes, CLOCK, options, Prior(0.0, 0.01), arm, 0.1, 0.02)
+    bent = ImuData(imu.t_ns, imu.gyro * [1.0, 1.0, -1.0], imu.accel)
+    jump = replace(
+        fixes, vel_ned=fixes.vel_ned + [3.0, -2.0, 0.0] * (np.arange(len(fixes)) > 120)[:, None]
+    )
+    far = replace(fixes, lat_rad=fixes.lat_rad + 5e-6 * (np.arange(len(fixes)) > 100))
+    three = replace(fixes, fix_type=np.full(len(fixes), FixType.THREE_D))
+    found: dict[str, Any] = {"result": _summary(result)}
+    for name, log, each, changes in (
+        ("sound", imu, fixes, {"lever_arm": arm}),
+        ("bent", bent, fixes, {"delay_is_clock": True}),
+        ("jump", imu, jump, {"lever_arm": arm + 9.0}),
+        ("far", imu, far, {"lever_arm": None}),
+        ("stated", imu, three, {"lever_arm": arm}),
+    ):
+        found[name] = _judged(result, log, each, options, **changes)
+    for name, each in (("alone", fixes), ("far alone", far)):
+        one = weigh_alone(each, CLOCK, options, velocity_consistency(each))
+        found[name] = [one.verdict, one.trajectory, one.horizontal_sd, one.rows]
+    return found
+
+
+@scenario
+def runs_damaged() -> Any:
+    """Gaps, wild and frozen readings, wild fixes, no velocities; tuned levels."""
+    from automap.fusion.engine import _age_sd, _median_sd, fuse_imu_gnss
+    from automap.fusion.nodes import model_fixes
+    from automap.fusion.options import FusionOptions
+    from automap.fusion.result import Prior
+    from automap.records import ClockModel
+    from tests.unit.fusion_drive import BASE_NS, CLOCK, Sensor, record
+    from tests.unit.fusion_receiver import GPS0
+
+    motion, _, fixes = _drive(45.0, 8, says_all=False)
+    imu = record(motion, Sensor(), 2, rate=20.0, lost=[(20.0, 0.9)])
+    gyro, accel = imu.gyro.copy(), imu.accel.copy()
+    gyro[300, 1], accel[500:516], gyro[500:516] = 30.0, accel[500], gyro[500]
+    hurt = replace(imu, gyro=gyro, accel=accel)
+    wild = replace(fixes, lat_rad=fixes.lat_rad + 2e-5 * (np.arange(len(fixes)) % 40 == 33))
+    silent = replace(wild, vel_ned=np.full_like(wild.vel_ned, np.nan))
+    options = FusionOptions(passes=2, iterations=1, shocks=True, adapt=False)
+    found = {
+        name: _summary(fuse_imu_gnss(hurt, each, CLOCK, options, Prior(0.0, 0.02)))
+        for name, each in (("wild", wild), ("silent", silent))
+    }
+    loose = ClockModel(BASE_NS, GPS0, 0.0, 0.3, 1e-9, "identity")
+    kinds = fixes.fix_type.copy()
+    for share in (0, 60, 80):
+        kinds[:share] = FixType.FLOAT
+        told = replace(fixes, fix_type=kinds.copy())
+        found[f"age {share}"] = [
+            _age_sd(told, clock, replace(options, fixed=fixed))
+            for clock in (CLOCK, loose)
+            for fixed in ({}, {"gnss_latency": {"s": 0.1}})
+        ]
+    found["level"] = _median_sd(model_fixes(fixes, fixes.gps_s, options))
+    return found
+
+
+@scenario
+def kernels_measurements() -> Any:
+    """Every measurement of a node, whole and in part, and the filter over a few of them."""
+    from automap.effects.term_sums import Terms, new_room
+    from automap.fusion.arrays import ModelArrays, NodeArrays
+    from automap.fusion.layout import (
+        HAS_POS_H,
+        HAS_POS_V,
+        HAS_VEL_H,
+        HAS_VEL_V,
+        NHC,
+        ODOMETER,
+        STANDSTILL,
+        UNSIGNED,
+    )
+    from automap.fusion.measurements.constraint import constraint
+    from automap.fusion.measurements.observe import observe
+    from automap.fusion.measurements.position import position
+    from automap.fusion.measurements.rest import zero_rate, zero_velocity
+    from automap.fusion.measurements.state import AtNode
+    from automap.fusion.measurements.velocity import velocity
+    from automap.fusion.measurements.wheel_speed import wheel_speed
+
+    rng = np.random.default_rng(2)
+    codes = np.array([[k, kind, k % 3, k % 5] for k, kind in enumerate((0, 1, 2, 4, 5, 6, 7))])
+    on = [Terms(codes, rng.uniform(0.5, 1.5, 7)) for _ in range(3)]
+    terms = np.array([[0, 0, 0], [0, 2, 3], [1, 1, 0], [0, 1, 7]])
+    n = 9 + 7
+    model = ModelArrays(
+        terms, *on, np.ones(n), np.ones(n), np.full(n, -1), np.ones(2), np.ones(3), np.ones(5), True
+    )
+    whole = HAS_POS_H | HAS_POS_V | HAS_VEL_H | HAS_VEL_V | NHC | ODOMETER | STANDSTILL
+    flags = np.array([
+        whole, whole | UNSIGNED, HAS_POS_H | HAS_VEL_H, HAS_POS_V | HAS_VEL_V, 0,
+        ODOMETER | UNSIGNED, ODOMETER | UNSIGNED,
+    ])  # fmt: skip
+    fix = np.column_stack([
+        0.7 + 1e-6 * rng.normal(size=7), [3.1, -3.1, 0.2, 0.3, 0.4, 3.14, -3.14],
+        rng.normal(90.0, 9.0, 7), rng.normal(0.0, 9.0, (7, 3)), [4.0, 0.3, 9.0, 6.0, 1.0, 2.0, 0.9],
+    ])  # fmt: skip
+    nodes = NodeArrays(
+        np.arange(7.0), flags, fix, np.ones((7, 15)), np.ones((7, 1)), np.ones((7, 3))
+    )
+    q = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+    found: dict[str, Any] = {}
+    for k in range(7):
+        for sign in (1.0, -1.0):
+            at = AtNode(
+                np.array([0.7, 3.12 * sign, 2e5]), sign * rng.normal(0.0, 9.0, 3),
+                rng.normal(size=3), q, rng.normal(size=3), rng.normal(size=3),
+                rng.normal(size=8), rng.normal(size=9), 0.3 * rng.normal(size=7),
+                np.array([1.0, 2.0, 0.5, -0.5, 1.5]), new_room(),
+            )  # fmt: skip
+            h, z = rng.normal(size=(3, n)), rng.normal(size=3)
+            for name, kernel in (
+                ("position", position), ("velocity", velocity), ("constraint", constraint),
+                ("wheels", wheel_speed), ("rest", zero_velocity), ("rate", zero_rate),
+            ):  # fmt: skip
+                found[f"{name} {k} {sign}"] = after(kernel, nodes, k, at, model, h, z)
+            if k < 2:
+                found[f"all {k} {sign}"] = [
+                    after(observe, number, nodes, k, at, model, h, z) for number in range(6)
+                ]
+    return found
