@@ -768,4 +768,5 @@ from tests.unit import (  # noqa: E402, F401
     scenarios_fusion,
     scenarios_kernels,
     scenarios_runs,
+    scenarios_sync,
 )

@@ -9,7 +9,6 @@ import numpy as np
 
 from automap.errors import AutoMapError
 from automap.records import Fixes, FixType, ImuData, Trajectory
-from tests.unit.figure_calls import after
 from tests.unit.scenarios import scenario
 
 
@@ -193,8 +192,15 @@ def fusion_nodes() -> Any:
     t[11] = np.nan
     t[20], t[21] = t[21], t[20]
     options = FusionOptions(common_horizontal_sd_m=0.9, bias_share=0.4)
-    factors = {"position_h": 1.3, "position_v": 0.7, "velocity_h": 1.9, "velocity_v": 0.6,
-               "wander": 1.4, "wander_v": 0.8, "multipath": 2.1}  # fmt: skip
+    factors = {
+        "position_h": 1.3,
+        "position_v": 0.7,
+        "velocity_h": 1.9,
+        "velocity_v": 0.6,
+        "wander": 1.4,
+        "wander_v": 0.8,
+        "multipath": 2.1,
+    }
     model = nodes.model_fixes(fixes, t, options)
     shift = nodes.Shift(0.13, 0.21, -0.08, 3e-3, 0.05, 0.3)
     late = replace(shift, vel_latency_s=0.0, vel_lag_s=0.0)
@@ -215,10 +221,13 @@ def fusion_nodes() -> Any:
         "has": [*position.has_position(fixes), *velocity.has_velocity(fixes)],
         "velocity": velocity.velocity_errors(fixes, rng.uniform(0.5, 2.0, len(t)), options),
         "times": [
-            shift.host_times(t), shift.wheel_times(t), shift.position_times(t), shift.velocity_delay_s,
+            shift.host_times(t),
+            shift.wheel_times(t),
+            shift.position_times(t),
+            shift.velocity_delay_s,
         ],
         "split": [nodes._split(model, each) for each in (shift, late)],
-    }  # fmt: skip
+    }
     small = replace(fixes, sd_pos_ned=0.2 * fixes.sd_pos_ned, hdop=0.1 * fixes.hdop)
     found["small"] = [
         position.states_accuracy(small, options),
@@ -231,14 +240,25 @@ def fusion_nodes() -> Any:
         ("no wheels", model, shift, None, True),
     ):
         made = nodes.build_nodes(
-            each, way, (1.3, 77.7), [(20.0, 23.0), (50.1, 56.0)], seen.t, seen.speed, lateral,
-            wheels, options, held,
-        )  # fmt: skip
+            each,
+            way,
+            (1.3, 77.7),
+            [(20.0, 23.0), (50.1, 56.0)],
+            seen.t,
+            seen.speed,
+            lateral,
+            wheels,
+            options,
+            held,
+        )
         found[name] = made
         found[f"{name} parts"] = [
-            made.first_moving(3.0, 9.0), made.first_moving(9.0, 900.0), made.first_moving(1e4, 1e4),
-            made.first_moving(0.0, 0.0), made.between(3, 9),
-        ]  # fmt: skip
+            made.first_moving(3.0, 9.0),
+            made.first_moving(9.0, 900.0),
+            made.first_moving(1e4, 1e4),
+            made.first_moving(0.0, 0.0),
+            made.between(3, 9),
+        ]
     none = nodes.model_fixes(replace(fixes, fix_type=0 * fixes.fix_type), t, options)
     found["none"] = nodes.build_nodes(
         none, shift, (1.3, 7.7), [], seen.t[:0], seen.speed[:0], lateral[:0], None, options, True
@@ -560,11 +580,14 @@ def fusion_path_doubts() -> Any:
     hole = np.where(np.arange(300) % 17 == 5, np.nan, 0.0)
     logs = {
         scale: fixes_on(
-            bumps, 3, 9, height_m=scale * bumps.height_m[::3] + rng.normal(0.0, 0.3, 300) + hole,
+            bumps,
+            3,
+            9,
+            height_m=scale * bumps.height_m[::3] + rng.normal(0.0, 0.3, 300) + hole,
             gps_s=bumps.gps_s[::3] + np.roll(hole, 3),
         )
         for scale in (1.0, 3.28, 0.3048, 1.5, 1.25, 0.8, -0.4, 3.5)
-    }  # fmt: skip
+    }
     logs[0.8].lat_rad[9:30:4] = np.nan
     logs[1.5].gps_s[40:50] = logs[1.5].gps_s[40]
     mixed = np.random.default_rng(1).permutation(300)
@@ -595,15 +618,34 @@ def fusion_path_doubts() -> Any:
     channels = np.array(["position_n", "velocity_e", "nhc_y", "odometer", "zupt_n"], object)
     m = 5 * 24
     table = Innovations(
-        *(np.arange(m) if f == "t_ns" else np.resize(channels, m) if f == "channel"
-          else np.arange(m) % 24 > np.arange(m) % 5 * 2 + 1 if f == "accepted" else np.ones(m)
-          for f in Innovations.__dataclass_fields__)
-    )  # fmt: skip
-    found["refused"] = [_words(outcome.refused(t)) for t in (table, replace(
-        table, **{f: getattr(table, f)[:95] for f in Innovations.__dataclass_fields__}))]  # fmt: skip
+        *(
+            np.arange(m)
+            if f == "t_ns"
+            else np.resize(channels, m)
+            if f == "channel"
+            else np.arange(m) % 24 > np.arange(m) % 5 * 2 + 1
+            if f == "accepted"
+            else np.ones(m)
+            for f in Innovations.__dataclass_fields__
+        )
+    )
+    found["refused"] = [
+        _words(outcome.refused(t))
+        for t in (
+            table,
+            replace(table, **{f: getattr(table, f)[:95] for f in Innovations.__dataclass_fields__}),
+        )
+    ]
     k = 40
-    names = ("imu_time_offset_s", "gnss_latency_s", "gnss_lever_arm_x", "gnss_lever_arm_y",
-             "imu_mounting_pitch", "imu_mounting_yaw", "odometer_scale_relative")  # fmt: skip
+    names = (
+        "imu_time_offset_s",
+        "gnss_latency_s",
+        "gnss_lever_arm_x",
+        "gnss_lever_arm_y",
+        "imu_mounting_pitch",
+        "imu_mounting_yaw",
+        "odometer_scale_relative",
+    )
     shrink = np.linspace(1.0, 0.05, k)[:, None] ** np.linspace(0.7, 1.3, 7)
     for size in (0.0, 0.6, 3.0):
         jump = size * (np.arange(k) > 22)[:, None] * np.array([0.6, -0.5, 2.0, -3.0, 0.4, 0.6, 1.0])
@@ -628,8 +670,10 @@ def fusion_path_doubts() -> Any:
     )
     found["two"] = constancy.move_of(two, names[0])
     short = ParameterHistory(history.t_ns[:1], names, history.values[:1], history.sd[:1])
-    found["no move"] = [constancy.move_of(short, names[0]), constancy.move_of(
-        replace(history, sd=0.0 * history.sd + 0.3), names[0])]  # fmt: skip
+    found["no move"] = [
+        constancy.move_of(short, names[0]),
+        constancy.move_of(replace(history, sd=0.0 * history.sd + 0.3), names[0]),
+    ]
     return found
 
 
@@ -645,11 +689,13 @@ def fusion_estimate_doubts() -> Any:
         "ahead": {"gnss_velocity_latency_s": (-0.2, 0.005), "gnss_velocity_lag_tau": (0.01, 0.004)},
         "both": {"gnss_velocity_latency_s": (-0.4, 0.03), "imu_time_offset_s": (0.3, 0.01)},
         "bounds": {
-            "imu_time_offset_s": (0.985, 0.01), "gnss_latency_s": (-0.995, 0.01),
-            "gnss_velocity_latency_s": (0.995, 0.1), "gnss_velocity_lag_tau": (0.995, 0.1),
+            "imu_time_offset_s": (0.985, 0.01),
+            "gnss_latency_s": (-0.995, 0.01),
+            "gnss_velocity_latency_s": (0.995, 0.1),
+            "gnss_velocity_lag_tau": (0.995, 0.1),
             "imu_clock_skew_skew": (0.00992, 0.1),
         },
-    }  # fmt: skip
+    }
     found: dict[str, Any] = {
         name: [_words(estimates.impossible_ages(each, by)) for by in (False, True)]
         for name, each in ages.items()
@@ -775,9 +821,13 @@ def fusion_bridges() -> Any:
         shapes[f"frozen {name}"] = values.copy()
         shapes[f"frozen {name}"][rows] = values[rows.start]
     for name, row, axis, size in (
-        ("first", 0, 1, 9.0), ("last", n - 1, 4, -200.0), ("two", 50, 0, 7.0), ("not", 60, 2, 5.9),
-        ("force", 70, 3, 101.0), ("near", 80, 5, 99.0),
-    ):  # fmt: skip
+        ("first", 0, 1, 9.0),
+        ("last", n - 1, 4, -200.0),
+        ("two", 50, 0, 7.0),
+        ("not", 60, 2, 5.9),
+        ("force", 70, 3, 101.0),
+        ("near", 80, 5, 99.0),
+    ):
         shapes[f"wild {name}"] = values.copy()
         shapes[f"wild {name}"][row : row + (3 if name == "two" else 1), axis] = size
     shapes["units"] = values * np.repeat([57.3, 9.8], 3) * 3.0
@@ -860,8 +910,20 @@ def fusion_tables() -> Any:
         own = stamp_error.mounting_rows(model).stop
         found[f"{name} tilt"] = vehicle_tilt(quat, cov[:, :own, :own], turn)
     t = 0.02 * np.arange(30)
-    states = np.column_stack([0.7 + 1e-6 * t, 0.2 - 2e-6 * t, 90.0 + t, 9.0 * np.sin(t), 4.0 * t, t**2,
-                              np.cos(t), 0.6 * np.sin(t), 0.8 * np.sin(t), 0.0 * t])  # fmt: skip
+    states = np.column_stack(
+        [
+            0.7 + 1e-6 * t,
+            0.2 - 2e-6 * t,
+            90.0 + t,
+            9.0 * np.sin(t),
+            4.0 * t,
+            t**2,
+            np.cos(t),
+            0.6 * np.sin(t),
+            0.8 * np.sin(t),
+            0.0 * t,
+        ]
+    )
     states[11:, 6:] *= -1.0
     when = np.array([-0.1, 0.0, 0.02, 0.22, 0.3, 0.57, 0.58, 0.7])
     found["rates"] = [
@@ -915,8 +977,14 @@ def fusion_tables() -> Any:
         Reason("e", "", late_s=0.2, factor=1.2, state="good"),
     ]
     none = Misses(*(a[:0] for a in (misses.t, misses.miss, misses.white_var, misses.slow_var)))
-    for name, some in {"all": reasons, "one": reasons[:1], "good": reasons[1:2], "late": reasons[2:3],
-                       "handled": reasons[3:4], "last": reasons[4:]}.items():  # fmt: skip
+    for name, some in {
+        "all": reasons,
+        "one": reasons[:1],
+        "good": reasons[1:2],
+        "late": reasons[2:3],
+        "handled": reasons[3:4],
+        "last": reasons[4:],
+    }.items():
         found[f"widened {name}"] = [
             widening.widen(way, some, m, a) for m in (misses, none) for a in (None, alone)
         ]

@@ -94,21 +94,24 @@ def runs_unknown_axes() -> Any:
     told: list[str] = []
     with small_stretches(500):
         result = fuse_imu_gnss(
-            imu, fixes, CLOCK, FusionOptions(passes=3), Prior(0.02, 0.05), delay_is_clock=True,
-            odometer=wheels, progress=lambda f, text: told.append(f"{f} {text}"),
+            imu,
+            fixes,
+            CLOCK,
+            FusionOptions(passes=3),
+            Prior(0.02, 0.05),
+            delay_is_clock=True,
+            odometer=wheels,
+            progress=lambda f, text: told.append(f"{f} {text}"),
             scratch=BytesIO(),
-        )  # fmt: skip
+        )
         return {"result": _summary(result), "told": told}
 
 
-@scenario
-def runs_carriers() -> Any:
-    """Good fixes with a stated arm, judged; turned, stepping and silent receivers as well."""
+def _carriers() -> tuple[Any, ImuData, Fixes, Any, np.ndarray]:
+    """Good fixes with a stated arm, fused: result, readings, fixes, options, arm."""
     from automap.fusion.engine import fuse_imu_gnss
     from automap.fusion.options import FusionOptions
     from automap.fusion.result import Prior
-    from automap.fusion.verdict import weigh_alone
-    from automap.sync.velocity_consistency import velocity_consistency
     from tests.unit.fusion_drive import CLOCK
 
     _, imu, fixes = _drive(
@@ -118,16 +121,36 @@ def runs_carriers() -> Any:
     arm = np.array([0.3, -0.2, -1.0])
     options = FusionOptions(passes=4, iterations=2, fixed={"gnss_velocity_lag": {"tau": 0.02}})
     result = fuse_imu_gnss(imu, fixes, CLOCK, options, Prior(0.0, 0.01), arm, 0.1, 0.02)
+    return result, imu, fixes, options, arm
+
+
+@scenario
+def runs_carriers() -> Any:
+    """Good fixes with a stated arm, judged, and with a gyro that turns the other way."""
+    result, imu, fixes, options, arm = _carriers()
     bent = ImuData(imu.t_ns, imu.gyro * [1.0, 1.0, -1.0], imu.accel)
+    return {
+        "result": _summary(result),
+        "sound": _judged(result, imu, fixes, options, lever_arm=arm),
+        "bent": _judged(result, bent, fixes, options, delay_is_clock=True),
+    }
+
+
+@scenario
+def runs_contradicted() -> Any:
+    """Receivers that step, are elsewhere or state too much; fixes alone."""
+    from automap.fusion.verdict import weigh_alone
+    from automap.sync.velocity_consistency import velocity_consistency
+    from tests.unit.fusion_drive import CLOCK
+
+    result, imu, fixes, options, arm = _carriers()
     jump = replace(
         fixes, vel_ned=fixes.vel_ned + [3.0, -2.0, 0.0] * (np.arange(len(fixes)) > 120)[:, None]
     )
     far = replace(fixes, lat_rad=fixes.lat_rad + 5e-6 * (np.arange(len(fixes)) > 100))
     three = replace(fixes, fix_type=np.full(len(fixes), FixType.THREE_D))
-    found: dict[str, Any] = {"result": _summary(result)}
+    found: dict[str, Any] = {}
     for name, log, each, changes in (
-        ("sound", imu, fixes, {"lever_arm": arm}),
-        ("bent", bent, fixes, {"delay_is_clock": True}),
         ("jump", imu, jump, {"lever_arm": arm + 9.0}),
         ("far", imu, far, {"lever_arm": None}),
         ("stated", imu, three, {"lever_arm": arm}),
@@ -208,14 +231,26 @@ def kernels_measurements() -> Any:
         terms, *on, np.ones(n), np.ones(n), np.full(n, -1), np.ones(2), np.ones(3), np.ones(5), True
     )
     whole = HAS_POS_H | HAS_POS_V | HAS_VEL_H | HAS_VEL_V | NHC | ODOMETER | STANDSTILL
-    flags = np.array([
-        whole, whole | UNSIGNED, HAS_POS_H | HAS_VEL_H, HAS_POS_V | HAS_VEL_V, 0,
-        ODOMETER | UNSIGNED, ODOMETER | UNSIGNED,
-    ])  # fmt: skip
-    fix = np.column_stack([
-        0.7 + 1e-6 * rng.normal(size=7), [3.1, -3.1, 0.2, 0.3, 0.4, 3.14, -3.14],
-        rng.normal(90.0, 9.0, 7), rng.normal(0.0, 9.0, (7, 3)), [4.0, 0.3, 9.0, 6.0, 1.0, 2.0, 0.9],
-    ])  # fmt: skip
+    flags = np.array(
+        [
+            whole,
+            whole | UNSIGNED,
+            HAS_POS_H | HAS_VEL_H,
+            HAS_POS_V | HAS_VEL_V,
+            0,
+            ODOMETER | UNSIGNED,
+            ODOMETER | UNSIGNED,
+        ]
+    )
+    fix = np.column_stack(
+        [
+            0.7 + 1e-6 * rng.normal(size=7),
+            [3.1, -3.1, 0.2, 0.3, 0.4, 3.14, -3.14],
+            rng.normal(90.0, 9.0, 7),
+            rng.normal(0.0, 9.0, (7, 3)),
+            [4.0, 0.3, 9.0, 6.0, 1.0, 2.0, 0.9],
+        ]
+    )
     nodes = NodeArrays(
         np.arange(7.0), flags, fix, np.ones((7, 15)), np.ones((7, 1)), np.ones((7, 3))
     )
@@ -224,16 +259,27 @@ def kernels_measurements() -> Any:
     for k in range(7):
         for sign in (1.0, -1.0):
             at = AtNode(
-                np.array([0.7, 3.12 * sign, 2e5]), sign * rng.normal(0.0, 9.0, 3),
-                rng.normal(size=3), q, rng.normal(size=3), rng.normal(size=3),
-                rng.normal(size=8), rng.normal(size=9), 0.3 * rng.normal(size=7),
-                np.array([1.0, 2.0, 0.5, -0.5, 1.5]), new_room(),
-            )  # fmt: skip
+                np.array([0.7, 3.12 * sign, 2e5]),
+                sign * rng.normal(0.0, 9.0, 3),
+                rng.normal(size=3),
+                q,
+                rng.normal(size=3),
+                rng.normal(size=3),
+                rng.normal(size=8),
+                rng.normal(size=9),
+                0.3 * rng.normal(size=7),
+                np.array([1.0, 2.0, 0.5, -0.5, 1.5]),
+                new_room(),
+            )
             h, z = rng.normal(size=(3, n)), rng.normal(size=3)
             for name, kernel in (
-                ("position", position), ("velocity", velocity), ("constraint", constraint),
-                ("wheels", wheel_speed), ("rest", zero_velocity), ("rate", zero_rate),
-            ):  # fmt: skip
+                ("position", position),
+                ("velocity", velocity),
+                ("constraint", constraint),
+                ("wheels", wheel_speed),
+                ("rest", zero_velocity),
+                ("rate", zero_rate),
+            ):
                 found[f"{name} {k} {sign}"] = after(kernel, nodes, k, at, model, h, z)
             if k < 2:
                 found[f"all {k} {sign}"] = [
