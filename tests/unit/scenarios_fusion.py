@@ -991,3 +991,233 @@ def fusion_tables() -> Any:
         verdict = verdict_of(some)
         found[f"verdict {name}"] = [verdict, str(vars(verdict))]
     return found
+
+
+@scenario
+def fusion_velocity_steps() -> Any:
+    """Jumps of a receiver's velocity that an IMU does not feel: found, followed, told."""
+    from automap.fusion import free_inertial
+    from automap.fusion.doubts import turns, velocity_step
+    from tests.unit.figure_calls import after
+
+    rng = np.random.default_rng(9)
+    m = 160
+    t = 0.5 * np.arange(m) + rng.uniform(0.0, 0.05, m)
+    t[100:] += 4.0
+    q = np.linalg.qr(rng.normal(size=(m, 3, 3)))[0]
+    turn = np.broadcast_to(q[0], (m, 3, 3)) + 0.01 * rng.normal(size=(m, 3, 3))
+    felt = np.cumsum(rng.normal(0.0, 0.3, (m, 3)), axis=0)
+    felt_position = np.cumsum(0.5 * felt, axis=0)
+    found: dict[str, Any] = {}
+    for name, jumps in {
+        "none": [],
+        "one": [(60, 3.0, -2.0)],
+        "back": [(40, 3.0, -2.0), (70, -3.0, 2.0)],
+        "two": [(30, 1.5, 2.0), (80, 0.3, 3.0), (140, -2.0, -2.0)],
+    }.items():
+        velocity = (turn[:, :2] @ felt[..., None])[..., 0] + rng.normal(0.0, 0.1, (m, 2))
+        place = (turn[:, :2] @ felt_position[..., None])[..., 0] + rng.normal(0.0, 0.3, (m, 2))
+        for row, north, east in jumps:
+            velocity[row:] += [north, east]
+            place += np.maximum(t - t[row], 0.0)[:, None] * [north, east]
+        velocity[20] += 9.0
+        for lost in (0.0, 0.7):
+            seen = velocity_step.Compared(
+                t, velocity, place, felt, felt_position, turn, lost * (np.arange(m) > 120)
+            )
+            steps = velocity_step.velocity_steps(seen, 0.2)
+            rows = np.array([10, 35, 59, 90, 130])
+            found[f"{name} {lost}"] = [
+                steps,
+                velocity_step._velocity_jumps(seen, rows, 6),
+                velocity_step._filled(seen, np.arange(5, m - 6), 6, 0.5),
+                [velocity_step._goes_along(seen, k, np.array([3.0, -2.0]), 0.5) for k in rows],
+                [velocity_step._lasts(seen, int(k), np.array([2.0, -1.0])) for k in rows],
+                [
+                    [str(r.as_dict()), r]
+                    for r in velocity_step.step_doubts(steps, wavy_path(300, 0.5))
+                ],
+            ]
+    few = velocity_step.Compared(
+        *(a[:9] for a in (t, velocity, place, felt, felt_position, turn, t))
+    )
+    found["few"] = [
+        velocity_step.velocity_steps(few, 0.2),
+        velocity_step.velocity_steps(
+            velocity_step.Compared(
+                *(a[:1] for a in (t, velocity, place, felt, felt_position, turn, t))
+            ),
+            0.2,
+        ),
+    ]
+    kinds = [
+        (5.0, 2.0, 1.0, 9.0),
+        (20.0, -2.1, -0.8, 50.0),
+        (40.0, 1.0, 1.0, 4.0),
+        (44.0, -0.4, 1.0, 30.0),
+        (70.0, 3.0, 0.0, 70.0),
+        (75.0, -1.0, 0.5, 5.0),
+        (150.0, 0.2, 2.0, 61.0),
+    ]
+    each = [velocity_step.Step(when, np.array([n, e]), lasts) for when, n, e, lasts in kinds]
+    for first in range(7):
+        for last in range(first + 1, 8):
+            led = velocity_step.led_away(each[first:last], 200.0)
+            found[f"led {first} {last}"] = [led, [s.size for s in each[first:last]]]
+    found["doubts"] = [
+        [str(r.as_dict()) for r in velocity_step.step_doubts(some, wavy_path(300, 0.5))]
+        for some in (each, each[:1], each[:2], [])
+    ]
+    path = wavy_path(500, 0.2, 4)
+    at = path.gps_s - path.gps_s[0]
+    gyro = np.column_stack(
+        [0.05 * np.sin(at), 0.04 * np.cos(at), np.gradient(np.unwrap(path.rpy[:, 2]), at)]
+    )
+    accel = np.column_stack(
+        [np.gradient(np.hypot(*path.vel_ned[:, :2].T), at), 0.3 * np.sin(at), -9.8 + 0.0 * at]
+    )
+    bridged = np.where((at > 30.0) & (at < 31.0), 0.9, 0.0) + np.where(at > 90.0, 0.2, 0.0)
+    wanted = np.array([-1.0, 0.0, 3.05, 30.3, 77.7, 99.8, 200.0])
+    stamps = at + np.where(at > 50.0, 0.4, 0.0)
+    for name, want in (("all", None), ("some", wanted)):
+        free = free_inertial.free_inertial(stamps, gyro, accel, bridged, want)
+        when = np.array([0.02, 1.13, 30.4, 60.31, 90.09])
+        found[f"free {name}"] = [
+            free,
+            free.nearest(np.append(when, [-3.0, 300.0])),
+            free.of_point(when, np.array([1.0, -2.0, 0.5])),
+            free.lost_between(
+                np.array([-1.0, 0.0, 29.0, 49.0, 60.0]), np.array([5.0, 29.0, 52.0, 51.0, 101.0])
+            ),
+        ]
+    size = 30
+    found["integrated"] = after(
+        free_inertial._integrate,
+        stamps[:size],
+        9.0 * gyro[:size],
+        accel[:size],
+        np.array([0, 4, 5, 20, 29]),
+        np.eye(5, 4),
+        np.zeros((5, 3)),
+        np.zeros((5, 3)),
+    )
+    fixes = fixes_on(path, 4, 6)
+    ages = {
+        "gnss_velocity_latency_s": (0.1, 0.1),
+        "gnss_velocity_lag_tau": (0.05, 0.1),
+        "gnss_latency_s": (-0.2, 0.1),
+    }
+    fixes.lat_rad[[30, 61]], fixes.gps_s[[44, 70]] = np.nan, np.nan
+    shuffled = Fixes(**{k: np.concatenate([v, v[:9]])[::-1] for k, v in vars(fixes).items()})
+    for name, log, known in (("aged", fixes, ages), ("plain", shuffled, {})):
+        found[f"compared {name}"] = [
+            velocity_step.compare(free, log, path, known, np.array([1.0, -2.0, 0.5])),
+            velocity_step.told_times(log, path, known),
+        ]
+    far = replace(fixes, gps_s=fixes.gps_s + 1e4)
+    found["apart"] = velocity_step.compare(free, far, path, {}, np.zeros(3))
+    log = ImuData(np.int64(4 * 10**9) + np.rint(stamps * 1e9).astype(np.int64), gyro, accel)
+    seen_at, shown = stamps[::3] + 0.03, path.vel_ned[::3] + rng.normal(0.0, 0.05, (167, 3))
+    for name, matrix, v in (
+        ("right", np.eye(3), shown),
+        ("mirrored", np.diag([1.0, -1.0, -1.0]), shown),
+        ("back", np.diag([-1.0, -1.0, 1.0]), shown),
+        ("scaled", np.diag([1.0, 1.0, 0.7]), shown),
+        ("slow", np.eye(3), 0.2 * shown),
+    ):
+        found[f"turns {name}"] = [
+            [str(r.as_dict()), r] for r in turns.turn_doubts(log, matrix, seen_at, v)
+        ]
+        speed = np.hypot(v[:, 0], v[:, 1])
+        course = np.unwrap(np.arctan2(v[:, 1], v[:, 0]))
+        found[f"slopes {name}"] = [
+            turns.slope_of(
+                stamps, (gyro @ matrix.T)[:, 2] + 0.02, seen_at + late, course, speed > 3.0
+            )
+            for late in (0.0, 0.4)
+        ] + [
+            turns.slope_of(
+                stamps,
+                (accel @ matrix.T)[:, 0],
+                seen_at[::step],
+                speed[::step],
+                speed[::step] >= 0.0,
+            )
+            for step in (1, 5)
+        ]
+    x, span = rng.normal(size=50), rng.uniform(1.0, 3.0, 50)
+    found["fit"] = [
+        turns._fit(x, y, span, 0.3, 0.1)
+        for y in (2.0 * x + 0.3 * span + 0.1 * rng.normal(size=50), 0.0 * x)
+    ]
+    return found
+
+
+@scenario
+def fusion_standstill() -> Any:
+    """Rests by quiet readings and slow fixes, with speeds or positions alone; wild fixes."""
+    from automap.fusion import screening, standstill
+    from automap.fusion.layout import HAS_POS_H, HAS_POS_V, HAS_VEL_H, HAS_VEL_V
+    from automap.fusion.nodes import model_fixes
+    from automap.fusion.options import FusionOptions
+
+    rng = np.random.default_rng(11)
+    path = wavy_path(600, 0.2, 8)
+    fixes = fixes_on(path, 3, 12)
+    t = fixes.gps_s - path.gps_s[0]
+    model = model_fixes(fixes, t, FusionOptions())
+    placed = replace(model, flags=model.flags & ~(HAS_VEL_H | HAS_VEL_V))
+    no_place = replace(model, flags=model.flags & ~(HAS_POS_H | HAS_POS_V | HAS_VEL_H))
+    sparse = replace(placed, t=1.7 * placed.t)
+    found: dict[str, Any] = {
+        "shown": [standstill.shown_speed(m) for m in (model, placed, sparse, no_place)]
+    }
+    at = 0.05 * np.arange(2400)
+    speed = np.interp(
+        at, path.gps_s - path.gps_s[0], np.hypot(path.vel_ned[:, 0], path.vel_ned[:, 1])
+    )
+    for lively, size in (("loud", 1.0), ("soft", 0.12)):
+        shake = np.where(speed > 0.1, size, 0.05)[:, None]
+        gyro = 0.02 + shake * rng.normal(0.0, 0.1, (2400, 3))
+        accel = shake * rng.normal(0.0, 1.0, (2400, 3)) - [0.0, 0.0, 9.8]
+        accel[1500:1510] += 3.0
+        for name, own in (("told", model), ("placed", placed)):
+            rest = standstill.find_standstill(at, gyro, accel, *standstill.shown_speed(own))
+            found[f"{lively} {name}"] = [
+                rest,
+                standstill.unmoved(rest, own),
+                standstill.rest_gyro_bias(at, gyro, rest),
+            ]
+        seen = standstill.shown_speed(model)
+        found[f"{lively} never"] = standstill.find_standstill(
+            at, gyro, accel, seen[0], seen[1] + 9.0, seen[2]
+        )
+        found[f"{lively} late"] = standstill.find_standstill(
+            at, gyro, accel, seen[0] * 3.0, seen[1], seen[2]
+        )
+        found[f"{lively} short"] = standstill.find_standstill(at[:9], gyro[:9], accel[:9], *seen)
+    rests = [(0.0, 4.0), (10.0, 30.0), (72.0, 81.0), (80.0, 80.1), (300.0, 310.0)]
+    found["unmoved"] = [standstill.unmoved(rests, m) for m in (model, sparse)]
+    found["bias"] = [standstill.rest_gyro_bias(at, gyro, r) for r in (rests, [])]
+    found["spread"] = standstill._rolling_sd(accel[:40], 5)
+    wild = np.zeros(len(model.t))
+    wild[[20, 21, 22, 70]] = 9e-6
+    for name, own in (
+        ("all", model),
+        ("placed", placed),
+        (
+            "few",
+            model_fixes(
+                Fixes(**{k: v[:3] for k, v in vars(fixes).items()}), t[:3], FusionOptions()
+            ),
+        ),
+    ):
+        for size in (0.0, 1.0, 9.0):
+            moved = own.values.copy()
+            moved[:, 0] += size * wild[: len(own.t)]
+            found[f"{name} {size}"] = screening.screen_fixes(replace(own, values=moved), 30.0)
+    found["delay"] = [
+        screening._delay_var(model.t, model.values[:, 3:5], model.flags & m > 0)
+        for m in (HAS_VEL_H, 1024)
+    ]
+    return found

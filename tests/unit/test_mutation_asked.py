@@ -60,8 +60,8 @@ def test_what_is_compiled_from_a_line_and_what_tests_it(
         tests = {
             "tests/unit/test_low.py::test_leaf": 1,
             "tests/unit/test_top.py::test_run": 3,
-            # a scenario by the test that keeps its figures, one call further
-            "tests/unit/test_figures.py::test_figures_are_those_that_were_kept[short]": 2,
+            # a scenario stands for the test that keeps its figures
+            "tests/unit/test_figures.py::test_figures_are_those_that_were_kept[short]": 1,
         }
         assert graph.reaching(changed) == tests
     finally:
