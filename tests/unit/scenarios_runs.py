@@ -286,3 +286,128 @@ def kernels_measurements() -> Any:
                     after(observe, number, nodes, k, at, model, h, z) for number in range(6)
                 ]
     return found
+
+
+@scenario
+def fusion_passes() -> Any:
+    """Sections, delays from pass to pass, when they have settled, tuned levels."""
+    from automap.fusion import passes, tuning
+    from automap.fusion.kernel_runs import PathStates
+    from automap.fusion.levels import LEVELS
+    from automap.fusion.model import build_state_model
+    from automap.fusion.nodes import Shift, build_nodes
+    from automap.fusion.options import FusionOptions
+    from automap.fusion.problem import make_problem, stored, with_late_change
+    from automap.fusion.sections import _bounds, filter_and_smooth
+    from tests.unit.fusion_problem import make_nodes, true_start
+    from tests.unit.scenarios_fusion import small_problem
+
+    delays = (
+        "imu_time_offset",
+        "gnss_velocity_latency",
+        "gnss_latency",
+        "imu_clock_skew",
+        "gnss_velocity_lag",
+        "odometer_time_offset",
+        "gyro_bias",
+        "imu_mounting",
+    )
+    problem, fixes, motion = small_problem(2, effects=delays)
+    speed = np.hypot(fixes.values[:, 3], fixes.values[:, 4])
+    nodes = build_nodes(
+        *(fixes, Shift(), (0.1, 9.0), [(0.1, 1.0)], fixes.t, speed, 0.1 * speed, None),
+        *(problem.options, True),
+    )
+    start = true_start(motion)
+    forward, smooth = filter_and_smooth(problem, nodes, start, Shift())
+    found: dict[str, Any] = {"whole": [forward, replace(smooth, cov=np.asarray(smooth.cov))]}
+    about = PathStates(smooth.nominal, smooth.params)
+    for name, own, with_cov, path in (
+        ("parts", problem, True, None),
+        ("bare", problem, False, about),
+        ("stored", stored(problem, BytesIO()), True, about),
+    ):
+        parts = filter_and_smooth(own, nodes, start, Shift(), path, with_cov, 7)
+        cov = [np.asarray(run.cov[0 : len(nodes.t)]) for run in parts]
+        found[name] = [replace(run, cov=c) for run, c in zip(parts, cov, strict=True)]
+    at_once = make_nodes(np.array([0.0, 1.0, 2.0, 2.0, 2.0, 3.0, 4.0, 5.0, 5.0]))
+    found["bounds"] = [_bounds(at_once, n) for n in (1, 2, 3, 4, 8, 9)]
+    shift = Shift(0.1, 0.3, -0.2, 2e-3, 0.05, 0.4)
+    model, names = problem.model, problem.model.names
+    params = smooth.params.copy()
+    for k, size in enumerate((0.0, 0.01, -0.3, 2.0, -5.0)):
+        params[-1] = size * (1.0 + 0.1 * np.arange(len(names)))
+        each = replace(smooth, params=params.copy())
+        after_it = [passes.next_shift(model, each, shift, retime) for retime in (True, False)]
+        small = passes.next_shift(
+            model, each, replace(shift, vel_latency_s=0.005, vel_lag_s=0.004), True
+        )
+        found[f"shift {k}"] = [
+            *after_it,
+            small,
+            passes.Pass(problem, nodes, forward, each, shift, {}).totals(),
+        ]
+    variances = np.full_like(smooth.param_var, np.nan)
+    variances[3] = 1e-8
+    sure, unsure = replace(smooth, param_var=variances), replace(smooth, param_var=1e6 * variances)
+    moved = {
+        "delay_s": (4e-4, 6e-4),
+        "vel_latency_s": (4e-4, -6e-4),
+        "latency_s": (4e-4, 6e-4),
+        "skew": (9e-7, 9.9e-6, 1.1e-5),
+        "vel_lag_s": (4e-4, 6e-4),
+        "wheels_s": (4e-4, 6e-4),
+    }
+    found["settled"] = [
+        passes.converged(model, run, shift, replace(shift, **{n: getattr(shift, n) + off}))
+        for run in (sure, unsure)
+        for n, offs in moved.items()
+        for off in offs
+    ]
+    imu = record_of(motion)
+    session = passes.Session(
+        imu, fixes, problem.options, [], {"imu_time_offset_s": 0.07}, {}, (0.0, 9.0), begin_s=40.0
+    )
+    found["session"] = [
+        passes.rate_of_turn(problem.t, imu.gyro),
+        passes.rate_of_turn(3e-5 * problem.t, imu.gyro),
+        passes.session_signals(session),
+        passes.first_shift(session, model),
+        passes.problem_of(session).turning,
+        passes.basis_of(replace(session, standstill=[(0.0, 12.0)])).least,
+    ]
+    change = np.column_stack([np.sin(problem.t), np.cos(problem.t), 0.1 * problem.t])
+    late = with_late_change(problem, change)
+    users = FusionOptions(effects=("accel_warm_up", "imu_filter_delay", "gnss_speed_offset"))
+    felt = replace(
+        session, options=users, late_change=change, bridged_s=np.where(problem.t < 1.0, 0.4, 0.0)
+    )
+    whole = passes.problem_of(felt)
+    found["problems"] = [
+        late.arrays.on_velocity,
+        late.model.signals,
+        late.users,
+        whole.samples,
+        whole.users,
+    ]
+    free = make_problem(imu, build_state_model(users), users)
+    found["plain"] = [
+        free.samples,
+        [free.samples_between(a, b).t for a, b in ((-1.0, 3.0), (5.0, 99.0))],
+    ]
+    ones = dict.fromkeys(LEVELS, 1.0)
+    half = PathStates(smooth.nominal[:9], smooth.params[:9])
+    tuned = tuning.tune_noise(problem, nodes.first(9), start, Shift(), half, {**ones, "gyro": 2.0})
+    found["tuned"] = [
+        tuned,
+        tuning.shown_at_least({**ones, "wander": 0.5}, {"wander": 0.8, "accel": 4.0}),
+    ]
+    return found
+
+
+def record_of(motion: Any) -> ImuData:
+    """Readings of a motion by a usual sensor, twenty a second, warming up."""
+    from tests.unit.fusion_drive import Sensor, record
+
+    imu = record(motion, Sensor(), 2, rate=20.0)
+    return replace(imu, temp_c=20.0 + 0.01 * np.arange(len(imu)))
