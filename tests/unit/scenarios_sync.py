@@ -132,6 +132,7 @@ def sync_offsets() -> Any:
     a, b = rng.normal(size=180), rng.normal(size=140)
     a[20:150] += 2.0 * b[:130]
     a[60:70], b[30:33] = np.nan, np.nan
+    series, series_start = coarse._imu_series(imu)
     found: dict[str, Any] = {
         "motions": [
             f(log, w)
@@ -145,7 +146,8 @@ def sync_offsets() -> Any:
         ],
         "parts": [imu.part(20.0, 40.0), own.part(20.0, 40.0)],
         "imu": imu,
-        "series": coarse._imu_series(imu),
+        # which way the axes of a spread point is the library's to choose
+        "series": [series[:, 0], np.abs(series[:, 1:]), series_start],
         "receiver": coarse._gnss_series(own),
         "like": [coarse._correlation(x, y, 512) for x, y in ((a, b), (b, a), (0.0 * a, b))],
     }
