@@ -625,15 +625,13 @@ def effects_users() -> Any:
         str(pairs_of_sign(1.0)),
         str(sorted(bias_walks())),
     ]
-    properties = [
-        name
-        for name, value in vars(type(CATALOGUE["gyro_bias"])).items()
-        if isinstance(value, property)
-    ]
-    properties += ["nuisance", "one_signed", "isotropic"]
 
     def follows(e: Any) -> str:
-        own = (getattr(e, name) for name in properties)
+        own = (
+            *(e.nuisance, e.one_signed, e.isotropic, e.follows_accuracy, e.needs_wheels, e.states),
+            *(e.sensor, e.of_recorder, e.never_negative, e.resembles, e.resembles_drift),
+            e.resembles_velocity_wander,
+        )
         acts = [e.acts_on(*on) for on in (("gyro",), ("velocity", "gyro"), ("position",))]
         return " ".join(map(str, (*own, *acts, e.follows("1"), len(e.terms_of("a")))))
 

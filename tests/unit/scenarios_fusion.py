@@ -320,7 +320,7 @@ def fusion_start() -> Any:
     axes = rng.normal(size=(4, 3))
     axes /= np.linalg.norm(axes, axis=1)[:, None]
     pairs = [(axes[0], axes[1]), (axes[2], axes[2]), (axes[3], -axes[3])]
-    pairs += [(np.eye(3)[k], -np.eye(3)[k]) for k in range(3)]
+    pairs += [(np.eye(3)[k], sign * np.eye(3)[k]) for k in range(3) for sign in (-1.0, 1.0)]
     found["shortest"] = [alignment._shortest_rotation(a, b) for a, b in pairs]
     nodes = build_nodes(
         fixes, shift, (0.5, 8.0), [(0.5, 3.0)], *[np.zeros(0)] * 3, None, problem.options, False
@@ -419,7 +419,8 @@ def fusion_levels() -> Any:
         ],
         "expected": adapt._expected(factors, RUN_LEVELS),
         "below": [
-            adapt._below_white(nodes, problem, {**factors, "velocity_wander": f})
+            adapt._below_white(own, problem, {**factors, "velocity_wander": f})
+            for own in (nodes, replace(nodes, flags=0 * nodes.flags))
             for f in (0.0, 0.05, 0.2, 9.0)
         ],
         "climbed": [
