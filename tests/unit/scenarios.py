@@ -764,6 +764,7 @@ def geolocation_tracks() -> Any:
 
 # what they have besides: scenarios of single kernels and of parts
 from tests.unit import (  # noqa: E402, F401
+    scenarios_decisions,
     scenarios_effects,
     scenarios_fusion,
     scenarios_kernels,

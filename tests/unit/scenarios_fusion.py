@@ -191,6 +191,8 @@ def fusion_nodes() -> Any:
     t = fixes.gps_s - fixes.gps_s[0]
     t[11] = np.nan
     t[20], t[21] = t[21], t[20]
+    # the velocity is all that these tell
+    fixes.lat_rad[[40, 71]] = np.nan
     options = FusionOptions(common_horizontal_sd_m=0.9, bias_share=0.4)
     factors = {
         "position_h": 1.3,

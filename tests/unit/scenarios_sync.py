@@ -350,6 +350,8 @@ def sync_held() -> Any:
     t = fixes.gps_s - fixes.gps_s[0]
     stretch = damage.driving(fixes, 12.0)
     gone = (t > 50.0) & (t < 56.0)
+    slow = Fixes(**{k: v[::8] for k, v in vars(fixes).items()})
+    fast = int(np.argmax(np.hypot(slow.vel_ned[:, 0], slow.vel_ned[:, 1])))
     logs = {
         "sound": fixes,
         "places": damage.held(fixes, stretch, "lat_rad", "lon_rad"),
@@ -358,6 +360,8 @@ def sync_held() -> Any:
         "rows": damage.held(fixes, stretch, "lat_rad", "lon_rad", "vel_ned"),
         "end": damage.held(fixes, t > t[-1] - 9.0, "lat_rad", "lon_rad", "vel_ned"),
         "begin": damage.held(fixes, t < 8.0, "lat_rad", "lon_rad", "vel_ned"),
+        "once": damage.held(slow, np.arange(len(slow)) == fast, "lat_rad", "lon_rad"),
+        "twice": damage.held(slow, np.abs(np.arange(len(slow)) - fast) < 1.1, "lat_rad", "vel_ned"),
         "gone": replace(fixes, vel_ned=np.where(gone[:, None], np.nan, fixes.vel_ned)),
     }
     found: dict[str, Any] = {}
@@ -379,7 +383,7 @@ def sync_held() -> Any:
             "digit": held_values._digit_m(path),
             "jumps": [
                 held_values._jump_after(path, right, a, b)
-                for a, b in ((3, 9), (200, len(path) - 1))
+                for a, b in ((3, 9), (len(path) // 2, len(path) - 1))
             ],
             "windows": over,
             "sd": velocity_sd(path, over),
