@@ -343,7 +343,7 @@ def sync_words() -> Any:
 @scenario
 def sync_held() -> Any:
     """Values that a log repeats, and the two paths of a receiver in windows."""
-    from automap.sync import held_values, path_match
+    from automap.sync import held_values, parting, path_match
     from automap.sync.receiver_path import receiver_path, velocity_sd, windows
 
     fixes = simulated_fixes(5, Receiver(rate_hz=4.0), 120.0)
@@ -381,6 +381,7 @@ def sync_held() -> Any:
             ],
             "stuck": [held_values.stuck_velocities(path, right, frozen, w) for w in (1.0, 5.0)],
             "digit": held_values._digit_m(path),
+            "parted": [parting.partings(path, right, use, ~frozen, w) for w in (0.3, 1.0)],
             "jumps": [
                 held_values._jump_after(path, right, a, b)
                 for a, b in ((3, 9), (len(path) // 2, len(path) - 1))
