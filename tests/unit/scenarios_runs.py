@@ -411,3 +411,47 @@ def record_of(motion: Any) -> ImuData:
 
     imu = record(motion, Sensor(), 2, rate=20.0)
     return replace(imu, temp_c=20.0 + 0.01 * np.arange(len(imu)))
+
+
+@scenario
+def kernels_forward() -> Any:
+    """The filter over a few nodes as Python, with signals beside the readings themselves."""
+    from automap.fusion import kernels
+    from automap.fusion.kernel_runs import empty_store
+    from automap.fusion.nodes import Shift, build_nodes
+    from automap.fusion.problem import node_signals
+    from tests.unit.figure_calls import plain
+    from tests.unit.fusion_problem import true_start
+    from tests.unit.scenarios_fusion import small_problem
+
+    effects = ("gyro_scale_asymmetry", "accel_quadratic", "gyro_bias", "gnss_lever_arm")
+    problem, fixes, motion = small_problem(3, effects=effects, gate_probability=0.3)
+    speed = np.hypot(fixes.values[:, 3], fixes.values[:, 4]) + 5.0
+    nodes = build_nodes(
+        *(fixes, Shift(), (0.73, 2.4), [(0.7, 1.3)], fixes.t, speed, 0.1 * speed, None),
+        *(problem.options, True),
+    )
+    start, n = true_start(motion), problem.model.size
+    spread = np.diag(np.concatenate([start.sd, problem.model.prior_sd]) ** 2)
+    given = kernels.NodeArrays(
+        nodes.t,
+        nodes.flags,
+        nodes.values,
+        nodes.var,
+        node_signals(problem, nodes),
+        nodes.wander_keep,
+    )
+    about = np.tile(start.nominal, (len(nodes.t), 1)), np.zeros((len(nodes.t), n - 9))
+    found: dict[str, Any] = {}
+    for name, (path, params), room in (
+        ("free", (np.zeros((0, 10)), np.zeros((0, n - 9))), nodes),
+        ("about", about, nodes),
+        ("score", about, nodes.first(0)),
+    ):
+        store = empty_store(room, n)
+        score = plain(kernels.run_forward)(
+            *(problem.samples, problem.arrays, given, start.nominal, problem.model.prior_mean),
+            *(spread, path, params, store),
+        )
+        found[name] = {"score": score, "store": store._asdict()}
+    return found

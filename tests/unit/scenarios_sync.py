@@ -343,7 +343,7 @@ def sync_words() -> Any:
 @scenario
 def sync_held() -> Any:
     """Values that a log repeats, and the two paths of a receiver in windows."""
-    from automap.sync import held_values, parting, path_match
+    from automap.sync import climb_match, held_values, parting, path_match
     from automap.sync.receiver_path import receiver_path, velocity_sd, windows
 
     fixes = simulated_fixes(5, Receiver(rate_hz=4.0), 120.0)
@@ -406,6 +406,14 @@ def sync_held() -> Any:
         for s, o in ((seen, other), (seen, 0.0 * other), (-seen, other), (3.0 * other, other))
     ]
     score, cov = rng.normal(size=(60, 4)), np.diag([1.0, 2.0, 3.0, 4.0]) + 0.2
+    rising = 3.0 * np.sin(np.arange(40.0))
+    found["climb"] = [
+        climb_match._scale(
+            factor * rising + 0.1 * np.cos(np.arange(40.0)), rising, np.full(40, size)
+        )
+        for factor in (0.3, 1.0, -2.0, 0.0)
+        for size in (0.2, 9.0)
+    ]
     found["spread"] = [
         path_match._spread(np.sort(rng.uniform(0.0, s, 60)), score, cov) for s in (200.0, 30.0, 3.0)
     ]
