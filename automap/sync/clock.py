@@ -62,6 +62,8 @@ def rough_clock(
     nothing tells it."""
     try:
         found = _by_stamps(imu, fixes, imu_time, arrival_time, output_delay_s, limits.DRIFT_SD)
+        if found is None and not np.isfinite(fixes.gps_s).any():
+            return None
         return correlation_clock(imu, fixes).clock if found is None else found.clock
     except InputError:
         return None

@@ -81,7 +81,7 @@ def reaching(changed: set[str]) -> dict[str, int]:
     tests = {str(f): depth for f, depth in found.items() if _TEST.fullmatch(str(f))}
     named = {name.replace(":", "::").replace(".Test", "::Test"): d for name, d in tests.items()}
     kept = {str(f): depth for f, depth in found.items() if f.scenario}
-    return named | {f"{_FIGURES}[{name.split(':')[1]}]": d + 1 for name, d in kept.items()}
+    return named | {f"{_FIGURES}[{name.split(':')[1]}]": d for name, d in kept.items()}
 
 
 def _naming(called: set[Function]) -> set[Function]:

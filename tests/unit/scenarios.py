@@ -762,14 +762,20 @@ def geolocation_tracks() -> Any:
     }
 
 
-# what they have besides: parts of the areas one by one
-from tests.unit import (  # noqa: E402
-    scenarios_cache,  # noqa: F401
-    scenarios_calibration,  # noqa: F401
-    scenarios_gap,  # noqa: F401
-    scenarios_geolocation,  # noqa: F401
-    scenarios_geolocation_plane,  # noqa: F401
-    scenarios_geolocation_search,  # noqa: F401
-    scenarios_mapping,  # noqa: F401
-    scenarios_mapping_changes,  # noqa: F401
+# what they have besides: scenarios of single kernels and of parts
+from tests.unit import (  # noqa: E402, F401
+    scenarios_cache,
+    scenarios_calibration,
+    scenarios_decisions,
+    scenarios_effects,
+    scenarios_fusion,
+    scenarios_gap,
+    scenarios_geolocation,
+    scenarios_geolocation_plane,
+    scenarios_geolocation_search,
+    scenarios_kernels,
+    scenarios_mapping,
+    scenarios_mapping_changes,
+    scenarios_runs,
+    scenarios_sync,
 )

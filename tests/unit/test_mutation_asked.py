@@ -35,7 +35,8 @@ SOURCES = {
     "tests/unit/test_top.py": "from automap.top import run\ndef test_run():\n    run()\n",
     "tests/unit/test_low.py": "from automap.low import leaf\ndef test_leaf():\n    leaf(1)\n",
     "tests/unit/scenarios.py": (
-        "from automap.low import leaf\n@scenario\ndef short():\n    leaf(1)\ndef other():\n    leaf(1)\n"
+        "from automap.low import leaf\n@scenario\ndef short():\n    leaf(1)\n"
+        "def other():\n    leaf(1)\n"
     ),
     "tests/unit/test_alien.py": "from automap.alien import alone\ndef test_it():\n    alone()\n",
 }
@@ -59,8 +60,8 @@ def test_what_is_compiled_from_a_line_and_what_tests_it(
         tests = {
             "tests/unit/test_low.py::test_leaf": 1,
             "tests/unit/test_top.py::test_run": 3,
-            # a scenario by the test that keeps its figures, one call further
-            "tests/unit/test_figures.py::test_figures_are_those_that_were_kept[short]": 2,
+            # a scenario stands for the test that keeps its figures
+            "tests/unit/test_figures.py::test_figures_are_those_that_were_kept[short]": 1,
         }
         assert graph.reaching(changed) == tests
     finally:

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from automap.errors import InputError
-from automap.records import NO_TIME
+from automap.records import NO_TIME, ImuData
 from automap.sync import limits, motion_clock
 from automap.sync.arrival import _few_points
-from automap.sync.clock import _refuse, _without_imu, gps_clock, unknown_clock
+from automap.sync.clock import _refuse, _without_imu, gps_clock, rough_clock, unknown_clock
 from automap.sync.coarse import CoarseOffset
 from automap.sync.correlation import Lag
 from automap.sync.finished import trajectory_clock
@@ -165,3 +165,13 @@ def test_a_clock_that_nothing_tells_is_said() -> None:
     assert found.clock.gps_s(np.array([4 * 10**9])) == pytest.approx([4.0])
     assert found.clock.sd_offset_s == np.inf
     assert len(found.warnings) == 1
+
+
+@pytest.mark.filterwarnings("error")
+def test_fixes_without_a_date_tell_no_rough_clock() -> None:
+    fixes = simulated_fixes(1, Receiver(), 30.0)
+    undated = replace(fixes, gps_s=np.full(len(fixes), np.nan))
+    stamps = np.arange(200) * np.int64(10**8)
+    imu = ImuData(stamps, np.zeros((200, 3)), np.tile([0.0, 0.1, -9.8], (200, 1)))
+    assert rough_clock(imu, undated) is None
+    assert rough_clock(imu, undated, "gps_ns") is not None

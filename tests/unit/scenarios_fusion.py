@@ -1,0 +1,1226 @@
+"""Parts of the fusion beside its kernels: wheels, nodes, the start, mounting, doubts."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from automap.errors import AutoMapError
+from automap.records import Fixes, FixType, ImuData, Trajectory
+from tests.unit.scenarios import scenario
+
+
+def told(function: Any, *values: Any) -> Any:
+    """A result, or the sentence of the error."""
+    try:
+        return function(*values)
+    except AutoMapError as error:
+        return str(error)
+
+
+def wavy_path(n: int, step: float, seed: int = 0, turning: float = 0.05) -> Trajectory:
+    """A hilly path that bends one way, then the other, and stops for a while."""
+    rng = np.random.default_rng(seed)
+    t = step * np.arange(n)
+    speed = np.clip(9.0 + 6.0 * np.sin(0.11 * t), 0.0, None)
+    speed[(t > 0.6 * t[-1]) & (t < 0.68 * t[-1])] = 0.0
+    heading = 0.7 + np.cumsum(turning * np.sin(0.05 * t) * step)
+    pitch = 0.05 * np.sin(0.08 * t) + 0.01
+    vel = np.column_stack(
+        [speed * np.cos(heading), speed * np.sin(heading), -speed * np.tan(pitch)]
+    )
+    ned = np.cumsum(vel * step, axis=0)
+    return Trajectory(
+        t_ns=np.int64(5 * 10**9) + np.rint(t * 1e9).astype(np.int64),
+        gps_s=1.4e9 + t,
+        lat_rad=0.8 + ned[:, 0] / 6.37e6,
+        lon_rad=0.2 + ned[:, 1] / (6.38e6 * np.cos(0.8)),
+        height_m=400.0 - ned[:, 2],
+        vel_ned=vel,
+        rpy=np.column_stack([0.03 * np.cos(0.2 * t), pitch, np.angle(np.exp(1j * heading))]),
+        sd_pos_ned=rng.uniform(0.5, 2.0, (n, 3)),
+        sd_vel_ned=rng.uniform(0.05, 0.2, (n, 3)),
+        sd_rpy=rng.uniform(0.01, 0.03, (n, 3)),
+    )
+
+
+def fixes_on(path: Trajectory, every: int, seed: int = 1, **changes: Any) -> Fixes:
+    """Fixes on a path, with errors of all sizes and kinds, some without a part."""
+    rng = np.random.default_rng(seed)
+    rows = np.arange(0, len(path.t_ns), every)
+    n = len(rows)
+    kinds = np.array([FixType.THREE_D, FixType.DGNSS, FixType.FLOAT, FixType.FIXED])
+    vel = path.vel_ned[rows] + rng.normal(0.0, 0.1, (n, 3))
+    vel[5::17] = np.nan
+    vel[6::19, 2] = np.nan
+    height = path.height_m[rows] + rng.normal(0.0, 2.0, n)
+    height[7::13] = np.nan
+    kind = kinds[(np.arange(n) // 20) % 4].astype(np.int64)
+    kind[3::29], kind[4::29] = FixType.NONE, FixType.TWO_D
+    kind[9::31] = FixType.DEAD_RECKONING
+    sd_pos = rng.uniform(0.4, 2.5, (n, 3)) * np.array([1.0, 1.3, 1.9])
+    sd_pos[8::11] = np.nan
+    sd_vel = rng.uniform(0.05, 0.4, (n, 3))
+    sd_vel[10::12] = np.nan
+    hdop = rng.uniform(0.8, 2.5, n)
+    hdop[::9] = np.nan
+    own = Fixes(
+        gps_s=path.gps_s[rows].copy(),
+        lat_rad=path.lat_rad[rows] + rng.normal(0.0, 1.5, n) / 6.37e6,
+        lon_rad=path.lon_rad[rows] + rng.normal(0.0, 1.2, n) / 4.4e6,
+        height_m=height,
+        vel_ned=vel,
+        sd_pos_ned=sd_pos,
+        sd_vel_ned=sd_vel,
+        fix_type=kind,
+        n_sats=np.full(n, 12, np.int64),
+        hdop=hdop,
+        geoid_sep_m=np.zeros(n),
+        offset=np.full(n, -1, np.int64),
+        arrival_ns=np.full(n, -1, np.int64),
+    )
+    return replace(own, **changes)
+
+
+@scenario
+def fusion_wheels() -> Any:
+    """Wheel speeds of many sorts against a receiver's, as readings and at nodes."""
+    from automap.fusion import wheel_match, wheels
+    from automap.fusion.measurements.wheel_speed import note_wheels
+    from automap.fusion.nodes import model_fixes
+    from automap.fusion.options import FusionOptions
+    from automap.records import WheelSpeed
+
+    rng = np.random.default_rng(1)
+    path = wavy_path(700, 0.2)
+    t = path.gps_s - path.gps_s[0]
+    true = np.hypot(path.vel_ned[:, 0], path.vel_ned[:, 1])
+    own_t = np.arange(3.0, 130.0, 0.17) + rng.uniform(0.0, 0.02, len(np.arange(3.0, 130.0, 0.17)))
+    speed = 1.03 * np.interp(own_t - 0.24, t, true) + rng.normal(0.0, 0.03, len(own_t))
+    seen = wheel_match.Reference(
+        t[::4], true[::4] + rng.normal(0.0, 0.1, 175), rng.uniform(0.05, 0.15, 175)
+    )
+    hung, still, jumped = speed.copy(), speed.copy(), speed.copy()
+    hung[200:260], still[300:350] = hung[200], 0.0
+    jumped[400:440] = jumped[400] + 3.3
+    shapes = {
+        "fine": speed,
+        "steps": 0.3 * np.rint(speed / 0.3),
+        "printed": np.round(0.27777 * np.rint(speed / 0.27777), 2),
+        "hung": hung,
+        "still": still,
+        "jumped": jumped,
+        "backwards": -speed,
+        "reversing": np.where((own_t > 50.0) & (own_t < 58.0), -2.2, speed),
+        "sign": speed * np.where(own_t < 60.0, -1.0, 1.0),
+        "km/h": 3.6 * speed,
+        "odd": 1.6 * speed,
+        "noise": rng.uniform(0.0, 15.0, len(own_t)),
+        "late": np.interp(own_t - 4.4, t, true),
+        "early": np.interp(own_t + 4.1, t, true),
+        "one speed": np.full(len(own_t), 8.0) + 1e-3 * np.sin(own_t),
+    }
+    options = FusionOptions()
+    found: dict[str, Any] = {}
+    for name, each in shapes.items():
+        made = wheels.judge_wheels(own_t, each, seen, options)
+        found[name] = {
+            "wheels": made,
+            "step": wheel_match.step_of(each),
+            "words": list(made.warnings),
+        }
+        found[name]["unit"] = "" if made.match is None else made.match.unit
+        found[name]["wrong"] = str(None if made.match is None else wheels.contradiction(made.match))
+        found[name]["stuck"] = wheel_match.stuck(own_t, each, seen)
+    units = (1.0, 1.15, 1.25, 3.5, 2.3, 1.9, 3.2, 95.0, 1050.0, 350.0, 0.5)
+    plain = found["fine"]["wheels"].match
+    found["units"] = [replace(plain, scale=scale).unit for scale in units]
+    sizes = {"rest": 5.0, "spread": 30.0, "late_s": -3.2, "late_sd_s": 0.2, "scale": 3.6}
+    found["said"] = [str(wheels.contradiction(replace(plain, **{k: v}))) for k, v in sizes.items()]
+    bursts = np.sort(np.concatenate([own_t[::6], own_t[::6] + 0.01, own_t[::6] + 0.03]))
+    found |= {
+        "between": wheel_match.between(own_t, speed, np.linspace(0.0, 135.0, 60)),
+        "gaps": wheel_match.between(own_t[::19], speed[::19], np.linspace(0.0, 135.0, 60)),
+        "runs": wheel_match.runs(np.array([1.0, 1.0, 2.0, 2.0, 2.0, 3.0, 1.0, 1.0])),
+        "bursts": wheels.readings(bursts, 1.0 + np.sin(bursts), 0.2, 0.1, 0.3, options),
+        "slow": wheels.readings(own_t[::9], 0.05 * speed[::9], 0.0, 0.4, -0.1, options),
+        "signed": wheels.readings(own_t, 0.9 * np.sin(own_t), 0.3, 0.0, 0.0, options),
+        "one": wheels.readings(own_t[:1], speed[:1], 0.3, 0.1, 0.0, options),
+        "spaced": wheels._spaced(own_t),
+        "too few": wheel_match.match_wheels(own_t[:15], speed[:15], seen, 2.0),
+        "short reach": wheel_match.match_wheels(own_t, speed, seen, 0.3),
+        "none": wheels.judge_wheels(own_t[:2], speed[:2], seen, options),
+    }
+    fixes = fixes_on(path, 5)
+    model = model_fixes(fixes, fixes.gps_s - fixes.gps_s[0], options)
+    bare = model_fixes(
+        replace(fixes, vel_ned=np.full_like(fixes.vel_ned, np.nan)),
+        fixes.gps_s - fixes.gps_s[0],
+        options,
+    )
+    few = model_fixes(fixes_on(path, 60), fixes_on(path, 60).gps_s - fixes.gps_s[0], options)
+    found["speeds"] = [wheels.path_speed(each) for each in (model, bare, few)]
+    log = WheelSpeed(np.int64(10**9) + np.rint(own_t * 1e9).astype(np.int64), speed)
+    found["prepared"] = [
+        wheels.prepare_wheels(each, 10**9, bare, options)
+        for each in (log, None, WheelSpeed(log.t_ns[:1], log.speed[:1]))
+    ]
+    odometer = found["slow"]
+    for signed in (False, True):
+        flags, values, var = np.arange(6), np.zeros((6, 7)), np.ones((6, 15))
+        row = np.array([-1, 3, 0, -1, 5, 2])
+        note_wheels(flags, values, var, row, replace(odometer, signed=signed))
+        found[f"noted {signed}"] = [flags, values, var]
+    return found
+
+
+@scenario
+def fusion_nodes() -> Any:
+    """Fixes as the filter takes them, and nodes of them with delays, standstill and wheels."""
+    from automap.fusion import nodes
+    from automap.fusion.measurements import position, velocity
+    from automap.fusion.measurements.wheel_speed import Odometer
+    from automap.fusion.options import FusionOptions
+    from automap.fusion.wheels import path_speed
+
+    rng = np.random.default_rng(2)
+    path = wavy_path(420, 0.2, 3)
+    fixes = fixes_on(path, 3)
+    t = fixes.gps_s - fixes.gps_s[0]
+    t[11] = np.nan
+    t[20], t[21] = t[21], t[20]
+    # the velocity is all that these tell
+    fixes.lat_rad[[40, 71]] = np.nan
+    options = FusionOptions(common_horizontal_sd_m=0.9, bias_share=0.4)
+    factors = {
+        "position_h": 1.3,
+        "position_v": 0.7,
+        "velocity_h": 1.9,
+        "velocity_v": 0.6,
+        "wander": 1.4,
+        "wander_v": 0.8,
+        "multipath": 2.1,
+    }
+    model = nodes.model_fixes(fixes, t, options)
+    shift = nodes.Shift(0.13, 0.21, -0.08, 3e-3, 0.05, 0.3)
+    late = replace(shift, vel_latency_s=0.0, vel_lag_s=0.0)
+    odometer = Odometer(
+        np.arange(2.0, 70.0, 0.7), rng.uniform(0.0, 15.0, 98), rng.uniform(0.01, 0.1, 98)
+    )
+    seen = path_speed(model)
+    lateral = rng.normal(0.0, 2.0, len(seen.t))
+    found: dict[str, Any] = {
+        "model": model,
+        "speed": nodes.fix_speed(model),
+        "shown": [nodes.as_shown(model, options, f) for f in (factors, {})],
+        "errors": position.position_errors(fixes, rng.uniform(0.5, 2.0, len(t)), options),
+        "states": position.states_accuracy(fixes, options),
+        "lasting": [position.lasting_share(options, f) for f in (factors, {})],
+        "unseen": [position.unseen_errors(model.stated_sd, options, f) for f in (factors, {})],
+        "common": position.common_errors(fixes, options),
+        "has": [*position.has_position(fixes), *velocity.has_velocity(fixes)],
+        "velocity": velocity.velocity_errors(fixes, rng.uniform(0.5, 2.0, len(t)), options),
+        "times": [
+            shift.host_times(t),
+            shift.wheel_times(t),
+            shift.position_times(t),
+            shift.velocity_delay_s,
+        ],
+        "split": [nodes._split(model, each) for each in (shift, late)],
+    }
+    small = replace(fixes, sd_pos_ned=0.2 * fixes.sd_pos_ned, hdop=0.1 * fixes.hdop)
+    found["small"] = [
+        position.states_accuracy(small, options),
+        position.common_errors(small, options),
+    ]
+    for name, each, way, wheels, held in (
+        ("all", model, shift, odometer, True),
+        ("late", model, late, odometer, True),
+        ("free", model, shift, odometer, False),
+        ("no wheels", model, shift, None, True),
+    ):
+        made = nodes.build_nodes(
+            each,
+            way,
+            (1.3, 77.7),
+            [(20.0, 23.0), (50.1, 56.0)],
+            seen.t,
+            seen.speed,
+            lateral,
+            wheels,
+            options,
+            held,
+        )
+        found[name] = made
+        found[f"{name} parts"] = [
+            made.first_moving(3.0, 9.0),
+            made.first_moving(9.0, 900.0),
+            made.first_moving(1e4, 1e4),
+            made.first_moving(0.0, 0.0),
+            made.between(3, 9),
+        ]
+    none = nodes.model_fixes(replace(fixes, fix_type=0 * fixes.fix_type), t, options)
+    found["none"] = nodes.build_nodes(
+        none, shift, (1.3, 7.7), [], seen.t[:0], seen.speed[:0], lateral[:0], None, options, True
+    )
+    jumpy = np.exp(0.6 * rng.normal(size=(60, 3)))
+    steady = np.repeat(np.exp(0.5 * rng.normal(size=(6, 3))), 10, axis=0)
+    between = steady * np.exp(0.1 * rng.normal(size=(60, 3)))
+    found["held"] = [
+        nodes.hold_reported_sd(sd) for sd in (jumpy, steady, between, jumpy[:0], jumpy[:1])
+    ]
+    return found
+
+
+def small_problem(seed: int = 0, **options: Any) -> tuple[Any, Any, Any]:
+    """A problem of some seconds, its fixes as the filter takes them, and its path."""
+    from automap.fusion.model import build_state_model
+    from automap.fusion.nodes import model_fixes
+    from automap.fusion.options import FusionOptions
+    from automap.fusion.problem import make_problem
+    from tests.unit.fusion_drive import Sensor, record
+    from tests.unit.fusion_motion import city_drive
+    from tests.unit.fusion_receiver import Receiver, receive
+
+    motion = city_drive(30.0, 5 + seed)
+    imu = record(motion, Sensor(), 2, rate=20.0)
+    fixes = receive(motion, Receiver(rate=2.0), 3, begin=1.2)
+    chosen = FusionOptions(**options)
+    problem = make_problem(imu, build_state_model(chosen), chosen)
+    return problem, model_fixes(fixes, fixes.gps_s - 1.4e9, chosen), motion
+
+
+@scenario
+def fusion_start() -> Any:
+    """Levels and starts, from fixes that have everything or lack a part; mountings."""
+    from automap.frames import rpy_to_matrix
+    from automap.fusion import alignment, mounting
+    from automap.fusion.layout import HAS_POS_H, HAS_POS_V, HAS_VEL_H
+    from automap.fusion.nodes import Shift, build_nodes
+
+    rng = np.random.default_rng(3)
+    problem, fixes, _ = small_problem()
+    bias, shift = np.array([0.01, -0.02, 0.03]), Shift(0.02)
+    without = [replace(fixes, flags=fixes.flags & ~bit) for bit in (HAS_POS_V, HAS_VEL_H)]
+    late = [fixes.flags.copy() for _ in range(3)]
+    late[0][:3] &= ~HAS_POS_H
+    late[1][:4] &= ~HAS_VEL_H
+    late[2][:12] &= ~HAS_VEL_H
+    logs = [fixes, *without, *(replace(fixes, flags=f) for f in late)]
+    turn = rpy_to_matrix(np.array([0.3, -0.2, 1.0]))
+    sd = np.array([0.1, 0.2, 0.3])
+    found: dict[str, Any] = {
+        "starts": [
+            alignment.start_state(problem, f, t0, turn, sd) for f in logs for t0 in (0.5, 2.0)
+        ],
+        "levels": [
+            alignment.level(problem, f, t0, bias) for f in logs for t0 in (0.0, 3.0, 24.0, 29.96)
+        ],
+    }
+    axes = rng.normal(size=(4, 3))
+    axes /= np.linalg.norm(axes, axis=1)[:, None]
+    pairs = [(axes[0], axes[1]), (axes[2], axes[2]), (axes[3], -axes[3])]
+    pairs += [(np.eye(3)[k], sign * np.eye(3)[k]) for k in range(3) for sign in (-1.0, 1.0)]
+    found["shortest"] = [alignment._shortest_rotation(a, b) for a, b in pairs]
+    nodes = build_nodes(
+        fixes, shift, (0.5, 8.0), [(0.5, 3.0)], *[np.zeros(0)] * 3, None, problem.options, False
+    )
+    aligned = alignment.align(problem, fixes, nodes, bias, shift)
+    unsure = alignment.align(problem, fixes, nodes.first(3), bias, shift)
+    found["aligned"] = [aligned, unsure]
+    n = 900
+    t = 0.1 * np.arange(n)
+    heading = np.cumsum(
+        np.where((t > 20.0) & (t < 25.0), 0.03, np.where((t > 40.0) & (t < 47.0), -0.025, 0.0))
+    )
+    speed = np.clip(6.0 + 5.0 * np.sin(0.2 * t), 0.0, None)
+    sensor = rpy_to_matrix(np.array([0.4, -0.7, 2.1]))
+    lean = np.column_stack([0.02 * np.sin(t), 0.03 * np.cos(0.3 * t), heading])
+    body = rpy_to_matrix(lean)
+    vel = np.column_stack([speed * np.cos(heading), speed * np.sin(heading), 0.1 * np.sin(t)])
+    rate = np.column_stack([0.01 * np.cos(t), 0.008 * np.sin(t), np.gradient(heading, t)])
+    backing = np.where(((t > 60.0) & (t < 66.0))[:, None], -vel, vel)
+    along = np.gradient(speed, t)
+    runs = {
+        "both": (t, vel, body @ sensor, rate @ sensor, along),
+        "one side": (t[:380], vel[:380], (body @ sensor)[:380], (rate @ sensor)[:380], along[:380]),
+        "straight": (t[:190], vel[:190], (body @ sensor)[:190], (rate @ sensor)[:190], along[:190]),
+        "backing": (t, backing, body @ sensor, rate @ sensor, along),
+        "hasty": (t, vel, body @ sensor, rate @ sensor, 9.0 * along + 2.0),
+        "bent": (
+            t,
+            vel,
+            body @ sensor,
+            (rate + [0.0, 0.1, 0.0] * np.sign(rate[:, 2:])) @ sensor,
+            along,
+        ),
+        "slow": (t, 0.1 * vel, body @ sensor, rate @ sensor, along),
+    }
+    for name, values in runs.items():
+        found[name] = told(mounting.estimate_mounting, *values)
+    found["direction"] = mounting._robust_direction(-axes + [0.0, 0.0, 2.0])
+    found["across"] = mounting._across(axes[0], axes[1])
+    return found
+
+
+@scenario
+def fusion_levels() -> Any:
+    """Noise levels of a short problem: scaled, searched coarsely, refined."""
+    from automap.fusion import adapt
+    from automap.fusion.kernel_runs import PathStates
+    from automap.fusion.levels import ALL_LEVELS, LEVELS, RUN_LEVELS
+    from automap.fusion.nodes import Shift, build_nodes
+    from automap.fusion.sections import filter_and_smooth
+    from tests.unit.fusion_problem import true_start
+
+    effects = ("accel_bias", "gyro_bias", "gnss_correlated_noise", "gnss_multipath")
+    problem, fixes, motion = small_problem(1, effects=effects)
+    speed = np.hypot(fixes.values[:, 3], fixes.values[:, 4])
+    nodes = build_nodes(
+        fixes,
+        Shift(),
+        (0.1, 14.0),
+        [(0.1, 1.0)],
+        fixes.t,
+        speed,
+        0.1 * speed,
+        None,
+        problem.options,
+        True,
+    )
+    start = true_start(motion)
+    factors = {level: 0.6 + 0.13 * k for k, level in enumerate(ALL_LEVELS)}
+    least = {"accel": 0.9, "gyro": 1.4}
+    ones = dict.fromkeys(LEVELS, 1.0)
+    _, smooth = filter_and_smooth(problem, nodes, start, Shift())
+    path = PathStates(smooth.nominal, smooth.params)
+    scaled = adapt.scale_problem(problem, factors)
+    quick = adapt.Search(("accel", "position_h", "velocity_h"), 2.0, 4.0, 60.0, 2, 0.5)
+    few = adapt.Search(("gyro", "velocity_v"), 1.7, 9.0, 4.0, 1, 0.2, True)
+    said: list[str] = []
+    rises = {"accel": (1.0, 4.0), "gyro": (3.0, 0.25)}
+
+    def score(trial: dict[str, float]) -> float:
+        return -sum(w * np.log(trial[k] / top) ** 2 for k, (w, top) in rises.items())
+
+    found = {
+        "scaled": [scaled.model.walk, scaled.model.tau, scaled.model.prior_sd, scaled.arrays.noise],
+        "nodes": adapt.scale_nodes(nodes, factors).var,
+        "adapted": [
+            adapt.adapt_noise(
+                problem, nodes, start, Shift(), {**ones, "accel": 3.0}, s, said.append, least
+            )
+            for s in (quick, few)
+        ],
+        "said": list(said),
+        "refined": [
+            adapt.refine_noise(problem, nodes, start, Shift(), path, ones, levels, least)
+            for levels in (RUN_LEVELS, ("accel", "velocity_wander"), ("gyro", "velocity_h"))
+        ],
+        "expected": adapt._expected(factors, RUN_LEVELS),
+        "below": [
+            adapt._below_white(own, problem, {**factors, "velocity_wander": f})
+            for own in (nodes, replace(nodes, flags=0 * nodes.flags))
+            for f in (0.0, 0.05, 0.2, 9.0)
+        ],
+        "climbed": [
+            adapt._climb(level, score({**ones, level: 1.0}), {**ones}, score, quick, low)
+            for level, low in (("accel", 0.0), ("gyro", 0.0), ("gyro", 0.6))
+        ],
+        "parabola": [
+            adapt._refined(level, value, {**ones, level: value}, score, quick)
+            for level, value in (("accel", 3.0), ("accel", 1.0), ("gyro", 0.2), ("velocity_h", 1.0))
+        ],
+    }
+    return found
+
+
+@scenario
+def fusion_offsets() -> Any:
+    """Positions aside of where velocities lead: in turn, from an instant on, throughout."""
+    from automap.fusion.doubts import alternation, offsets
+    from automap.fusion.fix_axes import smooth_epochs, usable_epochs, whitened_epochs
+    from automap.fusion.gnss_only import at_least, smooth_fixes, unaveraged, uncorrected
+    from automap.fusion.options import FusionOptions
+    from tests.unit.fusion_drive import CLOCK
+
+    path = wavy_path(500, 0.2, 5, 0.2)
+    sound = fixes_on(path, 2, 4)
+    side = np.column_stack([np.cos(path.rpy[::2, 2]), np.sin(path.rpy[::2, 2])])
+    right = np.column_stack([-side[:, 1], side[:, 0]])
+    n = len(sound)
+
+    def moved(metres: np.ndarray) -> Fixes:
+        return replace(
+            sound,
+            lat_rad=sound.lat_rad + metres[:, 0] / 6.37e6,
+            lon_rad=sound.lon_rad + metres[:, 1] / 4.44e6,
+        )
+
+    aside = 3.0 * side - 5.0 * right
+    some = (np.arange(n) > 130)[:, None]
+    still = replace(sound, vel_ned=np.full_like(sound.vel_ned, np.nan))
+    logs = {
+        "sound": sound,
+        "beside": moved(aside),
+        "later": moved(-aside * some),
+        "in turn": moved(4.0 * right * (np.arange(n) % 2)[:, None]),
+        "still": still,
+        "short": Fixes(**{k: v[:12] for k, v in vars(sound).items()}),
+    }
+    levels = {"position_h": 1.2, "velocity_h": 0.8, "wander": 1.3, "multipath": 0.7}
+    options = FusionOptions(velocity_wander_sd=0.3)
+    found: dict[str, Any] = {}
+    for name, log in logs.items():
+        at = usable_epochs(log, options)
+        alone = smooth_fixes(log, CLOCK, options, levels)
+        found[name] = {
+            "reasons": list(offsets.offset_doubts(at, alone, options, levels, 2.0)),
+            "offsets": offsets.offsets(at, alone, options, levels),
+            "turns": alternation.alternation(at, options, levels),
+        }
+        if name in ("sound", "still", "later"):
+            out = np.zeros((len(at.t), 4))
+            errors = np.stack([np.sin(at.z[0]), np.cos(at.z[1])], axis=2)
+            found[name] |= {
+                "epochs": at,
+                "alone": alone,
+                "score": [smooth_epochs(at, axis, options, levels, out) for axis in range(3)],
+                "white": [whitened_epochs(at, axis, options, levels, errors) for axis in range(3)],
+                "unaveraged": unaveraged(alone, log, options, levels),
+                "uncorrected": uncorrected(alone, log, options),
+                "at least": at_least(alone, path.gps_s[::50], 2.0 + np.sin(path.vel_ned[::50])),
+                "instants": offsets._instants(at, alone.vel_ned[:, :2], at.used[0, :, 0]),
+            }
+    calm = fixes_on(path, 2, 4, vel_ned=path.vel_ned[::2] + 0.02, sd_pos_ned=np.full((n, 3), 1.1))
+    noise = np.random.default_rng(6).normal(0.0, 0.2, (n, 2))
+    for size in (0.0, 0.5, 2.0, 6.0):
+        turns = size * right * (np.arange(n) % 2)[:, None] + noise
+        turns[40:44] += 9.0
+        log = replace(
+            calm,
+            lat_rad=path.lat_rad[::2] + turns[:, 0] / 6.37e6,
+            lon_rad=path.lon_rad[::2] + turns[:, 1] / 4.44e6,
+        )
+        at = usable_epochs(log, options)
+        quiet = smooth_fixes(log, CLOCK, options, levels)
+        found[f"turns {size}"] = [
+            alternation.alternation(at, options, levels),
+            list(offsets.offset_doubts(at, quiet, options, levels, 2.0)),
+        ]
+        # in the order of their measurements, from the first to the last
+        found[f"after {size}"] = offsets.offsets(at, quiet, options, levels)
+    words = [offsets.Offset(a, b, 1.0) for a, b in ((3.0, 0.2), (-2.0, 2.5), (0.3, -4.0))]
+    found["words"] = [f"{offsets._words(w)} {w.size:.9g}" for w in words]
+    rows, beside = (
+        np.random.default_rng(1).normal(size=(40, 3)),
+        np.random.default_rng(2).normal(size=(40, 2)),
+    )
+    rows[:, 0] += 2.0 * rows[:, 1] - 3.0 * rows[:, 2]
+    rows[5, 0] += 30.0
+    hole = rows.copy()
+    hole[3, 0] = np.nan
+    lost = beside.copy()
+    lost[3, 0] = np.inf
+    found["fitted"] = [
+        offsets._fitted(a, b, 7.0)
+        for a, b in ((rows, beside), (9.0 * rows, beside), (hole, beside), (rows, lost))
+    ]
+    none = replace(sound, fix_type=0 * sound.fix_type)
+    found["none"] = [told(usable_epochs, none, options), told(unaveraged, alone, none, options)]
+    return found
+
+
+def _words(reasons: Any) -> list[Any]:
+    return [[str(r.as_dict()), r] for r in reasons]
+
+
+@scenario
+def fusion_path_doubts() -> Any:
+    """A path against fixes, another path, itself later, hills and roads."""
+    from automap.fusion.doubts import constancy, difference, heights, outcome, path
+    from automap.fusion.nodes import model_fixes
+    from automap.fusion.options import FusionOptions
+    from automap.fusion.output import Innovations, ParameterHistory
+
+    rng = np.random.default_rng(4)
+    way = wavy_path(900, 0.4, 6)
+    other = wavy_path(600, 0.6, 7, 0.051)
+    other = replace(other, gps_s=other.gps_s + 40.1)
+    options = FusionOptions()
+    fixes = fixes_on(way, 3, 8)
+    off = (np.arange(len(fixes)) > 120) & (np.arange(len(fixes)) < 190)
+    wrong = replace(fixes, lat_rad=fixes.lat_rad + 16.0 * off / 6.37e6, gps_s=fixes.gps_s + 0.1)
+    found: dict[str, Any] = {}
+    arm = np.array([1.0, -0.5, 0.7])
+    for name, log in (("sound", fixes), ("wrong", wrong)):
+        model = model_fixes(log, log.gps_s, options)
+        misses = path.fix_misses(way, model, arm, 0.3)
+        bad = path.contradicted(misses, 7.0)
+        found[name] = {
+            "misses": misses,
+            "bad": bad,
+            "spans": path.spans_of(misses.t, bad),
+            "local": path.local_error(misses),
+            "without": path.fix_misses(way, model),
+            "apart": path.fix_misses(replace(way, gps_s=way.gps_s - 9e3), model),
+        }
+    few = path.Misses(*(a[:1] for a in (misses.t, misses.miss, misses.white_var, misses.slow_var)))
+    found["few"] = [path.contradicted(few, 7.0), path.local_error(few)]
+    found["left"] = [path._left_of_slow(x) for x in (1e-4, 2e-3, 0.5, 30.0)]
+    rows = np.linspace(way.gps_s[0] - 5.0, way.gps_s[-1] + 5.0, 50)
+    lost = replace(other, gps_s=other.gps_s + 1e5)
+    late = 0.5 + 0.3 * np.sin(np.arange(200.0))
+    found |= {
+        "between": [difference.between(way, each)(rows) for each in (other, lost)],
+        "course": [difference.off_course(way, each) for each in (other, lost)],
+        "within": difference.within(way, late, slice(300, 500)),
+        "at once": difference.within(way, 0.0 * late, slice(300, 500)),
+    }
+    bumps = wavy_path(900, 1.1, 6)
+    hole = np.where(np.arange(300) % 17 == 5, np.nan, 0.0)
+    logs = {
+        scale: fixes_on(
+            bumps,
+            3,
+            9,
+            height_m=scale * bumps.height_m[::3] + rng.normal(0.0, 0.3, 300) + hole,
+            gps_s=bumps.gps_s[::3] + np.roll(hole, 3),
+        )
+        for scale in (1.0, 3.28, 0.3048, 1.5, 1.25, 0.8, -0.4, 3.5)
+    }
+    logs[0.8].lat_rad[9:30:4] = np.nan
+    logs[1.5].gps_s[40:50] = logs[1.5].gps_s[40]
+    mixed = np.random.default_rng(1).permutation(300)
+    logs[1.25] = Fixes(**{k: v[mixed] for k, v in vars(logs[1.25]).items()})
+    found["hills"] = {
+        str(scale): [
+            _words(heights.height_doubts(bumps, log)),
+            heights._slope(bumps, bumps.gps_s[:200] - 1.4e9 + 0.2, scale * bumps.height_m[:200]),
+        ]
+        for scale, log in logs.items()
+    }
+    level = replace(bumps, rpy=bumps.rpy * [1.0, 0.0, 1.0] + [0.0, 0.01, 0.0])
+    found["level"] = _words(heights.height_doubts(level, logs[1.5]))
+    tilted = replace(way, rpy=way.rpy + [0.23, 0.0, 0.0] * (np.arange(900) > 500)[:, None])
+    steep = replace(way, rpy=way.rpy + [0.0, -0.4, 0.0] * (np.arange(900) < 300)[:, None])
+    sd = 0.01 + 0.005 * np.sin(np.arange(900.0))
+    ways = (way, tilted, steep, replace(way, vel_ned=0.1 * way.vel_ned))
+    found["leans"] = [_words(outcome.leaning(w)) for w in ways]
+    found["askew"] = [
+        [_words(outcome.mounted_askew(w, s)[0]), outcome.mounted_askew(w, s)[1]]
+        for w in (*ways, replace(tilted, rpy=-tilted.rpy))
+        for s in (sd, sd + 0.06)
+    ]
+    found["heading"] = [
+        _words(outcome.weak_heading(m, c)) for m in (4.9, 5.1) for c in (0.25, 0.28, np.inf)
+    ]
+    found["unsure"] = [_words(outcome.unsure_path(s)) for s in (29.0, 31.0, np.nan)]
+    channels = np.array(["position_n", "velocity_e", "nhc_y", "odometer", "zupt_n"], object)
+    m = 5 * 24
+    table = Innovations(
+        *(
+            np.arange(m)
+            if f == "t_ns"
+            else np.resize(channels, m)
+            if f == "channel"
+            else np.arange(m) % 24 > np.arange(m) % 5 * 2 + 1
+            if f == "accepted"
+            else np.ones(m)
+            for f in Innovations.__dataclass_fields__
+        )
+    )
+    found["refused"] = [
+        _words(outcome.refused(t))
+        for t in (
+            table,
+            replace(table, **{f: getattr(table, f)[:95] for f in Innovations.__dataclass_fields__}),
+        )
+    ]
+    k = 40
+    names = (
+        "imu_time_offset_s",
+        "gnss_latency_s",
+        "gnss_lever_arm_x",
+        "gnss_lever_arm_y",
+        "imu_mounting_pitch",
+        "imu_mounting_yaw",
+        "odometer_scale_relative",
+    )
+    shrink = np.linspace(1.0, 0.05, k)[:, None] ** np.linspace(0.7, 1.3, 7)
+    for size in (0.0, 0.6, 3.0):
+        jump = size * (np.arange(k) > 22)[:, None] * np.array([0.6, -0.5, 2.0, -3.0, 0.4, 0.6, 1.0])
+        history = ParameterHistory(
+            (7 + np.arange(k)) * np.int64(3 * 10**9),
+            names,
+            0.01 * rng.normal(size=(k, 7)) + jump,
+            0.3 * shrink,
+        )
+        found[f"moves {size}"] = [
+            [constancy.move_of(history, name) for name in (*names, "other")],
+            _words(constancy.constancy_doubts(history)),
+        ]
+    for size in (0.5, 0.9, 1.4, 2.5, 5.0):
+        for moved in range(6):
+            jump = size * (np.arange(k) > 22)[:, None] * (np.arange(7) == moved) * 0.5
+            jump += 0.8 * (np.arange(k) > 25)[:, None] * (np.arange(7) == (1, 9, 3, 9, 5, 9)[moved])
+            one = replace(history, values=0.01 * rng.normal(size=(k, 7)) + jump)
+            found[f"move {size} {moved}"] = _words(constancy.constancy_doubts(one))
+    two = replace(
+        history, t_ns=history.t_ns[:2], values=history.values[[0, -1]], sd=history.sd[[0, -1]]
+    )
+    found["two"] = constancy.move_of(two, names[0])
+    short = ParameterHistory(history.t_ns[:1], names, history.values[:1], history.sd[:1])
+    found["no move"] = [
+        constancy.move_of(short, names[0]),
+        constancy.move_of(replace(history, sd=0.0 * history.sd + 0.3), names[0]),
+    ]
+    return found
+
+
+@scenario
+def fusion_estimate_doubts() -> Any:
+    """Estimates just within and just beyond what can be; gyro against accelerometer; readings."""
+    from automap.fusion.doubts import estimates, readings, triads
+    from automap.fusion.unusable_readings import bridge_unusable
+
+    rng = np.random.default_rng(5)
+    ages = {
+        "fine": {"gnss_velocity_latency_s": (-0.1, 0.01), "imu_time_offset_s": (0.1, 0.01)},
+        "ahead": {"gnss_velocity_latency_s": (-0.2, 0.005), "gnss_velocity_lag_tau": (0.01, 0.004)},
+        "both": {"gnss_velocity_latency_s": (-0.4, 0.03), "imu_time_offset_s": (0.3, 0.01)},
+        "bounds": {
+            "imu_time_offset_s": (0.985, 0.01),
+            "gnss_latency_s": (-0.995, 0.01),
+            "gnss_velocity_latency_s": (0.995, 0.1),
+            "gnss_velocity_lag_tau": (0.995, 0.1),
+            "imu_clock_skew_skew": (0.00992, 0.1),
+        },
+    }
+    found: dict[str, Any] = {
+        name: [_words(estimates.impossible_ages(each, by)) for by in (False, True)]
+        for name, each in ages.items()
+    }
+    found["delay"] = [
+        _words(
+            estimates.unexpected_delay({"imu_time_offset_s": (0.1 + off, 0.01)}, 0.1, 0.05, 11.0)
+        )
+        for off in (0.09, -0.11, 0.23, -0.26)
+    ] + [_words(estimates.unexpected_delay({}, 0.1, 0.05, 11.0))]
+    for size in (0.9, 1.1):
+        large = {
+            f"{effect}_{axis}": (size * (most if axis == "y" else -0.5 * most), 0.1)
+            for effect, (most, _, _) in _most().items()
+            for axis in "xyz"
+        }
+        found[f"errors {size}"] = _words(estimates.impossible_errors(large))
+    stated = np.array([0.5, -0.4, -1.0])
+    for lag in (0.0, -0.2):
+        for sd in (0.03, 0.001, 0.0499):
+            for off in (0.6, 1.4):
+                arm = {
+                    f"gnss_lever_arm_{a}": (v + off * s, sd)
+                    for a, v, s in zip("xyz", stated, (0.5, -1, 2), strict=True)
+                }
+                arm |= {
+                    "gnss_velocity_latency_s": (lag, 0.1),
+                    "gnss_velocity_lag_tau": (-0.05, 0.1),
+                }
+                found[f"arm {lag} {sd} {off}"] = [
+                    estimates.arm_by_drive(arm, stated, 0.05),
+                    _words(estimates.contradicted_arm(arm, stated, 0.05)),
+                ]
+    found["no arm"] = [
+        estimates.arm_by_drive(arm, None, 0.05),
+        estimates.contradicted_arm(arm, None, 0.05),
+        estimates.arm_by_drive({}, stated, 0.05),
+    ]
+    levels = {
+        "accel": 15.9,
+        "gyro": 15.7,
+        "position_h": 64.0,
+        "position_v": 63.0,
+        "velocity_h": 2.0,
+    }
+    found["levels"] = [_words(estimates.levels_at_bound(levels, tuned)) for tuned in (False, True)]
+    n = 1600
+    t = 0.05 * np.arange(n)
+    speed = 8.0 + 4.0 * np.sin(0.07 * t)
+    turn = 0.3 * np.sin(0.5 * t) * np.cos(0.13 * t)
+    axes = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    for late in (0.0, 0.4, -0.45):
+        force = np.interp(t - late, t, speed * turn) + rng.normal(0.0, 0.3, n) + 0.2
+        gyro = np.column_stack([0.01 * rng.normal(size=(n, 2)), turn + 0.01 * rng.normal(size=n)])
+        accel = np.column_stack([rng.normal(0.0, 0.3, n), force, rng.normal(-9.8, 0.3, n)])
+        stamps = np.int64(7 * 10**9) + np.rint(t * 1e9).astype(np.int64)
+        imu = ImuData(stamps, gyro @ axes, accel @ axes)
+        gap = ImuData(
+            *(np.delete(a, np.s_[500:540], axis=0) for a in (imu.t_ns, imu.gyro, imu.accel))
+        )
+        found[f"late {late}"] = [
+            triads.lateness(imu, axes, speed),
+            triads.lateness(gap, axes, np.delete(speed, np.s_[500:540])),
+            _words(triads.triad_doubts(imu, axes, speed)),
+        ]
+    found["no bends"] = [
+        triads.lateness(imu, axes, v)
+        for v in (0.1 * speed, speed * (t < 0.8), rng.uniform(4.0, 9.0, n) ** 3)
+    ]
+    short = ImuData(imu.t_ns[:15], imu.gyro[:15], imu.accel[:15])
+    found["short"] = [
+        triads.lateness(short, axes, speed[:15]),
+        readings.reading_doubts(short, bridge_unusable(short), speed[:15]),
+    ]
+    hung = [a.copy() for a in (imu.gyro, imu.accel)]
+    for a in hung:
+        a[300:360] = a[300]
+    one = [a.copy() for a in (imu.gyro, imu.accel)]
+    one[0][700:900, 1] = 0.5
+    clipped = [np.clip(3.0 * a, -9.0, 9.0) for a in (imu.gyro, imu.accel)]
+    wild = [a.copy() for a in (imu.gyro, imu.accel)]
+    wild[0][[200, 203, 900], 2] = 40.0
+    for name, (gyro, accel) in {"hung": hung, "one": one, "clipped": clipped, "wild": wild}.items():
+        log = ImuData(imu.t_ns, gyro, accel)
+        bridged = bridge_unusable(log)
+        found[name] = [
+            _words(readings.reading_doubts(log, bridged, v))
+            for v in (speed, np.where(t < 30.0, 0.0, speed))
+        ]
+        found[f"{name} bridged"] = bridged
+    return found
+
+
+def _most() -> Any:
+    from automap.fusion.doubts.limits import MOST_SENSOR_ERROR
+
+    return MOST_SENSOR_ERROR
+
+
+@scenario
+def fusion_bridges() -> Any:
+    """Wild and frozen readings at the ends and in the middle, axes that hang, noise of shocks."""
+    from automap.fusion import rest_noise, shocks, steady_rate, unusable_readings
+    from automap.fusion.options import FusionOptions
+    from automap.fusion.stuck_readings import clipped_axes, frozen_axes
+
+    rng = np.random.default_rng(6)
+    n = 400
+    t = np.cumsum(rng.uniform(0.04, 0.06, n))
+    values = rng.normal(size=(n, 6)) * np.repeat([0.1, 1.0], 3)
+    found: dict[str, Any] = {}
+
+    def log(readings: np.ndarray) -> ImuData:
+        stamps = np.int64(3 * 10**9) + np.rint(t[: len(readings)] * 1e9).astype(np.int64)
+        return ImuData(stamps, readings[:, :3].copy(), readings[:, 3:].copy())
+
+    shapes = {}
+    for name, rows in (
+        ("begin", slice(0, 14)),
+        ("middle", slice(100, 112)),
+        ("end", slice(385, n)),
+    ):
+        shapes[f"frozen {name}"] = values.copy()
+        shapes[f"frozen {name}"][rows] = values[rows.start]
+    for name, row, axis, size in (
+        ("first", 0, 1, 9.0),
+        ("last", n - 1, 4, -200.0),
+        ("two", 50, 0, 7.0),
+        ("not", 60, 2, 5.9),
+        ("force", 70, 3, 101.0),
+        ("near", 80, 5, 99.0),
+    ):
+        shapes[f"wild {name}"] = values.copy()
+        shapes[f"wild {name}"][row : row + (3 if name == "two" else 1), axis] = size
+    shapes["units"] = values * np.repeat([57.3, 9.8], 3) * 3.0
+    shapes["all frozen"] = np.tile(values[0], (n, 1))
+    shapes["short"] = shapes["wild two"][48:54]
+    shapes["long burst"] = values.copy()
+    shapes["long burst"][200:209, 1] = 50.0
+    for name, readings in shapes.items():
+        found[name] = unusable_readings.bridge_unusable(log(readings))
+    readings = np.concatenate([values, values])[:n]
+    found["all wild"] = unusable_readings._wild(t, 1e3 * readings, np.zeros(n, bool))
+    found["one wild"] = unusable_readings._wild(t[:1], readings[:1], np.ones(1, bool))
+    found["noise"] = unusable_readings.bridge_noise(np.array([0.3, 0.7]), 2.0, 0.6)
+    still = values.copy()
+    still[20:140, 1], still[200:330, 3] = 0.07, -2.0
+    still[250:256, 5] = 4.5
+    still[300:307, 5] = -4.5
+    still[380:384, 4] = 7.0
+    twice = np.repeat(still, 2, axis=0)[:n]
+    for name, each in (("still", still), ("twice", twice), ("flat", 0.0 * still)):
+        counted = np.arange(n) % 9 != 4
+        axes = [
+            *frozen_axes(log(each), counted),
+            *frozen_axes(log(each), np.ones(n, bool)),
+            *clipped_axes(log(each)),
+        ]
+        found[f"axes {name}"] = [[axis, axis.seconds] for axis in axes]
+    shaken = values.copy()
+    shaken[150:158] *= 9.0
+    found["shocks"] = [
+        shocks.shock_noise(shaken[:, :3], shaken[:, 3:], step) for step in (0.05, 0.01, 0.3)
+    ] + [shocks.shock_noise(shaken[:2, :3], shaken[:2, 3:], 0.05)]
+    rests = ([(1.0, 8.0), (11.0, 18.3)], [(1.0, 3.0)], [], [(30.0, 40.0)], [(1.0, 6.5)])
+    found["rest"] = [
+        rest_noise.least_levels(log(shaken), t, rest, FusionOptions()) for rest in rests
+    ]
+    m = 900
+    at = 0.02 * np.arange(m) + np.where(np.arange(m) > 600, 0.3, 0.0)
+    rate = np.column_stack([0.3 * np.sin(0.8 * at), 0.1 * np.cos(9.0 * at), 0.2 * np.sin(3.0 * at)])
+    rate += 0.05 * rng.normal(size=(m, 3)) + 0.1
+    found["steady"] = [
+        steady_rate.steady_rate(at * scale, rate) for scale in (1.0, 0.4, 3.0, 8.0, 0.0)
+    ] + [steady_rate.steady_rate(at[:k], rate[:k]) for k in (1, 2, 799, 801)]
+    found["weights"] = [steady_rate.wiener_weights(rate[:, 1], 0.02, half) for half in (100, 31, 6)]
+    return found
+
+
+@scenario
+def fusion_tables() -> Any:
+    """Covariances at stamps, rates of change, what innovations show, sigmas that are widened."""
+    from automap.fusion import consistency, stamp_error, widening
+    from automap.fusion.doubts.path import Misses
+    from automap.fusion.doubts.reason import Reason, verdict_of
+    from automap.fusion.model import build_state_model
+    from automap.fusion.options import FusionOptions
+    from automap.fusion.output import Innovations, vehicle_tilt
+
+    rng = np.random.default_rng(7)
+    found: dict[str, Any] = {}
+    k = 5
+    for name, effects in (
+        ("all", ("imu_mounting", "imu_time_offset", "imu_clock_skew")),
+        ("mounting", ("imu_mounting",)),
+        ("offset", ("imu_time_offset", "gyro_bias")),
+        ("none", ()),
+    ):
+        model = build_state_model(FusionOptions(effects=effects))
+        rows = stamp_error.reported_rows(model)
+        root = rng.normal(size=(k, len(rows), len(rows)))
+        cov = root @ np.swapaxes(root, 1, 2)
+        change = rng.normal(size=(k, 9))
+        at = np.cumsum(rng.uniform(0.5, 2.0, k))
+        found[name] = [
+            rows,
+            *(stamp_error.covariance_at_stamps(model, cov, at, change, sd) for sd in (0.0, 0.3)),
+        ]
+        quat = rng.normal(size=(k, 10))
+        quat[:, 6:] /= np.linalg.norm(quat[:, 6:], axis=1)[:, None]
+        turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+        own = stamp_error.mounting_rows(model).stop
+        found[f"{name} tilt"] = vehicle_tilt(quat, cov[:, :own, :own], turn)
+    t = 0.02 * np.arange(30)
+    states = np.column_stack(
+        [
+            0.7 + 1e-6 * t,
+            0.2 - 2e-6 * t,
+            90.0 + t,
+            9.0 * np.sin(t),
+            4.0 * t,
+            t**2,
+            np.cos(t),
+            0.6 * np.sin(t),
+            0.8 * np.sin(t),
+            0.0 * t,
+        ]
+    )
+    states[11:, 6:] *= -1.0
+    when = np.array([-0.1, 0.0, 0.02, 0.22, 0.3, 0.57, 0.58, 0.7])
+    found["rates"] = [
+        stamp_error.rates_of_change(t, states, when),
+        stamp_error.rates_of_change(t[:1], states[:1], when),
+    ]
+    names = (
+        "position_n",
+        "position_e",
+        "velocity_n",
+        "velocity_e",
+        "velocity_d",
+        "odometer",
+        "nhc_y",
+        "position_d",
+    )
+    sizes = (1.1, 3.0, 0.5, 1.3, 4.0, 2.5, 9.0, 9.0)
+    for keep in (0.0, 0.9):
+        parts = []
+        for channel, size, many in zip(
+            names, sizes, (40, 60, 80, 300, 21, 20, 50, 19), strict=True
+        ):
+            rows = rng.normal(size=many)
+            for i in range(1, many):
+                rows[i] += keep * rows[i - 1]
+            parts.append((np.full(many, channel, object), size * rows, rng.uniform(0.5, 2.0, many)))
+        channel, ratio, sd = (np.concatenate(c) for c in zip(*parts, strict=True))
+        table = Innovations(
+            np.arange(len(sd)), channel, ratio * sd, sd, ratio**2, rng.uniform(size=len(sd)) > 0.3
+        )
+        each = consistency.channel_consistency(table)
+        found[f"channels {keep}"] = [each, {c: each[c].sigma_factor for c in each}]
+        for some in (
+            names,
+            ("position_n", "velocity_n"),
+            ("velocity_e", "velocity_d"),
+            ("odometer",),
+        ):
+            found[f"doubts {keep} {some}"] = _words(
+                consistency.innovation_doubts({c: each[c] for c in some})
+            )
+    way, alone = wavy_path(300, 0.5, 8), wavy_path(250, 0.55, 9, 0.06)
+    misses = Misses(
+        3.0 * np.arange(40), rng.normal(0.0, 4.0, (40, 3)), np.ones((40, 3)), np.ones((40, 3))
+    )
+    reasons = [
+        Reason("a", "", ((10.0, 40.0), (90.0, 100.0)), error_m=3.0, factor=1.7),
+        Reason("b", "", error_m=1.0, height_m=4.0, state="good"),
+        Reason("c", "", ((30.0, 60.0),), late_s=0.7, state="unusable", inertial=True),
+        Reason("d", "", error_m=90.0, handled=True),
+        Reason("e", "", late_s=0.2, factor=1.2, state="good"),
+    ]
+    none = Misses(*(a[:0] for a in (misses.t, misses.miss, misses.white_var, misses.slow_var)))
+    for name, some in {
+        "all": reasons,
+        "one": reasons[:1],
+        "good": reasons[1:2],
+        "late": reasons[2:3],
+        "handled": reasons[3:4],
+        "last": reasons[4:],
+    }.items():
+        found[f"widened {name}"] = [
+            widening.widen(way, some, m, a) for m in (misses, none) for a in (None, alone)
+        ]
+        verdict = verdict_of(some)
+        found[f"verdict {name}"] = [verdict, str(vars(verdict))]
+    return found
+
+
+@scenario
+def fusion_velocity_steps() -> Any:
+    """Jumps of a receiver's velocity that an IMU does not feel: found, followed, told."""
+    from automap.fusion import free_inertial
+    from automap.fusion.doubts import turns, velocity_step
+    from tests.unit.figure_calls import after
+
+    rng = np.random.default_rng(9)
+    m = 160
+    t = 0.5 * np.arange(m) + rng.uniform(0.0, 0.05, m)
+    t[100:] += 4.0
+    q = np.linalg.qr(rng.normal(size=(m, 3, 3)))[0]
+    turn = np.broadcast_to(q[0], (m, 3, 3)) + 0.01 * rng.normal(size=(m, 3, 3))
+    felt = np.cumsum(rng.normal(0.0, 0.3, (m, 3)), axis=0)
+    felt_position = np.cumsum(0.5 * felt, axis=0)
+    found: dict[str, Any] = {}
+    for name, jumps in {
+        "none": [],
+        "one": [(60, 3.0, -2.0)],
+        "back": [(40, 3.0, -2.0), (70, -3.0, 2.0)],
+        "two": [(30, 1.5, 2.0), (80, 0.3, 3.0), (140, -2.0, -2.0)],
+    }.items():
+        velocity = (turn[:, :2] @ felt[..., None])[..., 0] + rng.normal(0.0, 0.1, (m, 2))
+        place = (turn[:, :2] @ felt_position[..., None])[..., 0] + rng.normal(0.0, 0.3, (m, 2))
+        for row, north, east in jumps:
+            velocity[row:] += [north, east]
+            place += np.maximum(t - t[row], 0.0)[:, None] * [north, east]
+        velocity[20] += 9.0
+        for lost in (0.0, 0.7):
+            seen = velocity_step.Compared(
+                t, velocity, place, felt, felt_position, turn, lost * (np.arange(m) > 120)
+            )
+            steps = velocity_step.velocity_steps(seen, 0.2)
+            rows = np.array([10, 35, 59, 90, 130])
+            found[f"{name} {lost}"] = [
+                steps,
+                velocity_step._velocity_jumps(seen, rows, 6),
+                velocity_step._filled(seen, np.arange(5, m - 6), 6, 0.5),
+                [velocity_step._goes_along(seen, k, np.array([3.0, -2.0]), 0.5) for k in rows],
+                [velocity_step._lasts(seen, int(k), np.array([2.0, -1.0])) for k in rows],
+                [
+                    [str(r.as_dict()), r]
+                    for r in velocity_step.step_doubts(steps, wavy_path(300, 0.5))
+                ],
+            ]
+    few = velocity_step.Compared(
+        *(a[:9] for a in (t, velocity, place, felt, felt_position, turn, t))
+    )
+    found["few"] = [
+        velocity_step.velocity_steps(few, 0.2),
+        velocity_step.velocity_steps(
+            velocity_step.Compared(
+                *(a[:1] for a in (t, velocity, place, felt, felt_position, turn, t))
+            ),
+            0.2,
+        ),
+    ]
+    kinds = [
+        (5.0, 2.0, 1.0, 9.0),
+        (20.0, -2.1, -0.8, 50.0),
+        (40.0, 1.0, 1.0, 4.0),
+        (44.0, -0.4, 1.0, 30.0),
+        (70.0, 3.0, 0.0, 70.0),
+        (75.0, -1.0, 0.5, 5.0),
+        (150.0, 0.2, 2.0, 61.0),
+    ]
+    each = [velocity_step.Step(when, np.array([n, e]), lasts) for when, n, e, lasts in kinds]
+    for first in range(7):
+        for last in range(first + 1, 8):
+            led = velocity_step.led_away(each[first:last], 200.0)
+            found[f"led {first} {last}"] = [led, [s.size for s in each[first:last]]]
+    found["doubts"] = [
+        [str(r.as_dict()) for r in velocity_step.step_doubts(some, wavy_path(300, 0.5))]
+        for some in (each, each[:1], each[:2], [])
+    ]
+    path = wavy_path(500, 0.2, 4)
+    at = path.gps_s - path.gps_s[0]
+    gyro = np.column_stack(
+        [0.05 * np.sin(at), 0.04 * np.cos(at), np.gradient(np.unwrap(path.rpy[:, 2]), at)]
+    )
+    accel = np.column_stack(
+        [np.gradient(np.hypot(*path.vel_ned[:, :2].T), at), 0.3 * np.sin(at), -9.8 + 0.0 * at]
+    )
+    bridged = np.where((at > 30.0) & (at < 31.0), 0.9, 0.0) + np.where(at > 90.0, 0.2, 0.0)
+    wanted = np.array([-1.0, 0.0, 3.05, 30.3, 77.7, 99.8, 200.0])
+    stamps = at + np.where(at > 50.0, 0.4, 0.0)
+    for name, want in (("all", None), ("some", wanted)):
+        free = free_inertial.free_inertial(stamps, gyro, accel, bridged, want)
+        when = np.array([0.02, 1.13, 30.4, 60.31, 90.09])
+        found[f"free {name}"] = [
+            free,
+            free.nearest(np.append(when, [-3.0, 300.0])),
+            free.of_point(when, np.array([1.0, -2.0, 0.5])),
+            free.lost_between(
+                np.array([-1.0, 0.0, 29.0, 49.0, 60.0]), np.array([5.0, 29.0, 52.0, 51.0, 101.0])
+            ),
+        ]
+    size = 30
+    found["integrated"] = after(
+        free_inertial._integrate,
+        stamps[:size],
+        9.0 * gyro[:size],
+        accel[:size],
+        np.array([0, 4, 5, 20, 29]),
+        np.eye(5, 4),
+        np.zeros((5, 3)),
+        np.zeros((5, 3)),
+    )
+    fixes = fixes_on(path, 4, 6)
+    ages = {
+        "gnss_velocity_latency_s": (0.1, 0.1),
+        "gnss_velocity_lag_tau": (0.05, 0.1),
+        "gnss_latency_s": (-0.2, 0.1),
+    }
+    fixes.lat_rad[[30, 61]], fixes.gps_s[[44, 70]] = np.nan, np.nan
+    shuffled = Fixes(**{k: np.concatenate([v, v[:9]])[::-1] for k, v in vars(fixes).items()})
+    for name, log, known in (("aged", fixes, ages), ("plain", shuffled, {})):
+        found[f"compared {name}"] = [
+            velocity_step.compare(free, log, path, known, np.array([1.0, -2.0, 0.5])),
+            velocity_step.told_times(log, path, known),
+        ]
+    far = replace(fixes, gps_s=fixes.gps_s + 1e4)
+    found["apart"] = velocity_step.compare(free, far, path, {}, np.zeros(3))
+    log = ImuData(np.int64(4 * 10**9) + np.rint(stamps * 1e9).astype(np.int64), gyro, accel)
+    seen_at, shown = stamps[::3] + 0.03, path.vel_ned[::3] + rng.normal(0.0, 0.05, (167, 3))
+    for name, matrix, v in (
+        ("right", np.eye(3), shown),
+        ("mirrored", np.diag([1.0, -1.0, -1.0]), shown),
+        ("back", np.diag([-1.0, -1.0, 1.0]), shown),
+        ("scaled", np.diag([1.0, 1.0, 0.7]), shown),
+        ("slow", np.eye(3), 0.2 * shown),
+    ):
+        found[f"turns {name}"] = [
+            [str(r.as_dict()), r] for r in turns.turn_doubts(log, matrix, seen_at, v)
+        ]
+        speed = np.hypot(v[:, 0], v[:, 1])
+        course = np.unwrap(np.arctan2(v[:, 1], v[:, 0]))
+        found[f"slopes {name}"] = [
+            turns.slope_of(
+                stamps, (gyro @ matrix.T)[:, 2] + 0.02, seen_at + late, course, speed > 3.0
+            )
+            for late in (0.0, 0.4)
+        ] + [
+            turns.slope_of(
+                stamps,
+                (accel @ matrix.T)[:, 0],
+                seen_at[::step],
+                speed[::step],
+                speed[::step] >= 0.0,
+            )
+            for step in (1, 5)
+        ]
+    x, span = rng.normal(size=50), rng.uniform(1.0, 3.0, 50)
+    found["fit"] = [
+        turns._fit(x, y, span, 0.3, 0.1)
+        for y in (2.0 * x + 0.3 * span + 0.1 * rng.normal(size=50), 0.0 * x)
+    ]
+    return found
+
+
+@scenario
+def fusion_standstill() -> Any:
+    """Rests by quiet readings and slow fixes, with speeds or positions alone; wild fixes."""
+    from automap.fusion import screening, standstill
+    from automap.fusion.layout import HAS_POS_H, HAS_POS_V, HAS_VEL_H, HAS_VEL_V
+    from automap.fusion.nodes import model_fixes
+    from automap.fusion.options import FusionOptions
+
+    rng = np.random.default_rng(11)
+    path = wavy_path(600, 0.2, 8)
+    fixes = fixes_on(path, 3, 12)
+    t = fixes.gps_s - path.gps_s[0]
+    model = model_fixes(fixes, t, FusionOptions())
+    placed = replace(model, flags=model.flags & ~(HAS_VEL_H | HAS_VEL_V))
+    no_place = replace(model, flags=model.flags & ~(HAS_POS_H | HAS_POS_V | HAS_VEL_H))
+    sparse = replace(placed, t=1.7 * placed.t)
+    found: dict[str, Any] = {
+        "shown": [standstill.shown_speed(m) for m in (model, placed, sparse, no_place)]
+    }
+    at = 0.05 * np.arange(2400)
+    speed = np.interp(
+        at, path.gps_s - path.gps_s[0], np.hypot(path.vel_ned[:, 0], path.vel_ned[:, 1])
+    )
+    for lively, size in (("loud", 1.0), ("soft", 0.12)):
+        shake = np.where(speed > 0.1, size, 0.05)[:, None]
+        gyro = 0.02 + shake * rng.normal(0.0, 0.1, (2400, 3))
+        accel = shake * rng.normal(0.0, 1.0, (2400, 3)) - [0.0, 0.0, 9.8]
+        accel[1500:1510] += 3.0
+        for name, own in (("told", model), ("placed", placed)):
+            rest = standstill.find_standstill(at, gyro, accel, *standstill.shown_speed(own))
+            found[f"{lively} {name}"] = [
+                rest,
+                standstill.unmoved(rest, own),
+                standstill.rest_gyro_bias(at, gyro, rest),
+            ]
+        seen = standstill.shown_speed(model)
+        found[f"{lively} never"] = standstill.find_standstill(
+            at, gyro, accel, seen[0], seen[1] + 9.0, seen[2]
+        )
+        found[f"{lively} late"] = standstill.find_standstill(
+            at, gyro, accel, seen[0] * 3.0, seen[1], seen[2]
+        )
+        found[f"{lively} short"] = standstill.find_standstill(at[:9], gyro[:9], accel[:9], *seen)
+    rests = [(0.0, 4.0), (10.0, 30.0), (72.0, 81.0), (80.0, 80.1), (300.0, 310.0)]
+    found["unmoved"] = [standstill.unmoved(rests, m) for m in (model, sparse)]
+    found["bias"] = [standstill.rest_gyro_bias(at, gyro, r) for r in (rests, [])]
+    found["spread"] = standstill._rolling_sd(accel[:40], 5)
+    wild = np.zeros(len(model.t))
+    wild[[20, 21, 22, 70]] = 9e-6
+    for name, own in (
+        ("all", model),
+        ("placed", placed),
+        (
+            "few",
+            model_fixes(
+                Fixes(**{k: v[:3] for k, v in vars(fixes).items()}), t[:3], FusionOptions()
+            ),
+        ),
+    ):
+        for size in (0.0, 1.0, 9.0):
+            moved = own.values.copy()
+            moved[:, 0] += size * wild[: len(own.t)]
+            found[f"{name} {size}"] = screening.screen_fixes(replace(own, values=moved), 30.0)
+    found["delay"] = [
+        screening._delay_var(model.t, model.values[:, 3:5], model.flags & m > 0)
+        for m in (HAS_VEL_H, 1024)
+    ]
+    return found
