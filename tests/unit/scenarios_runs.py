@@ -165,7 +165,8 @@ def runs_contradicted() -> Any:
 @scenario
 def runs_damaged() -> Any:
     """Gaps, wild and frozen readings, wild fixes, no velocities; tuned levels."""
-    from automap.fusion.engine import _age_sd, _median_sd, fuse_imu_gnss
+    from automap.fusion.engine import _median_sd, fuse_imu_gnss
+    from automap.fusion.measurements.position import age_sd_of
     from automap.fusion.nodes import model_fixes
     from automap.fusion.options import FusionOptions
     from automap.fusion.result import Prior
@@ -191,7 +192,7 @@ def runs_damaged() -> Any:
         kinds[:share] = FixType.FLOAT
         told = replace(fixes, fix_type=kinds.copy())
         found[f"age {share}"] = [
-            _age_sd(told, clock, replace(options, fixed=fixed))
+            age_sd_of(told, clock, replace(options, fixed=fixed))
             for clock in (CLOCK, loose)
             for fixed in ({}, {"gnss_latency": {"s": 0.1}})
         ]
