@@ -525,7 +525,7 @@ def fusion_offsets() -> Any:
     lost = beside.copy()
     lost[3, 0] = np.inf
     found["fitted"] = [
-        offsets._fitted(a, b, 7.0)
+        offsets._fitted(a[:, 0], a[:, 1:], b)
         for a, b in ((rows, beside), (9.0 * rows, beside), (hole, beside), (rows, lost))
     ]
     none = replace(sound, fix_type=0 * sound.fix_type)
@@ -1033,7 +1033,7 @@ def fusion_velocity_steps() -> Any:
             found[f"{name} {lost}"] = [
                 steps,
                 velocity_step._velocity_jumps(seen, rows, 6),
-                velocity_step._filled(seen, np.arange(5, m - 6), 6, 0.5),
+                velocity_step.filled(t, seen.lost_s, np.arange(5, m - 6), 6, 0.5),
                 [velocity_step._goes_along(seen, k, np.array([3.0, -2.0]), 0.5) for k in rows],
                 [velocity_step._lasts(seen, int(k), np.array([2.0, -1.0])) for k in rows],
                 [

@@ -303,6 +303,7 @@ def mapping_lists() -> Any:
     from automap.mapping import inventory_findings as findings
     from automap.mapping import inventory_hidden as hidden
     from automap.mapping import inventory_missing as missing
+    from automap.mapping.inventory_directions import directions_of
     from automap.mapping.visibility import opportunities
     from tests.unit.inventory_case import signs_of
     from tests.unit.merge_scene import CLASSES
@@ -337,11 +338,14 @@ def mapping_lists() -> Any:
         replace(turned, facing_rad=turned.facing_rad + np.where(np.arange(m) < k, a, 0.0))
         for k, a in ((m, 0.9), (m // 3, np.pi), (m // 2, 1.5), (m // 4, np.pi), (m, 1.2))
     ]
-    pairs = of._candidates(signs, listed)
-    shift, sd, evidence, moved, square = of._fit(pairs, listed, signs)
+    shares = [{s.class_name: 0.9 - 0.03 * k, CLASSES[0]: 0.05} for k, s in enumerate(signs)]
+    shares[2], shares[5] = {}, {}
+    near = of._near(signs, listed)
+    pairs = of._candidates(signs, listed, shares, near)
+    shift, sd, part, evidence, moved, square = of._fit(pairs, listed, signs)
     chosen = of._one_to_one(pairs, evidence, n)
     paired = [
-        of._paired(pairs, k, signs, listed, shift, sd, float(v))
+        of._paired(pairs, k, signs, listed, shares, shift, sd, float(v))
         for k, v in zip(range(len(pairs.sign)), np.linspace(0.0, 1.0, len(pairs.sign)), strict=True)
     ]
     partner = np.full(m, -1)
@@ -361,13 +365,14 @@ def mapping_lists() -> Any:
             (looked[:0], 0),
         )
     ]
-    whole = of.compare_inventory(signs, listed, drives)
+    whole = of.compare_inventory(signs, listed, drives, shares)
     return levelled(
         {
             "pairs": pairs,
-            "turned": [of._is_turned(signs, each) for each in (listed, turned, *partly)],
-            "fit": (shift, sd, evidence, moved, square),
+            "turned": [directions_of(signs, each, *near) for each in (listed, turned, *partly)],
+            "fit": (shift, sd, part, evidence, moved, square),
             "chosen": chosen,
+            "rivals": of._rivals(pairs, evidence, chosen, n, m),
             "paired": table(paired),
             "distance": [f.distance_m for f in paired],
             "same": [str(of.same_face(a, b)) for a in names[:7] for b in names[3:7]],
@@ -382,9 +387,7 @@ def mapping_lists() -> Any:
             "belief": [findings.class_belief(s) for s in signs],
             "new": table(findings.new_signs(signs, np.arange(0, n, 4))),
             "judged": table(
-                findings.judge_classes(
-                    [replace(f, kind="class") for f in paired[::2]] + paired, signs
-                )
+                findings.judge_classes([replace(f, kind="class") for f in paired[::2]] + paired)
             ),
             "standing": [
                 missing.standing(tries[:k], hits[:k], group[:k], p)
