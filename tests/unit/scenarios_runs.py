@@ -32,6 +32,10 @@ def _summary(result: Any) -> dict[str, Any]:
     wheels = None if result.wheels is None else [result.wheels.scale, result.wheels.late]
     own = {k: v for k, v in vars(result).items() if k not in ("wheels", "t_ns")}
     shown = {"trajectory": result.trajectory, "filtered": result.filtered, "wheels": wheels}
+    for name in ("parameters", "filtered_parameters"):
+        history = getattr(result, name)
+        # which instants are noted hangs on rounding; the last is
+        shown[name] = [list(history.names), history.values[-1], history.sd[-1]]
     return own | shown
 
 
