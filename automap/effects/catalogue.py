@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Collection
 
 from automap.effects.effect import Effect
 from automap.effects.entries.camera import CAMERA
@@ -34,12 +33,6 @@ def effect_named(name: str) -> Effect:
 def alike_to_first_order() -> list[tuple[str, str]]:
     """Pairs of effects that a filter cannot tell apart to first order."""
     return [pair for sign in (-1.0, 1.0) for pair in pairs_of_sign(sign)]
-
-
-def twins_of(names: Collection[str]) -> frozenset[str]:
-    """Effects that act as those of ``names`` do to first order."""
-    pairs = [pair for pair in alike_to_first_order() if not set(pair).isdisjoint(names)]
-    return frozenset(twin for a, b in pairs for twin, other in ((a, b), (b, a)) if other in names)
 
 
 def pairs_of_sign(sign: float) -> list[tuple[str, str]]:

@@ -133,10 +133,3 @@ def velocity_wander(values: Values) -> tuple[float, float]:
     """Sigma in m/s and time constant in s of the lasting velocity error."""
     given = values.get("gnss_velocity_wander", {})
     return float(given.get("sigma", 0.0)), float(given.get("tau", 2.0))
-
-
-def velocity_drift(n: int, step_s: float, values: Values, rng: np.random.Generator) -> FloatArray:
-    """Errors NED [n, 3] in m/s of ``gnss_velocity_drift``, the same whatever way is level."""
-    given = {"tau": 60.0, **values.get("gnss_velocity_drift", {})}
-    level = [markov_error(n, step_s, given, rng) for _ in range(2)]
-    return np.stack([*level, np.zeros(n)], axis=1)

@@ -15,6 +15,4 @@ SLOPED_LEVELS = (*RUN_LEVELS, *BIAS_LEVELS)
 LEVELS = (*SLOPED_LEVELS, "wander_tau")
 VEHICLE_LEVELS = ("nhc_y", "nhc_z")
 """How far the vehicle slips and how far its springs move: fitted by the gap finder alone."""
-VELOCITY_DRIFT = "velocity_drift"
-"""What lasts of the velocity's error for a minute; the gap finder's alone, too."""
-ALL_LEVELS = (*LEVELS, *VEHICLE_LEVELS, VELOCITY_DRIFT)
+ALL_LEVELS = (*LEVELS, *VEHICLE_LEVELS)

@@ -79,10 +79,6 @@ class FusionOptions:
     """m/s, the part of the velocity error that lasts; 0: none"""
     velocity_wander_tau_s: PositiveFloat = 4.0
     """s, its correlation time"""
-    velocity_drift_sd: NonNegativeFloat = 0.0
-    """m/s, the part of it along and across the way that lasts for a minute; 0: none"""
-    velocity_drift_tau_s: PositiveFloat = 60.0
-    """s, its correlation time"""
     shocks: bool = False
     """larger noise where readings scatter much from sample to sample"""
     nhc_sd: PositiveFloat = 0.04

@@ -16,7 +16,7 @@ import numpy as np
 
 from automap.earth import RATE
 from automap.effects import CATALOGUE, Signals
-from automap.effects.catalogue import pairs_of_sign, twins_of
+from automap.effects.catalogue import alike_to_first_order, pairs_of_sign
 from automap.effects.imu import ACCEL, BASIS_EXTRA, BASIS_FORCE, BASIS_ONE, imu_terms
 from automap.effects.inertial_signals import asks_for_the_drive
 from automap.effects.measured import MEASURED, measured_terms
@@ -67,8 +67,11 @@ class Candidate:
 
 def library(included: frozenset[str], has_wheels: bool, earth_on: bool) -> list[str]:
     """Names of the effects that could be missing from a model that has the effects ``included``."""
-    # once one of two is in the model, the other says nothing new to first order
-    taken = included | twins_of(included)
+    taken = set(included)
+    for pair in alike_to_first_order():
+        if taken & set(pair):
+            # once one is in the model, the other says nothing new to first order
+            taken |= set(pair)
     out = []
     for name, effect in CATALOGUE.items():
         known = name in taken or effect.nuisance or (effect.family == "earth" and earth_on)
@@ -88,7 +91,6 @@ def candidates_of(layout: Sequence[Column], effects: Collection[str]) -> list[Ca
     # one missing effect in so many is none of the library's
     outside = math.log(limits.OUTSIDE_LIBRARY)
     inside = math.log1p(-limits.OUTSIDE_LIBRARY)
-    shares = {e: math.exp(-limits.CLOSE_NATS if _rare_delay(e) else 0.0) for e in named}
     out = []
     for effect in named:
         rows = groups[effect]
@@ -97,7 +99,7 @@ def candidates_of(layout: Sequence[Column], effects: Collection[str]) -> list[Ca
             Candidate(
                 effect,
                 tuple(parts),
-                inside + math.log(shares[effect] / sum(shares.values())),
+                inside - math.log(len(named)),
                 -math.log(len(parts)),
                 positive=CATALOGUE[effect].never_negative or effect in {*signs, VELOCITY_AGE},
                 # beside late fixes a velocity may be the less late of the two
@@ -116,13 +118,6 @@ def candidates_of(layout: Sequence[Column], effects: Collection[str]) -> list[Ca
         prior = outside - math.log(kinds * (plain if choices == 1.0 else many))
         out.append(Candidate(name, (tuple(rows),), prior, terms=terms, choices=choices))
     return out
-
-
-def _rare_delay(effect: str) -> bool:
-    """Whether an effect is a delay that grows, or that a part of each fix or a sensor has: constant
-    ones of whole fixes are more frequent."""
-    whole = any(effect in pair for pair in pairs_of_sign(-1.0))
-    return CATALOGUE[effect].resembles == "a delay" and not whole
 
 
 def named_columns(effects: Sequence[str], fit: Fit, motion: Motion, at: NodeMotion) -> list[Column]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
@@ -14,17 +13,50 @@ from automap.gap.linear import Conditional, Linear, Part, conditional
 from automap.gap.whitening import LOOSE, Rows, product
 from automap.records import FloatArray, IntArray
 
+SINGULAR = 1e-6
+"""Share of its variance by which a score is drawn too large, so that a matrix has a root."""
 COLUMNS = 256
 """Candidates that are drawn together; bounds the memory."""
 TIE = 1e-9
 """Draws that differ by less than rounding are one."""
 
 
-def at_most(odds: float) -> float:
-    """What the chance is at most that a candidate has such log posterior ``odds`` where none acts:
-    the mean of a Bayes factor is then one, and prior probabilities sum to one (Markov's inequality;
-    Vovk and Wang, Annals of Statistics 49 (2021), 1736-1754)."""
-    return math.exp(-max(odds, 0.0))
+def null_maxima(known: Conditional, parts: Sequence[Part], draws: int, seed: int = 1) -> FloatArray:
+    """The largest evidence [draws] over parts where none of them acts, sorted.
+
+    Scores are drawn from their own covariance, so the overlap of the candidates counts.
+    """
+    rng = np.random.default_rng(seed)
+    columns = np.array(sorted({i for part in parts for i in part}), np.int64)
+    place = {int(c): i for i, c in enumerate(columns)}
+    info = known.info(tuple(columns))
+    unit = np.sqrt(np.maximum(np.diag(info), 1e-300))
+    correlation = info / np.outer(unit, unit)
+    # courses of time are made of fewer boxes than there are of them: their scores are singular
+    root = np.linalg.cholesky(correlation + SINGULAR * np.eye(len(columns)))
+    g = (rng.standard_normal((draws, len(columns))) @ root.T) * unit
+    sds = known.linear.prior_sd[columns]
+    best = np.full(draws, -np.inf)
+    single = np.array([place[part[0]] for part in parts if len(part) == 1], np.int64)
+    if len(single):
+        own = np.diag(info)[single]
+        best = single_nats(g[:, single] ** 2 / own, own, sds[single]).max(axis=1)
+    for at in (np.array([place[i] for i in part]) for part in parts if len(part) > 1):
+        best = np.maximum(best, joint_nats(g[:, at], info[np.ix_(at, at)], sds[at]))
+    return np.sort(best)
+
+
+def p_value(nats: float, maxima: FloatArray) -> float:
+    """Share of ``maxima`` [draws], sorted, that reach ``nats``; beyond them by their exponential
+    tail (Pickands' theorem with shape zero)."""
+    n = len(maxima)
+    above = n - int(np.searchsorted(maxima, nats))
+    top = max(n // 50, 10)
+    if above >= top:
+        return above / n
+    threshold = float(maxima[n - top])
+    mean_excess = max(float(np.mean(maxima[n - top :] - threshold)), 1e-3)
+    return float(top / n * np.exp(-(nats - threshold) / mean_excess))
 
 
 @dataclass(frozen=True)

@@ -13,8 +13,6 @@ their ratio; and what a candidate explains must be predicted for each stretch fr
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,7 +20,6 @@ import numpy as np
 from automap.gap import limits
 from automap.gap.linear import Conditional, Part
 from automap.gap.whitening import LOOSE
-from automap.gates import exceeds
 from automap.records import BoolArray, FloatArray, IntArray
 
 MEDIAN_SQUARE = 0.4549
@@ -168,21 +165,6 @@ def apart(known: Conditional, one: Part, other: Part) -> float:
         sums = np.add.reduceat(ahead, _stretches(rows.t, rows.drive, length_s))
         spreads.append(np.sqrt(len(sums)) * np.std(sums))
     return float(ahead.sum() / max(*spreads, 1e-300))
-
-
-def axes_differ(known: Conditional, parts: Sequence[Part], ratio: float) -> bool:
-    """Whether the axes of what is much the same on all of them contradict one another, where scores
-    scatter by ``ratio`` more than they should: then it is not what they show."""
-    every = tuple(i for part in parts for i in part if known.shows((i,)))
-    if len(every) < 2:
-        return False
-    cov = np.linalg.inv(known.info(every))
-    values = cov @ known.score[list(every)]
-    mean = float(np.linalg.solve(cov, values).sum() / np.linalg.inv(cov).sum())
-    weight = np.linalg.inv(ratio * cov + (limits.ANISOTROPY * mean) ** 2 * np.eye(len(every)))
-    off = values - float((weight @ values).sum() / weight.sum())
-    chance = exceeds(float(off @ weight @ off), len(every) - 1)
-    return chance < math.exp(-limits.LEAST_ODDS)
 
 
 def _bayes_factor(g: FloatArray, info: FloatArray, sd: FloatArray) -> float:

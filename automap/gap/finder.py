@@ -18,6 +18,7 @@ from automap.gap.fit import Fit, GapModel, base_model, fit_drive, without_course
 from automap.gap.misfit import Misfit, Place, misfits, places, worst_by_channel
 from automap.gap.naming import (
     Identifiability,
+    chance,
     describe,
     identifiability,
     strongest_refused,
@@ -156,7 +157,8 @@ def _result(
 ) -> GapResult:
     """Everything that is told of a search of which ``stands`` is confirmed."""
     model, base, values = found.fitted.model, found.base.model, stands.values
-    told = describe(found, values)
+    maxima = chance(found)
+    told = describe(found, values, maxima)
     final = fit_held_out(held_out, model, values)
     whitener, count = whitener_of(final[0]), epochs(final)
     rest, reference = remaining_gap(final), total_score(final, whitener)

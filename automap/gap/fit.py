@@ -24,10 +24,9 @@ from automap.records import FloatArray, IntArray
 
 Values = Mapping[str, Mapping[str, float]]
 
-ALWAYS = ("gnss_course_distance", "vehicle_pitch")
+ALWAYS = ("gnss_course_distance", "gnss_speed_offset", "vehicle_pitch")
 """What every receiver and every vehicle has, whatever else is asked: courses that lag at low speed,
-and springs."""
-DRIFT_SD = CATALOGUE["gnss_velocity_drift"].parameters[0].prior_sd
+speeds that are told too low, and springs."""
 BASE_NUISANCES = (
     "accel_bias",
     "gyro_bias",
@@ -75,10 +74,9 @@ def base_options(options: FusionOptions, stated: Collection[str] = ()) -> Fusion
 
 def usual_options(options: FusionOptions) -> FusionOptions:
     """The options with what every vehicle and every receiver has among the nuisances: springs,
-    courses that lag at low speed, velocities that drift."""
+    courses that lag at low speed, speeds that are told too low."""
     more = [e for e in ALWAYS if e not in options.effects and e not in options.fixed]
-    drift = options.velocity_drift_sd or DRIFT_SD
-    return replace(options, effects=(*options.effects, *more), velocity_drift_sd=drift)
+    return replace(options, effects=(*options.effects, *more))
 
 
 def without_course_distance(model: GapModel) -> GapModel:

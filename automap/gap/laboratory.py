@@ -63,19 +63,17 @@ class PoseFit:
 
     def of(self, effect: str) -> dict[str, tuple[float, float]]:
         """Parameter -> value and sd."""
-        at = _places(self.effects)[effect]
-        values, sds = self.x[at].tolist(), np.sqrt(np.diag(self.cov))[at].tolist()
-        names = (p.name for p in CATALOGUE[effect].parameters)
-        return dict(zip(names, zip(values, sds, strict=True), strict=True))
-
-
-def _places(effects: Sequence[str]) -> dict[str, slice]:
-    """Where the effects' parameters stand, behind the six of the plain model."""
-    out, at = {}, 6
-    for effect in effects:
-        out[effect] = slice(at, at + len(CATALOGUE[effect].parameters))
-        at = out[effect].stop
-    return out
+        at = 6
+        for name in self.effects:
+            parameters = CATALOGUE[name].parameters
+            if name == effect:
+                sd = np.sqrt(np.diag(self.cov))
+                return {
+                    p.name: (float(self.x[at + i]), float(sd[at + i]))
+                    for i, p in enumerate(parameters)
+                }
+            at += len(parameters)
+        return {}
 
 
 def find_laboratory_gaps(
@@ -96,9 +94,10 @@ def find_laboratory_gaps(
     if gyro_finding is not None:
         findings.append(gyro_finding)
     poses = PoseGap(before, after, gyro_before, gyro_after)
-    gaps = _rms(before), _rms(after)
-    text = _verdict(findings, *gaps)
-    return LaboratoryResult(*gaps, tuple(findings), poses, calibration, text)
+    first, last = _rms(before), _rms(after)
+    return LaboratoryResult(
+        first, last, tuple(findings), poses, calibration, _verdict(findings, first, last)
+    )
 
 
 def _verdict(findings: Sequence[Finding], before: float, after: float) -> str:
@@ -126,19 +125,32 @@ def _accelerometer(
     findings: list[Finding] = []
     while True:
         library = [e for e in ACCEL_LIBRARY if e not in accepted and e not in exclude]
-        if not library or len(scaled) < 6 + 3 * (len(accepted) + 1) + 3:
-            break
-        fits = {e: _fit_poses(scaled, gravity, (*accepted, e)) for e in library}
-        trials = [(_pose_nats(fit, trial, e), e, trial) for e, trial in fits.items()]
+        trials = []
+        for effect in library:
+            if len(scaled) < 6 + 3 * (len(accepted) + 1) + 3:
+                continue
+            trial = _fit_poses(scaled, gravity, (*accepted, effect))
+            trials.append((_pose_nats(fit, trial, effect), effect, trial))
         trials.sort(key=lambda t: -t[0])
+        if not trials:
+            break
         nats, effect, trial = trials[0]
         p = min(1.0, len(ACCEL_LIBRARY) * _f_test(fit, trial))
         ahead = _held_out(scaled, gravity, (*accepted, effect))
         if nats < LEAST_ODDS or p > DESK_P or not _rms(ahead) < _rms(held):
             break
         confusable = tuple(e for n, e, _ in trials[1:] if nats - n < CLOSE_NATS)
-        told = _parameters(effect, trial.of(effect))
-        findings.append(Finding(effect, told, nats, p, _rms(held), _rms(ahead), confusable))
+        findings.append(
+            Finding(
+                effect,
+                _parameters(effect, trial.of(effect)),
+                nats,
+                p,
+                _rms(held),
+                _rms(ahead),
+                confusable,
+            )
+        )
         accepted, fit, held = (*accepted, effect), trial, ahead
     return findings, first, held
 
@@ -153,10 +165,12 @@ def _parameters(
 def _true_force(scaled: FloatArray, x: FloatArray, effects: Sequence[str]) -> FloatArray:
     """Forces [k, 3] that read ``scaled``; x: relative scale [3], bias [3], effects' values."""
     reading = scaled * (1.0 + x[:3]) + x[3:6]
-    values = {
-        effect: dict(zip((p.name for p in CATALOGUE[effect].parameters), x[at], strict=True))
-        for effect, at in _places(effects).items()
-    }
+    values: dict[str, dict[str, float]] = {}
+    at = 6
+    for effect in effects:
+        names = [p.name for p in CATALOGUE[effect].parameters]
+        values[effect] = dict(zip(names, map(float, x[at : at + len(names)]), strict=True))
+        at += len(names)
     true = reading.copy()
     still = np.zeros_like(true)
     for _ in range(6 if values else 0):
@@ -217,18 +231,15 @@ def _pose_nats(before: PoseFit, after: PoseFit, effect: str) -> float:
 
 
 def _f_test(before: PoseFit, after: PoseFit) -> float:
-    k, q = len(after.residuals), len(after.x)
-    rss0 = before.spread**2 * max(k - len(before.x), 1)
-    rss1 = after.spread**2 * max(k - q, 1)
-    return _chance_of_drop(rss0, rss1, q - len(before.x), max(k - q, 1))
-
-
-def _chance_of_drop(before: float, after: float, more: int, dof: int) -> float:
-    """Chance that ``more`` parameters take so much of a sum of squares where nothing is missing
-    (F test), ``dof`` degrees of freedom left."""
+    """Chance of such a drop of the squares where nothing is missing (F test)."""
     from scipy.stats import f
 
-    return float(f.sf(max(before - after, 0.0) / more / max(after / dof, 1e-300), more, dof))
+    k, q = len(after.residuals), len(after.x)
+    more = q - len(before.x)
+    rss0 = before.spread**2 * max(k - len(before.x), 1)
+    rss1 = after.spread**2 * max(k - q, 1)
+    ratio = max(rss0 - rss1, 0.0) / more / max(rss1 / max(k - q, 1), 1e-300)
+    return float(f.sf(ratio, more, max(k - q, 1)))
 
 
 def _gyro(
@@ -256,15 +267,21 @@ def _gyro(
     before, after = errors
     n = 2 * len(turns) + 3 * len(rests)
     nats = _gyro_nats(base, with_g, n)
-    squares = _gyro_squares(base, base), _gyro_squares(with_g, base)
-    p = _chance_of_drop(*squares, 9, max(n - 21, 1))
+    from scipy.stats import f as f_distribution
+
+    rss0, rss1 = _gyro_squares(base, base), _gyro_squares(with_g, base)
+    dof = max(n - 21, 1)
+    ratio = max(rss0 - rss1, 0.0) / 9.0 / max(rss1 / dof, 1e-300)
+    p = float(f_distribution.sf(ratio, 9, dof))
     if nats < LEAST_ODDS or p > DESK_P or not _robust(after) < _robust(before):
         return None, before, before
     names = [q.name for q in CATALOGUE["gyro_g_sensitivity"].parameters]
     # the half widths are those of 95 % intervals
-    sds = (np.asarray(with_g.half_width[12:21]) / sigmas(OUTSIDE_95)).tolist()
-    values = zip(with_g.g_sensitivity.ravel().tolist(), sds, strict=True)
-    parameters = _parameters("gyro_g_sensitivity", dict(zip(names, values, strict=True)))
+    sd = np.asarray(with_g.half_width[12:21]) / sigmas(OUTSIDE_95)
+    values = dict(zip(names, zip(with_g.g_sensitivity.ravel(), sd, strict=True), strict=True))
+    parameters = _parameters(
+        "gyro_g_sensitivity", {k: (float(v), float(s)) for k, (v, s) in values.items()}
+    )
     finding = Finding("gyro_g_sensitivity", parameters, nats, p, _robust(before), _robust(after))
     return finding, before, after
 

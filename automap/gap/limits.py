@@ -16,8 +16,7 @@ ANISOTROPY = 0.2
 """Share by which what is much the same on all axes differs between them: capacitors of a filter
 are good to a fifth."""
 CLOSE_NATS = math.log(20.0)
-"""Rivals with odds of less than twenty to one between them are not told apart. So much likelier
-beforehand, as chosen, are whole fixes late than a part of each, or by more and more."""
+"""Rivals with odds of less than twenty to one between them are not told apart."""
 CLOSE = 0.03
 """Share of the evidence within which rivals are not told apart either: what a linear model and a
 fitted noise leave unsure of many nats."""

@@ -225,39 +225,6 @@ class Given:
 
 
 @dataclass(frozen=True)
-class Chosen:
-    """Parts of candidates with the factors on their priors; the order is that of choice."""
-
-    parts: tuple[tuple[str, Part, float], ...] = ()
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the candidates, each once."""
-        return tuple(dict.fromkeys(name for name, _, _ in self.parts))
-
-    def given(self, linear: Linear, always: Given) -> Given:
-        """All parts as what is given, beside what always is."""
-        out = always
-        for _, part, scale in self.parts:
-            out = out.joined(part, linear, scale)
-        return out
-
-    def without(self, name: str, part: Part | None = None) -> Chosen:
-        """The same less one candidate, or less a part of it."""
-        return Chosen(
-            tuple(p for p in self.parts if p[0] != name or (part is not None and p[1] != part))
-        )
-
-    def joined(self, name: str, part: Part, scale: float) -> Chosen:
-        """The same with one more part."""
-        return Chosen((*self.parts, (name, part, scale)))
-
-    def scale_of(self, name: str) -> float:
-        """The largest factor on a candidate's priors."""
-        return max(scale for n, _, scale in self.parts if n == name)
-
-
-@dataclass(frozen=True)
 class Conditional:
     """Scores [v] and information of all columns with those given marginalised; ``weights`` [q, v]
     of the given ones in each, ``value`` [q] their estimate; ``cross`` [q, v]."""

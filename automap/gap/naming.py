@@ -8,15 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from automap.effects import CATALOGUE
-from automap.effects.catalogue import twins_of
 from automap.fusion.layout import CHANNELS
 from automap.gap import limits
 from automap.gap.candidates import ORIGIN, named_columns
-from automap.gap.chance import at_most, strongest_by_chance
+from automap.gap.chance import null_maxima, p_value, strongest_by_chance
 from automap.gap.evidence import shown_by
 from automap.gap.fit import Fit, Values
 from automap.gap.limits import ALIKE, SHOWS
-from automap.gap.linear import Chosen, Part, linearised
+from automap.gap.linear import Part, linearised
 from automap.gap.misfit import LIKE, Misfit
 from automap.gap.result import (
     Finding,
@@ -29,13 +28,13 @@ from automap.gap.result import (
     coefficient_names,
 )
 from automap.gap.screening import Found, in_layout
-from automap.gap.selection import Move, Rival, Selection
+from automap.gap.selection import Chosen, Move, Rival, Selection, twins_of
 from automap.records import FloatArray, IntArray
 
 
-def describe(found: Found, values: Values) -> list[Finding | Unexplained]:
+def describe(found: Found, values: Values, maxima: FloatArray) -> list[Finding | Unexplained]:
     """Findings and formulas of a search that stand with ``values``, the surest first; their gaps
-    are filled in later."""
+    are filled in later. ``maxima`` [draws] what chance reaches."""
     selection, chosen = found.selection, found.chosen
     told: list[tuple[float, Finding | Unexplained]] = []
     against = {one.effect for one in found.stands.kept_out}
@@ -54,9 +53,8 @@ def describe(found: Found, values: Values) -> list[Finding | Unexplained]:
             places = _in_place(selection, chosen, name, names, move.odds, move.part)
             close += [r.name for r, apart in places if not apart]
         close += found.not_told_apart.get(name, ())
-        alone = found.borne_out.get(name, 0.0)
-        nats = max(sum(m.evidence.nats for m in moves), alone)
-        p = at_most(max(odds, alone))
+        nats = max(sum(m.evidence.nats for m in moves), found.borne_out.get(name, 0.0))
+        p = p_value(nats - np.log(selection.candidates[name].choices), maxima)
         if selection.candidates[name].terms:
             nearest = rivals[0][0].name if rivals else None
             told.append((odds, _formula(found, name, moves, nats, p, nearest)))
@@ -109,13 +107,25 @@ def _honest_sd(found: Found, name: str, parameter: str, sd: float) -> float:
     if not mine or sd <= 0.0:
         return sd
     part = next((p for n, p, _ in chosen.parts if n == name and mine[0] in p), (mine[0],))
-    known = selection.given(chosen.without(name, part))
+    rest = Chosen(tuple(p for p in chosen.parts if p[:2] != (name, part)))
+    known = selection.given(rest)
     if not known.shows(part):
         return sd
     ratio = selection.evidence(known, name, part).overdispersion
     prior = 1.0 / (chosen.scale_of(name) * selection.linear.prior_sd[mine[0]]) ** 2
     data = max(1.0 / sd**2 - prior, 0.0)
     return float(sd**2 * np.sqrt(ratio * data + prior))
+
+
+def chance(found: Found) -> FloatArray:
+    """The largest evidence [draws] of all candidates beside what was found where nothing else is
+    missing, sorted."""
+    selection = found.selection
+    known = selection.given(found.chosen)
+    # the likeliest of many have paid for that: what they then reach by chance, others do
+    once = [c for c in selection.candidates.values() if c.choices == 1.0]
+    parts = [p for c in once for p in c.parts if known.shows(p)]
+    return null_maxima(known, parts, limits.NULL_DRAWS)
 
 
 def strongest_refused(found: Found) -> tuple[Refused, ...]:

@@ -38,8 +38,6 @@ _LIMITS = {
     # no vehicle keeps to its path so well, but a simulated one does
     "nhc_y": (0.2, 64.0),
     "nhc_z": (1.0, 64.0),
-    # two phones have 0.02 to 0.045 m/s: what would be larger lasts for seconds, not for a minute
-    "velocity_drift": (1.0 / 256.0, 2.0),
 }
 _BY_SLOPE = tuple(level for level in ALL_LEVELS if level != "wander_tau")
 

@@ -23,9 +23,9 @@ class ParameterValue:
 class Finding:
     """A missing effect by name.
 
-    ``evidence_nats`` log Bayes factor against the model without it; ``p_value`` what the
-    chance is at most that any candidate is as likely where nothing is missing; gaps before and
-    after it was added, nats an epoch on held-out data; ``confusable_with`` effects that this data
+    ``evidence_nats`` log Bayes factor against the model without it; ``p_value`` chance that the
+    strongest of all candidates reaches as much where nothing is missing; gaps before and after
+    it was added, nats an epoch on held-out data; ``confusable_with`` effects that this data
     cannot tell from it; ``advice`` the manoeuvre that would.
     """
 

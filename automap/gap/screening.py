@@ -18,11 +18,11 @@ from automap.gap.confirm import Confirmed
 from automap.gap.dictionary import effect_for, formula_columns, formula_texts, warm
 from automap.gap.evidence import plain_nats
 from automap.gap.fit import Fit, fit_drive
-from automap.gap.linear import Chosen, Column, Given, NodeMotion, conditional, linearised
+from automap.gap.linear import Column, Given, NodeMotion, conditional, linearised
 from automap.gap.motion import Motion, motion_of
 from automap.gap.noise import Fitted, Joint, Log, fitted_about
 from automap.gap.result import equation
-from automap.gap.selection import Selection
+from automap.gap.selection import Chosen, Selection
 from automap.gap.slow import box_columns, term_columns, variants, with_shapes
 from automap.records import FloatArray
 

@@ -17,13 +17,13 @@ from automap.gap import limits
 from automap.gap.confirm import Confirmed, confirmed
 from automap.gap.drive import OpenDrive
 from automap.gap.fit import Fit
-from automap.gap.linear import Chosen
 from automap.gap.noise import Fitted, Log, fitted_about, with_noise
 from automap.gap.scoring import fit_held_out, likelier
 from automap.gap.screening import Found, Screening, in_layout
-from automap.gap.selection import Key, Selection, pruned, select
+from automap.gap.selection import Chosen, Key, Selection, pruned, select
 
 WALKS = tuple(bias_walks())
+WHOLE_DELAYS = frozenset(pair for pairs in pairs_of_sign(-1.0) for pair in pairs)
 
 
 class Search:
@@ -146,12 +146,12 @@ class Search:
     def _reconsidered(self, here: Fitted, selection: Selection, found: Chosen) -> Chosen | None:
         """Another set, where noise as it really is, rivals or held-out data speak against one that
         nothing can be added to; None where nothing does."""
-        before, self.before = self.before, None
-        if before is not None and before[2].names != found.names:
-            earlier, its_selection, without = before
+        if self.before is not None:
+            earlier, its_selection, without = self.before
+            self.before = None
             ahead, _ = self._ahead(here, earlier)
             ahead += selection.log_prior(found) - its_selection.log_prior(without)
-            if ahead < 0.0:
+            if without.names != found.names and ahead < 0.0:
                 # courses of time follow what a name says better
                 self._bar(selection.keys(found) - its_selection.keys(without))
                 return in_layout(without, its_selection, selection)
@@ -191,8 +191,10 @@ class Search:
 
     def _told(self, stands: Confirmed) -> Confirmed:
         """What held-out data say, with which delays every drive has its own of."""
-        out = (replace(k, each_drive=k.effect in self.each_drive) for k in stands.kept_out)
-        return replace(stands, kept_out=tuple(out))
+        kept_out = tuple(
+            replace(k, each_drive=k.effect in self.each_drive) for k in stands.kept_out
+        )
+        return replace(stands, kept_out=kept_out)
 
     def _fit(self, here: Fitted, selection: Selection, chosen: Chosen) -> Fitted:
         """The chosen set as states, with the noise that suits it."""
@@ -226,8 +228,7 @@ class Search:
 
     def _decided(self, here: Fitted, selection: Selection, chosen: Chosen) -> Chosen | None:
         """The choice with a rival in a candidate's place where the filter itself, which knows what
-        is not linear, finds all drives likelier with it beyond what is not told apart; None where
-        no rival is.
+        is not linear, finds all drives likelier with it; None where no rival is.
 
         A formula is told only where it is told apart from every name and explains a tenth more: one
         that follows a name so closely is that name, and something else is a little off. What is
@@ -250,16 +251,16 @@ class Search:
                 if other in self.screening.not_borne_out(fitted, selection, rival.chosen):
                     continue
                 ahead, sigmas = self._ahead(fitted, here)
-                ahead += selection.log_prior(rival.chosen) - selection.log_prior(chosen)
+                ahead += self._log_prior(selection, rival.chosen)
+                ahead -= self._log_prior(selection, chosen)
                 rival_formula = bool(selection.candidates[other].terms)
-                alike = abs(sigmas) < limits.APART or abs(ahead) < limits.CLOSE_NATS
-                if alike and not rival_formula:
+                if abs(sigmas) < limits.APART and not rival_formula:
                     self.close[name] = (*self.close.get(name, ()), other)
                 clear = abs(sigmas) > limits.APART and abs(ahead) > limits.CHALLENGE * nats
                 clear |= abs(sigmas) > limits.ONE_IN_A_THOUSAND
-                wins = ahead > limits.CLOSE_NATS
-                if formula and not rival_formula:
-                    wins |= not clear
+                wins = ahead > (limits.CLOSE_NATS if formula and rival_formula else 0.0)
+                if formula and not rival_formula and not clear:
+                    wins, ahead = True, max(ahead, 1e-9)
                 elif rival_formula and not formula:
                     wins &= clear
                 if wins and (instead is None or ahead > best):
@@ -271,8 +272,8 @@ class Search:
     def _ahead(self, one: Fitted, other: Fitted) -> tuple[float, float]:
         """Nats by which fitted and held-out drives are likelier with one set than with another, and
         the sigmas of that."""
-        its, mine = ((*fitted.fits, *self._held_out(fitted)) for fitted in (other, one))
-        return likelier(mine, its)
+        sides = [(*fitted.fits, *self._held_out(fitted)) for fitted in (other, one)]
+        return likelier(sides[1], sides[0])
 
     def _held_out(self, fitted: Fitted) -> list[Fit]:
         """Held-out drives under a fitted set; those of the last set but one are kept."""
@@ -282,6 +283,13 @@ class Search:
         fits = fit_held_out(self.held_out, fitted.model, fitted.values())
         self.held = [*self.held[-1:], (fitted, fits)]
         return fits
+
+    @staticmethod
+    def _log_prior(selection: Selection, chosen: Chosen) -> float:
+        """Log prior probability of a set; whole fixes are late more often than parts of them."""
+        known = {n: CATALOGUE[n] for n in chosen.names if n in CATALOGUE and n not in WHOLE_DELAYS}
+        parts = sum(effect.resembles == "a delay" for effect in known.values())
+        return selection.log_prior(chosen) - limits.CLOSE_NATS * parts
 
     def _proposed(
         self,

@@ -5,29 +5,56 @@ What counts is the posterior odds: evidence of each part given all others, and p
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from automap.effects.catalogue import twins_of
+from automap.effects.catalogue import alike_to_first_order
 from automap.gap import limits
 from automap.gap.candidates import Candidate, is_course
-from automap.gap.evidence import (
-    Evidence,
-    apart,
-    axes_differ,
-    evidence,
-    inflation,
-    plain_nats,
-    singles,
-)
-from automap.gap.linear import Chosen, Conditional, Given, Linear, Part, conditional
+from automap.gap.evidence import Evidence, apart, evidence, inflation, plain_nats, singles
+from automap.gap.linear import Conditional, Given, Linear, Part, conditional
+from automap.gates import exceeds
 
 Key = tuple[str, tuple[str, ...]]
 """A part by name and parameters, which hold in any layout."""
 TRIES = 40
 """Moves of one selection at most: each raises the odds, so this bounds the time only."""
+
+
+@dataclass(frozen=True)
+class Chosen:
+    """Parts of candidates with the factors on their priors; the order is that of choice."""
+
+    parts: tuple[tuple[str, Part, float], ...] = ()
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the candidates, each once."""
+        return tuple(dict.fromkeys(name for name, _, _ in self.parts))
+
+    def given(self, linear: Linear, always: Given) -> Given:
+        """All parts as what is given, beside what always is."""
+        out = always
+        for _, part, scale in self.parts:
+            out = out.joined(part, linear, scale)
+        return out
+
+    def without(self, name: str, part: Part | None = None) -> Chosen:
+        """The same less one candidate, or less a part of it."""
+        return Chosen(
+            tuple(p for p in self.parts if p[0] != name or (part is not None and p[1] != part))
+        )
+
+    def joined(self, name: str, part: Part, scale: float) -> Chosen:
+        """The same with one more part."""
+        return Chosen((*self.parts, (name, part, scale)))
+
+    def scale_of(self, name: str) -> float:
+        """The largest factor on a candidate's priors."""
+        return max(scale for n, _, scale in self.parts if n == name)
 
 
 @dataclass(frozen=True)
@@ -110,11 +137,17 @@ class Selection:
             for part in c.parts
             if part not in has and self.key(c.name, part) not in refused and known.shows(part)
         ]
-        prior = np.array([c.log_choice for c, _ in open_to])
-        prior += [0.0 if c.name in chosen.names else c.log_prior for c, _ in open_to]
+        prior = np.array(
+            [
+                (c.log_prior if c.name not in chosen.names else 0.0) + c.log_choice
+                for c, _ in open_to
+            ]
+        )
         single = np.array([len(part) == 1 for _, part in open_to], dtype=bool)
         nats = np.full(len(open_to), -np.inf)
-        nats[single] = singles(known, np.array([p[0] for _, p in open_to if len(p) == 1], int))
+        if single.any():
+            columns = np.array([p[0] for _, p in open_to if len(p) == 1])
+            nats[single] = singles(known, columns)
         for i in np.flatnonzero(~single):
             nats[i] = plain_nats(known, open_to[i][1])[0]
         out = []
@@ -126,10 +159,25 @@ class Selection:
             free = candidate.unless in chosen.names
             if candidate.positive and not free and found.estimate[0] <= 0.0:
                 continue
-            if candidate.isotropic and axes_differ(known, candidate.parts, found.overdispersion):
+            if candidate.isotropic and self._axes_differ(known, candidate, found.overdispersion):
                 continue
             out.append(Move(candidate.name, part, found, found.nats + float(prior[i])))
         return sorted(out, key=lambda m: -m.odds)
+
+    def _axes_differ(self, known: Conditional, candidate: Candidate, ratio: float) -> bool:
+        """Whether the axes of a candidate contradict one another: what is much the same on all of
+        them is then not what they show."""
+        every = [i for part in candidate.parts for i in part if known.shows((i,))]
+        if len(every) < 2:
+            return False
+        cov = np.linalg.inv(known.info(tuple(every)))
+        values = cov @ known.score[every]
+        mean = float(np.linalg.solve(cov, values).sum() / np.linalg.inv(cov).sum())
+        cov = ratio * cov + (limits.ANISOTROPY * mean) ** 2 * np.eye(len(every))
+        weight = np.linalg.inv(cov)
+        apart = values - float((weight @ values).sum() / weight.sum())
+        chance = exceeds(float(apart @ weight @ apart), len(every) - 1)
+        return chance < math.exp(-limits.LEAST_ODDS)
 
     def holds(self, move: Move) -> bool:
         """Whether a move's odds are high, and other stretches predict what it explains."""
@@ -168,7 +216,7 @@ class Selection:
         shows in what it explains.
         """
         rest = chosen.without(name, part)
-        own = self.odds_of(chosen, name)[1] if part is None else [self.alone(rest, name, part)]
+        own = self.odds_of(chosen, name)[1] if part is None else [self._alone(rest, name, part)]
         mine = max((m.evidence.overdispersion for m in own), default=1.0)
         out = []
         found = self.best(rest, names, refused=refused)
@@ -191,7 +239,7 @@ class Selection:
             out.append(Rival(other, odds[0] - odds[1], instead))
         return sorted(out, key=lambda r: -r.ahead)
 
-    def alone(self, rest: Chosen, name: str, part: Part) -> Move:
+    def _alone(self, rest: Chosen, name: str, part: Part) -> Move:
         """One part of a candidate beside a choice that has others of it."""
         found = self.evidence(self.given(rest), name, part)
         return Move(name, part, found, found.nats + self.candidates[name].log_choice)
@@ -206,7 +254,7 @@ class Selection:
         known = self.given(rival.chosen)
         if any(known.shows(p) for _, p, _ in mine):
             if part is not None:
-                odds = self.alone(rival.chosen, name, part).odds
+                odds = self._alone(rival.chosen, name, part).odds
             else:
                 odds = self.odds_of(Chosen((*rival.chosen.parts, *mine)), name)[0]
             if odds >= limits.LEAST_ODDS:
@@ -241,15 +289,30 @@ class Rival:
     chosen: Chosen
 
 
+def twins_of(names: Sequence[str]) -> frozenset[str]:
+    """Effects that act as chosen ones do to first order."""
+    out = set()
+    for one, other in alike_to_first_order():
+        if one in names:
+            out.add(other)
+        if other in names:
+            out.add(one)
+    return frozenset(out)
+
+
 def select(selection: Selection, chosen: Chosen, limit: int) -> Chosen:
     """Add, swap and drop candidates until nothing raises the odds any more; at most ``limit``."""
     strongest = 0.0
     for _ in range(TRIES):
-        odds, more = _extended(selection, chosen)
-        strongest = max(strongest, odds)
-        if more != chosen and len(more.names) <= limit and odds >= limits.WEAK_SHARE * strongest:
-            chosen = _swapped(selection, more, limit)
-            continue
+        moves = [m for m in selection.best(chosen) if selection.holds(m)]
+        if moves:
+            best = moves[0]
+            strongest = max(strongest, best.odds)
+            room = len(chosen.names) < limit or best.name in chosen.names
+            if room and best.odds >= limits.WEAK_SHARE * strongest:
+                chosen = chosen.joined(best.name, best.part, best.evidence.scale)
+                chosen = _swapped(selection, chosen, limit)
+                continue
         fewer = pruned(selection, chosen)
         if fewer == chosen:
             break
@@ -263,8 +326,9 @@ def _swapped(selection: Selection, chosen: Chosen, limit: int) -> Chosen:
     for name in chosen.names[:-1]:
         own, _ = selection.odds_of(chosen, name)
         best, instead = _extended(selection, chosen)[0], chosen
-        near = (r for r in selection.rivals(chosen, name)[: limits.RIVALS] if r.ahead >= -0.5 * own)
-        for rival in near:
+        for rival in selection.rivals(chosen, name)[: limits.RIVALS]:
+            if rival.ahead < -0.5 * own:
+                continue
             more, with_more = _extended(selection, rival.chosen)
             if rival.ahead + more > best + 1.0 and len(with_more.names) <= limit:
                 best, instead = rival.ahead + more, with_more
@@ -275,9 +339,10 @@ def _swapped(selection: Selection, chosen: Chosen, limit: int) -> Chosen:
 
 def _extended(selection: Selection, chosen: Chosen) -> tuple[float, Chosen]:
     """Odds of the part that stands out most beside a choice, and the choice with it."""
-    best = next((m for m in selection.best(chosen) if selection.holds(m)), None)
-    if best is None:
+    moves = [m for m in selection.best(chosen) if selection.holds(m)]
+    if not moves:
         return 0.0, chosen
+    best = moves[0]
     return best.odds, chosen.joined(best.name, best.part, best.evidence.scale)
 
 
@@ -290,7 +355,8 @@ def pruned(selection: Selection, chosen: Chosen) -> Chosen:
         if total < limits.LEAST_ODDS:
             return chosen.without(name)
         for move in moves if len(moves) > 1 else ():
-            rest = chosen.without(name, move.part)
-            if selection.alone(rest, name, move.part).odds < 0.0:
+            rest = Chosen(tuple(p for p in chosen.parts if p[:2] != (name, move.part)))
+            found = selection.evidence(selection.given(rest), name, move.part)
+            if found.nats + selection.candidates[name].log_choice < 0.0:
                 return rest
     return chosen

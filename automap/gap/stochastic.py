@@ -18,7 +18,7 @@ from automap.effects.catalogue import bias_walks
 from automap.fusion.delay_states import COURSE_DISTANCE_STATE
 from automap.fusion.filtered import full_covariance
 from automap.fusion.layout import CH_VEL, N_NAV
-from automap.fusion.levels import ALL_LEVELS, RECEIVER_LEVELS, VELOCITY_DRIFT, VELOCITY_WANDER
+from automap.fusion.levels import ALL_LEVELS, RECEIVER_LEVELS, VELOCITY_WANDER
 from automap.fusion.measurements.position import lasting_share
 from automap.fusion.nodes import model_fixes
 from automap.gap import limits
@@ -36,11 +36,11 @@ SENSOR_LEVELS = ("accel", "gyro")
 FIGURES: dict[str, tuple[str, ...]] = {
     "position_h": ("position_h", "wander", "multipath"),
     "position_v": ("position_v", "wander_v", "multipath"),
-    "velocity_h": ("velocity_h", VELOCITY_WANDER, VELOCITY_DRIFT),
+    "velocity_h": ("velocity_h", VELOCITY_WANDER),
     "velocity_v": ("velocity_v", VELOCITY_WANDER),
 }
 """What a receiver states of its errors, and the levels of what these are made of."""
-GNSS_LEVELS = (*RECEIVER_LEVELS, VELOCITY_DRIFT, *FIGURES)
+GNSS_LEVELS = (*RECEIVER_LEVELS, *FIGURES)
 BEHIND, ARM = "gnss_course_distance", "gnss_lever_arm"
 
 
@@ -173,7 +173,7 @@ def _whole(
 ) -> list[float]:
     """By how much the errors of FIGURES are larger than receivers report."""
     # what lasts of a velocity's error no receiver states
-    stated = _sizes(fits, {**stated_factors, VELOCITY_WANDER: 0.0, VELOCITY_DRIFT: 0.0})
+    stated = _sizes(fits, {**stated_factors, VELOCITY_WANDER: 0.0})
     return [float(x) for x in _sizes(fits, fitted) / stated * _floored(fits)]
 
 
@@ -186,9 +186,8 @@ def _sizes(fits: Sequence[Fit], factors: Mapping[str, float]) -> FloatArray:
     fixes = [fit.opened.session.fixes for fit in fits]
     white = np.median([np.median(f.white_var, axis=0) for f in fixes], axis=0) ** 0.5
     stated = np.median([np.median(f.stated_sd, axis=0) for f in fixes], axis=0)
-    lasts = options.velocity_wander_sd * factors[VELOCITY_WANDER]
-    level = float(np.hypot(lasts, options.velocity_drift_sd * factors[VELOCITY_DRIFT]))
-    lasting = [*(stated * lasting_share(options, factors))[[0, 2]], level, lasts]
+    lasts = options.velocity_wander_sd * factors["velocity_wander"]
+    lasting = [*(stated * lasting_share(options, factors))[[0, 2]], lasts, lasts]
     levels = [factors[name] for name in FIGURES]
     return np.hypot(white[[0, 2, 3, 5]] * levels, lasting)
 

@@ -14,7 +14,6 @@ from automap.effects.gnss import (
     short_error,
     slow_error,
     steps,
-    velocity_drift,
     velocity_wander,
     wander,
 )
@@ -56,7 +55,7 @@ def draw_errors(
     What a plain receiver has is drawn from ``rng``, every other effect from a stream of its own:
     one more leaves the others as they were.
     """
-    n, streams = len(t_s), rng.spawn(8)
+    n, streams = len(t_s), rng.spawn(7)
     solutions = list(setup.solutions.values()) or [_only(setup)]
     chosen = _sequence(n, step_s, setup, streams[2])
     position, sd = np.zeros((n, 3)), np.zeros((n, 3))
@@ -76,7 +75,6 @@ def draw_errors(
     lasting, lasts_s = velocity_wander(values)
     if lasting > 0.0:
         velocity += gauss_markov(n, np.full(3, lasting), step_s / lasts_s, streams[1])
-    velocity += velocity_drift(n, step_s, values, streams[7])
     kinds = np.array([FIX_TYPES[s.fix] for s in solutions], np.int64)[chosen]
     lost = kinds == FixType.NONE
     for begin, length in setup.dropouts:

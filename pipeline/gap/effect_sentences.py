@@ -80,12 +80,15 @@ _RECEIVER = {
         "The receiver's speeds are {}.",
         one("relative", "{} too high", "{} too low", 100.0, "%"),
     ),
+    "gnss_speed_offset": Sentence(
+        "The receiver's speeds are {}, however fast the car goes.",
+        one("along", "{} too high", "{} too low", unit="m/s"),
+    ),
     "gnss_correlated_noise": Sentence("The receiver's positions wander {}.", wander("m")),
     "gnss_multipath": Sentence(
         "The receiver's positions are pushed aside, as by reflections, {}.", wander("m")
     ),
     "gnss_velocity_wander": Sentence("The receiver's velocities wander {}.", wander("m/s")),
-    "gnss_velocity_drift": Sentence("The receiver's velocities drift {}.", wander("m/s")),
     "gnss_noise_scale": Sentence(
         "The receiver's errors are {} as large as it states.", one("factor", "{} times", unit="")
     ),

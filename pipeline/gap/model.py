@@ -7,10 +7,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from automap.effects.catalogue import twins_of
 from automap.effects.user import user_effects
 from automap.effects.user_tables import as_table
 from automap.gap.fit import BASE_NUISANCES
+from automap.gap.selection import twins_of
 from automap.io.toml_file import toml_value
 
 if TYPE_CHECKING:
@@ -58,7 +58,6 @@ def model_toml(
     lines.append(f"velocity_wander_sd = {options.velocity_wander_sd:.6g}")
     if options.velocity_wander_sd > 0.0:
         lines.append(f"velocity_wander_tau_s = {options.velocity_wander_tau_s:.6g}")
-    lines.append(f"velocity_drift_sd = {options.velocity_drift_sd:.6g}")
     lines += ["", "[fuse.factors]"]
     lines += [f"{name} = {value:.6g}" for name, value in model.factors.items()]
     for effect, values in model.values.items():

@@ -55,6 +55,8 @@ _BY_EFFECT = {
     "gnss_course_latency": _SMOOTHING,
     "gnss_course_distance": _SMOOTHING,
     "gnss_velocity_scale": f"Check the unit of the receiver's speeds. {MODEL}",
+    "gnss_speed_offset": "That is how the receiver is, and nothing to mend: every search estimates "
+    "it along.",
     "gnss_noise_scale": "Do not trust the accuracy that this receiver states. model.toml has the "
     "one that was found.",
     "gnss_outliers": f"{_SKY} The run leaves such fixes out by itself.",

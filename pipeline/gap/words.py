@@ -169,7 +169,7 @@ def _chance(p: float) -> str:
         return "chance alone shows as much in less than one search of a million"
     if p >= 0.1:
         return "chance alone often shows as much"
-    return f"chance alone shows as much in one search of {_round(1.0 / p)} at most"
+    return f"chance alone shows as much in about one search of {_round(1.0 / p)}"
 
 
 def _round(number: float) -> str:

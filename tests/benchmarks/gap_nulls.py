@@ -3,8 +3,8 @@
     python tests/benchmarks/gap_nulls.py FIRST LAST
 
 Of cases null-FIRST-real to null-LAST-real the base model is fitted with the receiver's delays
-given, and the strongest of all candidates judged, and of each family, without a search. A line a
-case, then how far the chances are from even ones (Kolmogorov and Smirnov).
+given, and the strongest of all candidates judged, without a search. A line a case, then how far
+the chances are from even ones (Kolmogorov and Smirnov).
 """
 
 from __future__ import annotations
@@ -16,15 +16,13 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
-from automap.effects import CATALOGUE
 from automap.fusion.options import FusionOptions
 from automap.gap import limits
-from automap.gap.candidates import Candidate
 from automap.gap.chance import strongest_by_chance
 from automap.gap.drive import in_vehicle_axes, open_drive
-from automap.gap.linear import Chosen, Part
 from automap.gap.noise import Log, open_fits
 from automap.gap.screening import Screening
+from automap.gap.selection import Chosen
 from pipeline.gap.inputs import gap_drives, gap_model
 from tests.hidden_effects.cases import draw_case, write_case
 
@@ -33,8 +31,8 @@ def silent(text: str) -> None:
     """No word of what is going on."""
 
 
-def strongest(case_id: str, log: Log = silent) -> dict[str, tuple[str, float]]:
-    """The strongest candidate of a case and its chance: of all, and of each family."""
+def strongest(case_id: str, log: Log = silent) -> tuple[str, float]:
+    """The strongest candidate of a case, and its chance."""
     drawn = draw_case(case_id)
     assert drawn.setting.replay is not None
     own = drawn.setting.replay.series()
@@ -51,41 +49,24 @@ def strongest(case_id: str, log: Log = silent) -> dict[str, tuple[str, float]]:
     turned = in_vehicle_axes(read, FusionOptions())
     base = open_fits([open_drive(turned, model.options)], model, log)
     selection = Screening(base, (), log).selection(base, slow=False, may_act=False)
+    parts = [(c.name, part) for c in selection.candidates.values() for part in c.parts]
     known = selection.given(Chosen())
-    parts: dict[str, list[tuple[str, Part]]] = {}
-    for candidate in selection.candidates.values():
-        for family in ("all", family_of(candidate)):
-            parts.setdefault(family, []).extend((candidate.name, p) for p in candidate.parts)
-    out = {}
-    for family, some in parts.items():
-        best = strongest_by_chance(known, [part for _, part in some], limits.NULL_DRAWS)
-        if best is not None:
-            out[family] = some[best.number][0], best.p_value
-    return out
-
-
-def family_of(candidate: Candidate) -> str:
-    """That of a named effect; of a formula what it acts on."""
-    if not candidate.terms:
-        return CATALOGUE[candidate.name].family
-    acts_on = candidate.terms[0][0].partition("_")[0]
-    return f"formula {'sensor' if acts_on in ('gyro', 'accel') else acts_on}"
+    best = strongest_by_chance(known, [part for _, part in parts], limits.NULL_DRAWS)
+    assert best is not None
+    return parts[best.number][0], best.p_value
 
 
 def main(first: int, last: int) -> None:
     """All cases, one after another."""
     from scipy.stats import kstest
 
-    chances: dict[str, list[float]] = {}
+    chances = []
     for number in range(first, last + 1):
-        found = strongest(f"null-{number}-real")
-        for family, (_, chance) in found.items():
-            chances.setdefault(family, []).append(chance)
-        name, chance = found["all"]
+        name, chance = strongest(f"null-{number}-real")
+        chances.append(chance)
         print(f"null-{number}-real {chance:.3f} {name}", flush=True)
-    for family, each in chances.items():
-        mean = sum(each) / len(each)
-        print(f"{family}: mean {mean:.2f}, as even ones: p {kstest(each, 'uniform').pvalue:.3f}")
+    mean = sum(chances) / len(chances)
+    print(f"mean {mean:.2f}, as even ones: p {kstest(chances, 'uniform').pvalue:.3f}")
 
 
 if __name__ == "__main__":

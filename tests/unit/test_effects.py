@@ -70,7 +70,7 @@ OWN = {
     *("odometer_scale", "odometer_time_offset", "vehicle_pitch", "gnss_velocity_wander"),
     *("gnss_slow_wander", "gnss_height_wander", "gnss_position_steps"),
     *("gnss_freeze", "gnss_speed_threshold"),
-    *("gnss_course_latency", "gnss_course_distance", "gnss_velocity_drift"),
+    *("gnss_course_latency", "gnss_course_distance", "gnss_speed_offset"),
     *("gnss_velocity_scale", "gnss_multipath"),
     *("imu_filter_delay", "accel_saturation", "gyro_saturation"),
     *("accel_dead_zone", "gyro_dead_zone", "accel_warm_up", "gyro_warm_up"),

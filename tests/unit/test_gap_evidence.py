@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ import pytest
 from automap.fusion.layout import CH_NHC, CH_POS, MAX_SCALARS
 from automap.gap import limits
 from automap.gap.candidates import Direct
-from automap.gap.chance import at_most, strongest_by_chance
+from automap.gap.chance import null_maxima, p_value, strongest_by_chance
 from automap.gap.evidence import evidence, inflation, plain_nats, singles
 from automap.gap.linear import Given, Linear, conditional
 from automap.gap.screening import estimate_nats
@@ -132,29 +133,35 @@ def test_what_is_given_does_not_scatter_the_score_of_others() -> None:
     assert found.predicted == pytest.approx(right.predicted, rel=0.15)
 
 
-PARTS = [(1,), (2, 3, 4), *((i,) for i in range(5, 20))]
-"""Of twenty columns the first is given."""
-
-
-def test_chances_that_are_told_are_none_too_small() -> None:
+def test_p_values_of_the_largest_evidence_are_uniform() -> None:
     linear = drive(np.zeros(20))
     # most candidates are nearly one, one has several parameters, beside one that is given
     rows = linear.rows[0]
     rows.phi[:, 6:] = 3.0 * rows.phi[:, 6:7] + rows.phi[:, 6:]
     given = Given().joined((0,), linear, 1.0)
+    parts = [(1,), (2, 3, 4), *((i,) for i in range(5, 20))]
     linear = linear_of(rows.phi, rows.w, linear.layout)
-    told = []
+    maxima = null_maxima(conditional(linear, given), parts, limits.NULL_DRAWS)
+    values = []
     for seed in range(300):
         rng = np.random.default_rng(seed)
         w = rng.standard_normal(ROWS) + PRIOR_SD * rng.standard_normal() * rows.phi[:, 0]
         known = conditional(replace(linear, score=rows.phi.T @ w), given)
-        best = max(plain_nats(known, part)[0] for part in PARTS)
-        told.append(at_most(best - np.log(len(PARTS))))
-    for share in (0.01, 0.05, 0.2, 0.5):
-        room = 4.0 * np.sqrt(share * (1.0 - share) / len(told))
-        assert float(np.mean(np.array(told) <= share)) < share + room
-    assert min(told) < 0.5
-    assert at_most(-3.0) == 1.0
+        best = max(
+            singles(known, np.array([p[0] for p in parts if len(p) == 1])).max(),
+            plain_nats(known, parts[1])[0],
+        )
+        values.append(p_value(best, maxima))
+    told = np.array(values)
+    assert 0.42 < float(told.mean()) < 0.58
+    for share in (0.05, 0.2, 0.5, 0.8):
+        assert float(np.mean(told < share)) == pytest.approx(
+            share, abs=4.0 * np.sqrt(share * (1.0 - share) / len(told))
+        )
+
+
+PARTS = [(1,), (2, 3, 4), *((i,) for i in range(5, 20))]
+"""Of twenty columns the first is given."""
 
 
 def uneven(seed: int, theta: float = 0.0) -> Linear:
@@ -181,8 +188,8 @@ def test_chances_by_the_drives_own_scatter_hold_where_noise_is_not_as_modelled()
         found = strongest_by_chance(known, PARTS, 500)
         assert found is not None
         told.append(found.p_value)
-        best = max(plain_nats(known, part)[0] for part in PARTS)
-        modelled.append(at_most(best - np.log(len(PARTS))))
+        maxima = null_maxima(known, PARTS, 200)
+        modelled.append(p_value(max(plain_nats(known, part)[0] for part in PARTS), maxima))
     for share in (0.05, 0.2):
         room = 4.0 * np.sqrt(share * (1.0 - share) / len(told))
         assert float(np.mean(np.array(told) <= share)) < share + room
@@ -203,6 +210,26 @@ def test_what_every_stretch_says_alike_is_no_chance() -> None:
 
 def test_nothing_is_the_strongest_of_none() -> None:
     assert strongest_by_chance(conditional(drive(np.zeros(2)), Given()), [], 10) is None
+
+
+def test_p_values_fall_on_beyond_the_largest_draw() -> None:
+    rng = np.random.default_rng(6)
+    maxima = np.sort(rng.exponential(size=limits.NULL_DRAWS))
+    assert p_value(-1.0, maxima) == 1.0
+    assert p_value(1.0, maxima) == pytest.approx(np.exp(-1.0), rel=0.1)
+    # an exponential tail goes on as it is
+    assert p_value(12.0, maxima) == pytest.approx(np.exp(-12.0), rel=0.8)
+    told = [p_value(x, maxima) for x in np.linspace(0.0, 20.0, 200)]
+    assert all(a >= b for a, b in pairwise(told))
+
+
+def test_courses_of_more_columns_than_rows_have_null_draws() -> None:
+    rng = np.random.default_rng(7)
+    phi = rng.standard_normal((20, 5)) @ rng.standard_normal((5, 30))
+    linear = linear_of(phi, np.zeros(20), columns_named(*(f"e{i}.p" for i in range(30))))
+    found = null_maxima(conditional(linear, Given()), [(i,) for i in range(30)], 200)
+    assert np.isfinite(found).all()
+    assert (np.diff(found) >= 0.0).all()
 
 
 def test_what_is_left_of_nearly_the_same_shows_nothing() -> None:

@@ -16,7 +16,7 @@ from automap.gap.evidence import shown_by
 from automap.gap.fit import Values, base_model
 from automap.gap.linear import Column, Given, conditional
 from automap.gap.misfit import Misfit
-from automap.gap.naming import describe, strongest_refused, suspected, verdict
+from automap.gap.naming import chance, describe, strongest_refused, suspected, verdict
 from automap.gap.noise import Fitted, Joint
 from automap.gap.result import Finding, KeptOut, Refused, Term, Unexplained
 from automap.gap.screening import Found
@@ -78,7 +78,7 @@ def found_with(
 
 
 def told_of(found: Found, values: Values) -> list[Finding | Unexplained]:
-    return describe(found, values)
+    return describe(found, values, chance(found))
 
 
 def test_findings_come_with_all_parameters_and_the_surest_first() -> None:

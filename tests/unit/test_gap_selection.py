@@ -5,21 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import replace
-from types import SimpleNamespace
-from typing import Any, cast
-from unittest import mock
 
 import numpy as np
 import pytest
 
-from automap.effects.catalogue import twins_of
 from automap.gap import limits
 from automap.gap.candidates import Candidate
 from automap.gap.linear import Given, Linear
-from automap.gap.noise import Fitted
-from automap.gap.screening import Screening
 from automap.gap.search import Search
-from automap.gap.selection import Chosen, Selection, select
+from automap.gap.selection import Chosen, Selection, select, twins_of
 from automap.records import FloatArray
 from tests.unit.gap_linear import columns_named, linear_of
 
@@ -218,36 +212,6 @@ def test_rivals_come_with_how_far_they_are_ahead() -> None:
     assert back.ahead == pytest.approx(-rival.ahead, abs=1e-6)
 
 
-@pytest.mark.parametrize(
-    ("ahead", "sigmas", "takes", "stated"),
-    [
-        (1.0, 0.4, False, True),
-        (1.0, 2.0, False, True),
-        (-30.0, -4.0, False, False),
-        (4.0, 0.4, True, True),
-        (30.0, 4.0, True, False),
-    ],
-)
-def test_a_rival_takes_a_place_only_where_it_is_likelier_by_more_than_the_two_are_told_apart(
-    ahead: float, sigmas: float, takes: bool, stated: bool
-) -> None:
-    phi, w = noise(11)
-    phi[:, 1] = phi[:, 0] + 0.02 * phi[:, 1]
-    selection = alone(linear_with(phi, w + 0.25 * phi[:, 0]))
-    search = Search.__new__(Search)
-    search.log, search.spoken_against = str, []
-    nothing: dict[str, Any] = {"effects": {}, "states": lambda *about: None}
-    search.screening = cast(
-        Screening,
-        SimpleNamespace(**nothing, nats=lambda *about: 50.0, not_borne_out=lambda *about: ()),
-    )
-    with mock.patch.object(Search, "_ahead", return_value=(ahead, sigmas)):
-        here = cast(Fitted, SimpleNamespace(joint=lambda: None))
-        found = search._decided(here, selection, of(selection, "e0"))
-    assert (found is not None) == takes
-    assert search.close.get("e0", ()) == (("e1",) if stated else ())
-
-
 @pytest.mark.parametrize(("shaken", "apart"), [(1.0, True), (6.0, False)])
 def test_rivals_are_told_apart_by_what_stretches_say_and_not_by_the_noise_as_modelled(
     shaken: float, apart: bool
@@ -338,7 +302,7 @@ def test_of_two_that_do_the_same_the_one_with_fewer_parameters_is_likelier() -> 
     for name, count in (("e0", 3), ("e1", 9)):
         known = selection.candidates[name]
         selection.candidates[name] = replace(known, log_choice=-math.log(count))
-    priors = [selection.log_prior(of(selection, n)) for n in ("e0", "e1")]
+    priors = [Search._log_prior(selection, of(selection, n)) for n in ("e0", "e1")]
     assert priors[0] - priors[1] == pytest.approx(math.log(3.0))
 
 

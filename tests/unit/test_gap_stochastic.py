@@ -76,13 +76,3 @@ def test_a_receivers_figure_is_of_its_whole_error(claims: float, larger: tuple[s
     for level in larger:
         # of an error of minutes a short drive shows but some values
         assert told[level] == pytest.approx(1.0 / claims, rel=0.4)
-
-
-@pytest.mark.parametrize(("drifts", "most"), [(0.0, 0.3), (0.05, 2.0)])
-def test_velocities_that_err_for_a_minute_are_found_as_such(drifts: float, most: float) -> None:
-    drive = simulated({"gnss_velocity_drift": {"sigma": drifts}}, noise=0.3)
-    model = base_model()
-    fit = fit_drive(open_drive(drive, model.options), model)
-    level = fit_noise([fit])["velocity_drift"]
-    assert (level > 0.5) == (drifts > 0.0)
-    assert level <= most

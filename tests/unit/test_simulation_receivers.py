@@ -10,14 +10,7 @@ import numpy as np
 import pytest
 from pyubx2 import UBXReader
 
-from automap.effects.gnss import (
-    frozen,
-    short_error,
-    slow_error,
-    stands,
-    steps,
-    velocity_drift,
-)
+from automap.effects.gnss import frozen, short_error, slow_error, stands, steps
 from automap.errors import ConfigError
 from automap.io.nmea_writer import gga_rmc
 from automap.io.receiver import read_receiver_bytes
@@ -86,19 +79,6 @@ def test_short_errors_are_of_all_three_axes() -> None:
     drawn = draw_errors(DAY[:900], 1.0, Gnss(), values, np.random.default_rng(5))
     plain = draw_errors(DAY[:900], 1.0, Gnss(), {}, np.random.default_rng(5))
     assert (drawn.position - plain.position).std() == pytest.approx(0.4, rel=0.2)
-
-
-def test_velocities_drift_level_and_not_down() -> None:
-    values = {"gnss_velocity_drift": {"sigma": 0.03}}
-    error = velocity_drift(400_000, 1.0, values, np.random.default_rng(1))
-    assert error[:, :2].std(axis=0) == pytest.approx([0.03] * 2, rel=0.08)
-    assert not error[:, 2].any()
-    assert correlation(error[:, 0], 60) == pytest.approx(np.exp(-1.0), abs=0.05)
-    drawn = draw_errors(DAY[:900], 1.0, Gnss(), values, np.random.default_rng(5))
-    plain = draw_errors(DAY[:900], 1.0, Gnss(), {}, np.random.default_rng(5))
-    assert (drawn.velocity - plain.velocity)[:, :2].std() == pytest.approx(0.03, rel=0.4)
-    # one error more leaves the others as they were
-    assert np.array_equal(drawn.position, plain.position)
 
 
 def test_steps_hold_between_jumps_and_do_not_grow() -> None:

@@ -76,18 +76,12 @@ RECEIVER = (
         ),
     ),
     Effect(
-        "gnss_velocity_drift",
+        "gnss_speed_offset",
         "gnss",
-        (Parameter("sigma", "m/s", 0.03, 0.0), Parameter("tau", "s", 60.0, 0.0)),
-        "velocity error along and across the way that lasts for a minute",
-        (
-            Term("along", VELOCITY, Kind.AXIS, 0, TRAVEL[0]),
-            Term("along", VELOCITY, Kind.AXIS, 1, TRAVEL[1]),
-            Term("across", VELOCITY, Kind.AXIS, 0, TRAVEL[1], -1.0),
-            Term("across", VELOCITY, Kind.AXIS, 1, TRAVEL[0]),
-        ),
-        markov=GaussMarkov("velocity_drift_tau_s", "velocity_drift_sd", ("velocity_drift",) * 2),
-        setting="fuse.velocity_drift_sd",
+        # two phones tell 0.023 m/s too little on average, 0.02 to 0.06 for minutes
+        named("along", "m/s", 0.05),
+        "speeds told too high by as much at any speed",
+        tuple(Term("along", VELOCITY, Kind.AXIS, axis, part) for axis, part in enumerate(TRAVEL)),
         nuisance=True,
     ),
     Effect(

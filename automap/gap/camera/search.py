@@ -17,11 +17,10 @@ from automap.gap import limits
 from automap.gap.camera.fit import CameraFit, box_noise, estimate_noise, fit_camera
 from automap.gap.camera.linear import covariance, log_evidence, selection_of
 from automap.gap.camera.views import Boxes, keys
-from automap.gap.chance import at_most
+from automap.gap.chance import null_maxima, p_value
 from automap.gap.limits import LONGEST_SHUTTER_S, MIN_SIGNS, SHUTTER_SLACK_S
-from automap.gap.linear import Chosen
 from automap.gap.result import Finding, ParameterValue, advice
-from automap.gap.selection import Key, select
+from automap.gap.selection import Chosen, Key, select
 from automap.records import FloatArray
 
 FIRST_PX, FIRST_SHARE = 1.5, 0.03
@@ -221,6 +220,9 @@ class _Search:
         """What was found, the surest first; gaps in nats a box on held-out signs and their fits,
         of nothing, of the first, of the first two, and so on."""
         selection, chosen = self.selection, self.chosen
+        known = selection.given(chosen)
+        parts = [p for c in selection.candidates.values() for p in c.parts if known.shows(p)]
+        maxima = null_maxima(known, parts, limits.NULL_DRAWS)
         odds = {n: selection.odds_of(chosen, n) for n in chosen.names}
         names = sorted(chosen.names, key=lambda n: -odds[n][0])
         fits = [self._held(self.now, names[:k]) for k in range(len(names) + 1)]
@@ -249,7 +251,7 @@ class _Search:
             }
             out.append(
                 Finding(
-                    *(name, told, nats, at_most(total)),
+                    *(name, told, nats, p_value(nats, maxima)),
                     *(gaps[number], gaps[number + 1], close, advice(name, close)),
                 )
             )
