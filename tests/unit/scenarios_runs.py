@@ -383,7 +383,7 @@ def fusion_passes() -> Any:
     ]
     change = np.column_stack([np.sin(problem.t), np.cos(problem.t), 0.1 * problem.t])
     late = with_late_change(problem, change)
-    users = FusionOptions(effects=("accel_warm_up", "imu_filter_delay", "gnss_velocity_drift"))
+    users = FusionOptions(effects=("accel_warm_up", "imu_filter_delay", "gnss_speed_offset"))
     felt = replace(
         session, options=users, late_change=change, bridged_s=np.where(problem.t < 1.0, 0.4, 0.0)
     )

@@ -99,9 +99,7 @@ def _seen(errors: Values, model: StateModel, told: Values | None = None) -> Seen
         for parameter, value in values.items():
             xi[model.index(f"{effect}_{parameter}") - N_NAV] = value
     quantities = true_signals(motion)
-    signals = np.zeros((len(INSTANTS), len(model.signals)))
-    for column, name in enumerate(model.signals):
-        signals[:, column] = user_signal(name, quantities)
+    signals = np.stack([user_signal(name, quantities) for name in model.signals], axis=1)
     z_all, h_all = [], []
     for k, t in enumerate(INSTANTS):
         c = np.ascontiguousarray(motion.C_n_b[k] @ C_v_s)

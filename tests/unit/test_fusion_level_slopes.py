@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from automap.effects.signals import signals_of_readings
 from automap.fusion.adapt import scale_nodes, scale_problem
 from automap.fusion.kernel_runs import PathStates, Start
 from automap.fusion.layout import HAS_POS_H, HAS_POS_V, HAS_VEL_H, HAS_VEL_V, NHC
@@ -22,10 +21,7 @@ from tests.unit.fusion_problem import make_nodes, true_start
 from tests.unit.fusion_receiver import GPS0, Receiver, receive
 
 OPTIONS = FusionOptions(
-    effects=(
-        *("accel_bias", "gyro_bias", "gnss_correlated_noise", "gnss_multipath"),
-        "gnss_velocity_drift",
-    ),
+    effects=("accel_bias", "gyro_bias", "gnss_correlated_noise", "gnss_multipath"),
     accel_bias_walk=5e-3,
     gyro_bias_walk=3e-4,
     gyro_noise=2e-3,
@@ -34,8 +30,6 @@ OPTIONS = FusionOptions(
     multipath_tau_s=2.0,
     velocity_wander_sd=0.1,
     velocity_wander_tau_s=1.5,
-    velocity_drift_sd=0.08,
-    velocity_drift_tau_s=3.0,
     gate_probability=1e-12,
 )
 STEP = 0.01
@@ -58,10 +52,9 @@ def drive() -> tuple[Problem, Nodes, Start, PathStates]:
     nodes = make_nodes(
         t, flags, values, np.tile(np.square(sd), (k, 1)), np.tile([1.0, 1.4, 2.0], (k, 1))
     )
-    imu = record(motion, sensor, 6, rate=50.0)
-    t_imu = (imu.t_ns - imu.t_ns[0]) * 1e-9
-    signals = signals_of_readings(t_imu, imu.gyro, imu.accel, None, t, fixes.vel_ned)
-    problem = make_problem(imu, build_state_model(OPTIONS), OPTIONS, signals=signals)
+    problem = make_problem(
+        record(motion, sensor, 6, rate=50.0), build_state_model(OPTIONS), OPTIONS
+    )
     start = true_start(motion, np.repeat([3.0, 0.5, 0.03], 3))
     _, smooth = filter_and_smooth(problem, nodes, start, Shift())
     return problem, nodes, start, PathStates(smooth.nominal, smooth.params)
