@@ -290,3 +290,13 @@ def test_supports_are_the_connected_parts_of_all_pairs(seed: int) -> None:
     first = [int(np.flatnonzero(row)[0]) for row in closure]
     wanted = [sorted(set(first)).index(f) for f in first]
     assert support_numbers(position, cov, overhead.tolist()) == wanted
+
+
+@pytest.mark.parametrize(("apart", "posts"), [(0.62, [0, 0]), (0.67, [0, 1])])
+def test_two_faces_are_of_one_post_up_to_their_mean_variance_in_plan(
+    apart: float, posts: list[int]
+) -> None:
+    # half a metre and the root of 0.02 m^2, an axis of both together: 0.64 m
+    cov = np.array([np.diag([0.004, 0.02, 9.0]), np.diag([0.01, 0.006, 4.0])])
+    position = np.array([[3.0, -2.0, 1.0], [3.0, -2.0 + apart, 2.5]])
+    assert support_numbers(position, cov, [False, True]) == posts
