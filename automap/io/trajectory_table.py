@@ -16,6 +16,8 @@ from automap.records import FloatArray, Trajectory
 
 HIGHEST_M = 1e6
 """Of a position, by far more than aircraft reach; what is beyond is none on Earth."""
+_FASTEST = 299_792_458.0
+"""m/s, of light."""
 _LATEST_GPS_S = 1e10
 COLUMNS = (
     "t_ns",
@@ -107,5 +109,6 @@ def _is_plausible(trajectory: Trajectory) -> bool:
         (np.abs(trajectory.lat_rad) > 0.5 * np.pi + 1e-9)
         | (np.abs(trajectory.height_m) > HIGHEST_M)
         | (np.abs(trajectory.gps_s) > _LATEST_GPS_S)
+        | (np.abs(trajectory.vel_ned) > _FASTEST).any(axis=1)
     )
     return bool(np.isfinite(trajectory.lat_rad).any() and not beyond.any())

@@ -64,7 +64,16 @@ def execute(stage: Stage, context: StageContext) -> list[str]:
                 (context.out / name).unlink(missing_ok=True)
         return written
     finally:
+        _remove(work)
+
+
+def _remove(work: Path) -> None:
+    """Delete a work folder, also where an interrupt comes meanwhile."""
+    try:
         shutil.rmtree(work, ignore_errors=True)
+    except KeyboardInterrupt:
+        shutil.rmtree(work, ignore_errors=True)
+        raise
 
 
 def _declared(name: str, stage: Stage) -> bool:

@@ -301,6 +301,22 @@ def test_an_interrupt_as_a_stage_begins_leaves_no_folder(
     assert not list(out.glob("*.tmp"))
 
 
+def test_an_interrupt_as_a_stage_ends_leaves_no_folder(
+    drive: Path, out: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    remove, interrupts = shutil.rmtree, [KeyboardInterrupt()]
+
+    def interrupted(path: Path, ignore_errors: bool = False) -> None:
+        if interrupts and path.exists():
+            raise interrupts.pop()
+        remove(path, ignore_errors=ignore_errors)
+
+    monkeypatch.setattr(execute.shutil, "rmtree", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        run_drive(drive, out, request())
+    assert not list(out.glob("*.tmp"))
+
+
 def test_a_killed_run_resumes(drive: Path, out: Path) -> None:
     code = (
         "import sys, time; from pathlib import Path\n"
