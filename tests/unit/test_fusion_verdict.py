@@ -22,7 +22,7 @@ from automap.fusion.doubts.reason import Reason, verdict_of
 from automap.fusion.doubts.receiver import dated_velocities, receiver_doubts
 from automap.fusion.doubts.turns import turn_doubts
 from automap.fusion.output import Innovations
-from automap.fusion.unusable_readings import bridge_unusable
+from automap.fusion.unusable_readings import Bridged, bridge_unusable
 from automap.fusion.widening import widen
 from automap.records import Fixes, FloatArray, ImuData, Trajectory
 from automap.sync.path_match import Estimate, Match
@@ -222,6 +222,16 @@ def readings(seconds: float = 300.0, rate: float = 100.0, seed: int = 5) -> ImuD
 
 def doubts(imu: ImuData, speed: float = 10.0) -> list[Reason]:
     return reading_doubts(imu, bridge_unusable(imu), np.full(len(imu), speed))
+
+
+@pytest.mark.parametrize(("row", "told"), [(29, 0), (30, 1), (32, 1), (33, 0)])
+def test_frozen_readings_are_told_where_the_vehicle_moved(row: int, told: int) -> None:
+    rng = np.random.default_rng(1)
+    imu = ImuData(20_000_000 * np.arange(80), rng.normal(size=(80, 3)), rng.normal(size=(80, 3)))
+    # from reading 30 to 32, counted from the first; it moves at one reading only
+    bridged = Bridged(imu, np.zeros(80), np.zeros(0), [(0.599, 0.641)])
+    found = reading_doubts(imu, bridged, np.where(np.arange(80) == row, 10.0, 0.0))
+    assert len([r for r in found if r.code == "imu_frozen"]) == told
 
 
 def codes(imu: ImuData, speed: float = 10.0) -> list[str]:
