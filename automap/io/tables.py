@@ -154,6 +154,9 @@ def _check_kinds(
 ) -> None:
     import pyarrow as pa
 
+    for name in schema.names:
+        if len(schema.get_all_field_indices(name)) > 1:
+            raise InputError(f"{path}: holds two columns {name}; run again with --force.")
     for column in schema:
         integer = pa.types.is_integer(column.type)
         real = integer or pa.types.is_floating(column.type) or pa.types.is_boolean(column.type)
