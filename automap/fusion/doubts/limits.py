@@ -3,6 +3,8 @@ the fusion."""
 
 from __future__ import annotations
 
+from automap.earth import STANDARD_GRAVITY
+
 TOLD_SHARE, ADDED_SHARE = 0.25, 0.2
 """A part of a drive tells a constant whose variance it brings down to this share, and the rest adds
 to it what takes a sixth away from what is left. Chosen: a sigma of half, and more than rounding."""
@@ -53,7 +55,7 @@ err for one to three seconds in a row and are right again. So many are looked at
 SAME_FIX_S = 1e-3
 """Fixes no further apart are one that stands twice: no receiver tells more than a hundred a
 second."""
-MOST_ACCELERATION = 9.81
+MOST_ACCELERATION = STANDARD_GRAVITY
 """What tyres hold, m/s^2: a friction of one."""
 LED_S = 60.0
 """So long a jump of velocity is followed, the second of ``STRETCHES_S``: a bias of 0.05 m/s^2 makes
