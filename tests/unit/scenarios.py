@@ -767,6 +767,7 @@ from tests.unit import (  # noqa: E402, F401
     scenarios_cache,
     scenarios_calibration,
     scenarios_decisions,
+    scenarios_doubts,
     scenarios_effects,
     scenarios_fusion,
     scenarios_gap,
