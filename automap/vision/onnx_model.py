@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from importlib.resources import as_file, files
+from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
@@ -43,16 +43,12 @@ class OnnxModel:
 
     def _load(self) -> Any:
         if self._session is None:
-            if self.path is not None:
-                self._session = self._open(self.path)
-            else:
-                with as_file(files("automap.vision").joinpath(f"models/{self.name}")) as path:
-                    self._session = self._open(path)
+            self._session = self._open()
             text = self._session.get_modelmeta().custom_metadata_map.get("automap", "{}")
             self._notes = json.loads(text)
         return self._session
 
-    def _open(self, path: Path) -> Any:
+    def _open(self) -> Any:
         import onnxruntime
 
         options = onnxruntime.SessionOptions()
@@ -61,15 +57,22 @@ class OnnxModel:
         options.log_severity_level = 3
         # waiting threads sleep: the other processor decodes meanwhile
         options.add_session_config_entry("session.intra_op.allow_spinning", "0")
-        if not path.is_file():
-            raise InputError(f"{path} is missing; install the package again")
+        packaged = files("automap.vision").joinpath(f"models/{self.name}")
+        source = packaged if self.path is None else self.path
+        if not source.is_file():
+            raise InputError(f"{source} is missing; install the package again")
         try:
+            # a user's own may keep its weights in files beside it; onnxruntime calls a file that
+            # it could not read to its end a broken network, reading it here says which
+            network = packaged.read_bytes() if self.path is None else str(self.path)
             return onnxruntime.InferenceSession(
-                str(path), options, providers=["CPUExecutionProvider"]
+                network, options, providers=["CPUExecutionProvider"]
             )
+        except OSError as error:
+            raise InputError(f"{source} cannot be read: {error.strerror}") from None
         except Exception as error:
             # onnxruntime raises its own types, all of them directly below Exception
             raise InputError(
-                f"{path} is no network that can be used ({type(error).__name__}); install the "
+                f"{source} is no network that can be used ({type(error).__name__}); install the "
                 "package again"
             ) from None
