@@ -361,6 +361,7 @@ def geolocation_hand() -> Any:
             "clicks": [chosen(k, np.s_[::3], 99) for k in (8, 9)],
             "some": chosen(10, np.s_[1::4], 2),
             "near": chosen(11, np.s_[3:4], 99),
+            "mixed": chosen(7, np.s_[:1], 1),
             "passes": _passes(gaps),
             "before": before,
             "observed": seen,

@@ -303,6 +303,12 @@ def test_what_a_hand_does_is_seen_in_the_innovations_of_its_motion() -> None:
     rms = np.sqrt([np.mean(innovations[4:45, 1:4] ** 2), np.mean(innovations[4:45, 7:10] ** 2)])
     assert (few.velocity, few.place) == pytest.approx(tuple(rms))
     assert few.variance == pytest.approx(rms**2 * [5.0, 10.0])
+    # of enough places and few velocities there is no spectrum either
+    resting = hand_motion(innovations[400:600], np.arange(200) < 60, 0.05)
+    rms = np.sqrt(
+        [np.mean(innovations[420:460, 1:4] ** 2), np.mean(innovations[420:600, 7:10] ** 2)]
+    )
+    assert resting.variance == pytest.approx(rms**2 * [5.0, 10.0])
     still = hand_motion(np.zeros((10, 10)), np.zeros(10, bool), 0.05)
     assert still.variance == pytest.approx([5.0 * 0.05**2, 10.0 * 0.05**2])
 

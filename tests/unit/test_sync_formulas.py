@@ -9,8 +9,10 @@ import pytest
 
 from automap.sync import limits
 from automap.sync.envelope import bin_quantiles, lower_envelope, quantile_line
-from automap.sync.held_values import repeated
+from automap.sync import correlation
+from automap.sync.held_values import frozen_positions, repeated
 from automap.sync.path_match import Estimate
+from automap.sync.receiver_path import ReceiverPath
 from automap.sync.velocity_consistency import MISTAKES, _unit
 
 
@@ -25,6 +27,53 @@ def test_runs_of_repeats_are_those_that_a_walk_along_the_rows_finds() -> None:
                 # row k of ``same`` compares rows k and k + 1
                 wanted.append((rows[0], rows[-1] + 1))
         assert repeated(same) == wanted
+
+
+@pytest.mark.parametrize(("worse", "jump", "held"), [(1.0, 40.0, 1), (9.0, 40.0, 0), (1.0, 6.0, 0)])
+def test_rows_that_stand_are_held_where_what_follows_jumps_by_more_than_this_receiver_errs(
+    worse: float, jump: float, held: int
+) -> None:
+    """A car rolls to a halt, its rows repeat, and it goes on from where it was, or elsewhere."""
+    t = np.arange(0.0, 60.0, 0.5)
+    speed = np.where((t > 20.0) & (t < 40.0), 0.0, np.minimum(1.5, np.abs(t - 30.0) * 0.1 - 1.0))
+    right = np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * 0.5)]) + 0j
+    place = right + np.where(t >= 40.0, jump, 0.0)
+    none = np.zeros(len(t))
+    path = ReceiverPath(np.arange(len(t)), t, 0.0, place, speed + 0j, none, none, none)
+    positions, both = frozen_positions(path, right, path.velocity, worse)
+    assert (positions, len(both)) == ([], held)
+    if held:
+        assert both[0].metres == pytest.approx(jump)
+
+
+@pytest.mark.parametrize(("curvature", "found"), [(0.3, True), (0.0, False)])
+def test_a_lag_is_where_scores_have_a_top_however_flat(
+    curvature: float, found: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class Channel:
+        """Scores of a known parabola, in place of motions."""
+
+        target = np.zeros(7)
+
+        def scores(self, lags: np.ndarray) -> np.ndarray:
+            edge = 1e-9 * np.abs(lags - 0.1)
+            return curvature * (lags - 0.1) ** 2 + (edge if curvature else 0.0 * lags)
+
+        def reweight(self, lag: float) -> None:
+            assert abs(lag) <= 1.0
+
+        def sandwich(self, lag: float, step: float) -> tuple[float, float]:
+            return 4.0, 9.0
+
+    monkeypatch.setattr(correlation, "_channels", lambda *_: [Channel()])
+    motion = correlation.ImuMotion(np.arange(3.0), np.zeros((3, 6)))
+    fixes = correlation.GnssMotion(*[np.zeros(3)] * 5)
+    lag = correlation.refine_lag(motion, fixes, 0.0, 1.0)
+    assert (lag is not None) == found
+    if lag is not None:
+        assert lag.lag_s == pytest.approx(0.1, abs=1e-6)
+        assert lag.sd_s == pytest.approx(np.hypot(3.0 / 4.0, limits.MODEL_SD_S))
+        assert lag.intervals == 7
 
 
 @pytest.mark.parametrize("n", [7, 40, 900])
