@@ -392,6 +392,7 @@ def fusion_velocity_steps() -> Any:
         "one": [(60, 3.0, -2.0)],
         "back": [(40, 3.0, -2.0), (70, -3.0, 2.0)],
         "two": [(30, 1.5, 2.0), (80, 0.3, 3.0), (140, -2.0, -2.0)],
+        "first": [(6, 3.0, -2.0)],
     }.items():
         velocity = (turn[:, :2] @ felt[..., None])[..., 0] + rng.normal(0.0, 0.1, (m, 2))
         place = (turn[:, :2] @ felt_position[..., None])[..., 0] + rng.normal(0.0, 0.3, (m, 2))

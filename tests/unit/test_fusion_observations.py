@@ -11,13 +11,17 @@ import pytest
 
 from automap.frames import rpy_to_matrix
 from automap.fusion import kernels
+from automap.fusion.kernel_runs import run_forward
 from automap.fusion.kernels.readings import correct, correction_of
 from automap.fusion.layout import HAS_POS_H, HAS_POS_V, HAS_VEL_H, HAS_VEL_V, N_NAV
 from automap.fusion.mechanisation import quat_to_dcm
 from automap.fusion.model import StateModel, build_state_model
+from automap.fusion.nodes import Shift
 from automap.fusion.options import FusionOptions
+from automap.fusion.problem import make_problem
+from tests.unit.fusion_drive import PERFECT, record
 from tests.unit.fusion_motion import make_motion
-from tests.unit.fusion_problem import nominal_of
+from tests.unit.fusion_problem import make_nodes, nominal_of, true_start
 from tests.unit.fusion_receiver import Receiver, receive
 from tests.unit.measured_node import (
     CONSTRAINT,
@@ -312,3 +316,20 @@ def test_a_car_that_does_not_slide_meets_the_constraint(model: StateModel) -> No
     zero = np.zeros(len(model.names))
     _, z = measured(CONSTRAINT, model, PLACE, vel, c_n_s, zero, rate=rate)
     assert np.abs(z).max() > 0.05
+
+
+def test_the_arm_swings_at_the_first_node_too() -> None:
+    """A drive that begins in a turn: the first velocity is the antenna's, exactly."""
+    motion = make_motion([(0.0, 8.0)], [(0.0, 3.0, 60.0)], 4.0)
+    arm = np.array([2.0, -1.0, -1.5])
+    fixes = receive(motion, Receiver(2.0, (0.0,) * 3, white=(0.0,) * 3, velocity=0.0, lever=arm), 0)
+    options = FusionOptions(effects=("gnss_lever_arm",))
+    means = {f"gnss_lever_arm_{a}": v for a, v in zip("xyz", arm, strict=True)}
+    problem = make_problem(record(motion, PERFECT, 0), build_state_model(options, means), options)
+    values = np.zeros((2, 7))
+    values[:, 3:6] = fixes.vel_ned[:2]
+    nodes = make_nodes(np.array([0.0, 0.5]), np.full(2, HAS_VEL_H | HAS_VEL_V), values)
+    store = run_forward(problem, nodes, true_start(motion), Shift()).store
+    turned = np.abs(fixes.vel_ned[0] - motion.at(np.zeros(1)).vel[0]).max()
+    assert turned > 0.3
+    assert store.nu[:6] == pytest.approx(0.0, abs=2e-3)

@@ -27,6 +27,8 @@ from automap.fusion.widening import widen
 from automap.records import Fixes, FloatArray, ImuData, Trajectory
 from automap.sync.path_match import Estimate, Match
 from automap.sync.velocity_consistency import Interval, VelocityConsistency
+from tests.unit.fusion_motion import city_drive
+from tests.unit.fusion_receiver import Receiver, receive
 
 TAU_S = 60.0
 
@@ -367,6 +369,28 @@ def consistency(**changes: Any) -> VelocityConsistency:
     plain = {"compared_s": 300.0, "match": Match(), "scale_wrong": False, "unit": None}
     plain |= {"unrelated": False, "vertical": None, "worse": 1.0}
     return VelocityConsistency(**(plain | none | changes))
+
+
+@pytest.mark.parametrize("vertical", [True, False])
+def test_velocities_are_dated_by_the_lags_of_speed_and_course(vertical: bool) -> None:
+    """Speeds are told 2 s late and courses 1 s: each is taken from so much later, also where a
+    receiver tells no vertical velocity; the last ones are not known."""
+    fixes = receive(city_drive(60.0, 3), Receiver(rate=4.0), 1)
+    north, east = 5.0 + 0.1 * np.arange(len(fixes)), 0.02 * np.arange(len(fixes))
+    down = np.full(len(fixes), 0.3 if vertical else np.nan)
+    fixes = replace(fixes, vel_ned=np.column_stack([north, east, down]))
+    match = Match(speed_lag_s=Estimate(2.0, 0.1), course_lag_s=Estimate(1.0, 0.1))
+    found = consistency(match=match)
+    late = found.positions_late_s
+    lags = [4 * (lag + late) for lag in (2.0, 1.0)]
+    dated = dated_velocities(fixes, found).vel_ned
+    rows = np.arange(20, 200)
+    speed = np.interp(rows + lags[0], np.arange(len(fixes)), np.hypot(north, east))
+    course = np.interp(rows + lags[1], np.arange(len(fixes)), np.arctan2(east, north))
+    assert dated[rows, 0] == pytest.approx(speed * np.cos(course))
+    assert dated[rows, 1] == pytest.approx(speed * np.sin(course))
+    assert np.isnan(dated[-3:, :2]).all()
+    np.testing.assert_array_equal(dated[:, 2], down)
 
 
 def test_a_receiver_that_contradicts_itself_is_told() -> None:

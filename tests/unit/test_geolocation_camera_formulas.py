@@ -19,6 +19,7 @@ from automap.geolocation.camera_doubt import as_unknown, beyond_stated, doubtful
 from automap.geolocation.landmark import SizePrior, fit_landmark
 from automap.geolocation.landmark_kernels import N_COMMON
 from automap.geolocation.pass_errors import equations
+from automap.geolocation.rules import GeolocationRules
 from automap.geolocation.views import CameraCorrection, MeasurementNoise, build_views
 from automap.records import FloatArray
 
@@ -323,6 +324,34 @@ def test_boxes_fit_where_most_are_used_and_they_scatter_as_boxes_do() -> None:
         used[10 : 10 + round(100 * share)] = 1.0
         assert camera_explanation._fits(located(used, scales), rows) is wanted
     assert camera_explanation._scatter(located(np.ones(2), (3.0, 4.0, 9.0))) == pytest.approx(5.0)
+
+
+@pytest.mark.parametrize(("share", "scatter", "taken"), [
+    (0.5, 0.9 * limits.CLOSER_BOXES, True), (0.5, 1.1 * limits.CLOSER_BOXES, False),
+    (0.5, 5.0, False), (0.5 + 1.1 * limits.MORE_BOXES, 5.0, True), (0.4, 0.1, False),
+])  # fmt: skip
+def test_an_explanation_places_more_boxes_or_places_them_closer(
+    share: float, scatter: float, taken: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Half of 200 boxes are placed as the camera is stated, with a scatter of one."""
+    record: Any = type("Record", (SimpleNamespace,), {"__len__": lambda self: 200})(camera="a")
+    view = camera()
+    trial = camera_explanation.Trial([record], {"a": view}, GeolocationRules())
+
+    def at(share: float, scatter: float) -> Any:
+        return located(np.arange(200) < round(200 * share), (scatter, 0.0, 1.0))
+
+    one = camera_explanation.Hypothesis("mirrored", record, replace(view, width=view.width + 9))
+    monkeypatch.setattr(camera_explanation, "better_explanations", lambda *_: [one])
+    stated = at(0.5, 1.0)
+
+    def locate(tried: camera_explanation.Trial, told: Any) -> Any:
+        return at(share, scatter) if tried.cameras["a"].width != view.width else stated
+
+    tried, found, what = camera_explanation._best_explanation("a", Any, trial, stated, locate)  # type: ignore[arg-type]
+    assert what == ("mirrored" if taken else "")
+    assert (tried.cameras["a"].width != view.width) == taken
+    assert found.noise.scales[0] == (scatter if taken else 1.0)
 
 
 @pytest.mark.parametrize("excess", [0.5, 3.0])

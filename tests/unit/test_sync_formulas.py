@@ -7,9 +7,8 @@ import itertools
 import numpy as np
 import pytest
 
-from automap.sync import limits
+from automap.sync import correlation, limits
 from automap.sync.envelope import bin_quantiles, lower_envelope, quantile_line
-from automap.sync import correlation
 from automap.sync.held_values import frozen_positions, repeated
 from automap.sync.path_match import Estimate
 from automap.sync.receiver_path import ReceiverPath
