@@ -22,7 +22,7 @@ from automap.fusion.doubts.reason import Reason
 from automap.fusion.limits import DOUBT_PROBABILITY
 from automap.fusion.output import ParameterHistory
 from automap.gates import OUTSIDE_95, exceeds_ratio
-from automap.records import FloatArray
+from automap.records import FloatArray, IntArray
 
 _AGES = (DELAY_STATE, LATENCY_STATE, VEL_LATENCY_STATE)
 _OF_PLACES = (DELAY_STATE, LATENCY_STATE)
@@ -68,7 +68,7 @@ def move_of(filtered: ParameterHistory, name: str) -> Move | None:
     piece = np.where(tells, np.diff(value / var) / np.where(tells, weight, 1.0), 0.0)
     weight = np.where(tells, weight, 0.0)
     found = []
-    for i in np.flatnonzero(told):
+    for i in _apart(np.flatnonzero(told), weight):
         before, after = _part(piece[:i], weight[:i]), _part(piece[i:], weight[i:])
         size, spread = after.value - before.value, before.var + after.var
         # Welch's degrees of freedom
@@ -78,8 +78,16 @@ def move_of(filtered: ParameterHistory, name: str) -> Move | None:
     if not found:
         return None
     move = min(found, key=lambda move: move.chance)
-    # one of as many instants as there are pieces that tell something
-    return replace(move, chance=min(move.chance * _pieces(weight), 1.0))
+    # one of as many as were tried
+    return replace(move, chance=min(move.chance * len(found), 1.0))
+
+
+def _apart(rows: IntArray, weight: FloatArray) -> IntArray:
+    """Those of the ends ``rows`` of pieces before which the odds of what was told, ``weight`` [m],
+    against what is still to come grew enough: between them a change is told nearly as well."""
+    before = np.cumsum(weight)[rows - 1]
+    step = np.floor(np.log(before / (weight.sum() - before)) / limits.ODDS_STEP)
+    return rows[np.diff(step, prepend=-np.inf) > 0.0]
 
 
 def _part(piece: FloatArray, weight: FloatArray) -> _Part:
@@ -113,7 +121,7 @@ def constancy_doubts(filtered: ParameterHistory, dated: bool = False) -> Iterato
     """
     ages = _moves(filtered, _AGES)
     age = min(ages.values(), key=lambda move: move.chance, default=None)
-    rare = {n: move for n, move in ages.items() if move.chance < OUTSIDE_95 / len(_AGES)}
+    rare = {n: move for n, move in ages.items() if move.chance < OUTSIDE_95 / len(ages)}
     if age is not None and rare:
         size = max(abs(move.size) for move in rare.values())
         steady = age.chance > DOUBT_PROBABILITY

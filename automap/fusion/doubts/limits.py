@@ -11,6 +11,9 @@ to it what takes a sixth away from what is left. Chosen: a sigma of half, and mo
 PIECE_S = 5.0
 """Estimates are compared in pieces of so long: velocities of recorded phones err alike for two to
 four seconds."""
+ODDS_STEP = 0.5
+"""Steps of the logarithm: two instants' differences correlate by exp(-0.25) at least, 0.78, as a
+Brownian bridge's do, and a change between them is told by 0.88 of its size."""
 LEAST_OWN, LEAST_FREEDOM = 0.05, 1e-3
 """Against a quotient of nothings where one piece tells all."""
 MINUTES_OFF_M = 0.4 * 111_200.0
