@@ -87,7 +87,7 @@ def _apart(rows: IntArray, weight: FloatArray) -> IntArray:
     against what is still to come grew enough: between them a change is told nearly as well."""
     before = np.cumsum(weight)[rows - 1]
     step = np.floor(np.log(before / (weight.sum() - before)) / limits.ODDS_STEP)
-    return rows[np.diff(step, prepend=-np.inf) > 0.0]
+    return np.asarray(rows[np.diff(step, prepend=-np.inf) > 0.0])
 
 
 def _part(piece: FloatArray, weight: FloatArray) -> _Part:
