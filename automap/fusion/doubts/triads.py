@@ -8,15 +8,13 @@ from typing import NamedTuple
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 
-from automap.effects import CATALOGUE
 from automap.fusion.doubts import limits
 from automap.fusion.doubts.reason import Reason
+from automap.fusion.gnss_only import TO_AXLE_SD
 from automap.fusion.limits import DOUBT_PROBABILITY, DRIVING_SPEED, LEAST_JUDGED, MAX_DELAY_S
 from automap.gates import OUTSIDE_95, sd_by_median, sigmas
 from automap.records import BoolArray, FloatArray, ImuData
 from automap.robust import cauchy_weight
-
-TO_AXLE_SD = CATALOGUE["nhc_lever_arm"].parameters[0].prior_sd
 
 
 class _Bends(NamedTuple):
