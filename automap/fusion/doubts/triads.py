@@ -57,8 +57,8 @@ def _apart(late: float, sd: float, doubtful: bool, error_m: float = 0.0) -> Reas
     return Reason(
         "triads_apart",
         f"the IMU's {other} feels bends {abs(late):.2f} s after its {first} (sigma {sd:.2f} s), so "
-        f"headings and tilts in bends are wrong: stamp both when they are read, or take the delay "
-        f"or filter out of the columns of the {other}",
+        f"headings and tilts in bends {'are' if doubtful else 'may be'} wrong: stamp both when "
+        f"they are read, or take the delay or filter out of the columns of the {other}",
         error_m=error_m,
         moved_s=abs(late),
         state="doubtful" if doubtful else "good",
