@@ -44,7 +44,7 @@ def exceeds(square: float, dof: int) -> float:
     return float(chdtrc(dof, square))
 
 
-def exceeds_ratio(ratio: float, dof: int, other: int) -> float:
+def exceeds_ratio(ratio: float, dof: int, other: float) -> float:
     """Probability with which chance exceeds a quotient of two mean squares, of ``dof`` and
     ``other`` normal errors of one size (Fisher's distribution)."""
     from scipy.special import fdtrc

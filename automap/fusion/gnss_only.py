@@ -27,7 +27,7 @@ from automap.fusion.nodes import model_fixes
 from automap.fusion.options import FusionOptions
 from automap.records import BoolArray, ClockModel, Fixes, FloatArray, Trajectory
 
-_TO_AXLE_SD = CATALOGUE["nhc_lever_arm"].parameters[0].prior_sd
+TO_AXLE_SD = CATALOGUE["nhc_lever_arm"].parameters[0].prior_sd
 
 
 def smooth_fixes(
@@ -106,7 +106,7 @@ def course_errors(
     across = np.where(speed < LEAST_COURSE_SPEED, np.hypot(sd[:, 0], sd[:, 1]), across)
     lateral = north * change[:, 1] - east * change[:, 0]
     slides = np.hypot(options.nhc_sd, options.nhc_slip * lateral)
-    swings = _TO_AXLE_SD * lateral / least
+    swings = TO_AXLE_SD * lateral / least
     off = np.sqrt(across**2 + slides**2 + swings**2) / least
     return np.asarray(np.minimum(off, UNKNOWN_HEADING_SD))
 

@@ -191,13 +191,17 @@ def test_positions_between_jumps_are_as_unsure_as_they_jumped(
 # what is one number all through a drive
 
 
-def known_by_and_by(change: float, seed: int, scatter: float = 1.0) -> ParameterHistory:
+def known_by_and_by(
+    change: float, seed: int, scatter: float = 1.0, lasts: int = 1
+) -> ParameterHistory:
     """A filter's estimates of a delay from a measurement a second, which becomes another half-way,
-    beside a prior of 0.05 s; and of a mounting that stays."""
+    beside a prior of 0.05 s; and of a mounting that stays. In the first quarter measurements err
+    ``scatter`` times as much as the filter believes, and ``lasts`` s in a row alike."""
     rng = np.random.default_rng(seed)
     n, sd = 200, 0.1
     true = np.where(np.arange(n) < n // 2, 0.0, change)
-    told = true + sd * scatter * rng.standard_normal(n)
+    error = np.repeat(rng.standard_normal(n), lasts)[:n]
+    told = true + sd * np.where(np.arange(n) < n // 4, scatter, 1.0) * error
     weight = 1.0 / 0.05**2 + np.arange(1, n + 1) / sd**2
     value = np.cumsum(told / sd**2) / weight
     steady = np.cumsum(rng.standard_normal(n) / sd) / weight
@@ -207,15 +211,17 @@ def known_by_and_by(change: float, seed: int, scatter: float = 1.0) -> Parameter
     return ParameterHistory(t_ns, names, np.column_stack([value, steady]), spread)
 
 
-def test_a_delay_that_stays_is_not_said_to_change() -> None:
-    found = [move_of(known_by_and_by(0.0, seed), "imu_time_offset_s") for seed in range(200)]
-    assert all(move is not None and move.sigmas < 4.9 for move in found)
-    # at any one instant the difference is as large as its sigma says
-    ratio = [
-        (h.values[-1, 0] - h.values[60, 0]) / np.sqrt(h.sd[60, 0] ** 2 - h.sd[-1, 0] ** 2)
-        for h in (known_by_and_by(0.0, seed) for seed in range(400))
+@pytest.mark.parametrize(("scatter", "lasts"), [(1.0, 1), (4.0, 1), (3.0, 3)])
+def test_a_delay_that_stays_is_not_said_to_change(scatter: float, lasts: int) -> None:
+    """As in a town before a motorway, which the filter takes for one."""
+    found = [
+        move_of(known_by_and_by(0.0, seed, scatter, lasts), "imu_time_offset_s")
+        for seed in range(200)
     ]
-    assert np.std(ratio) == pytest.approx(1.0, abs=0.12)
+    chances = np.array([move.chance for move in found if move is not None])
+    assert len(chances) == 200
+    assert np.mean(chances < 0.05) < 0.08
+    assert chances.min() > 1e-4
 
 
 def test_a_delay_that_becomes_another_is_told_with_its_size() -> None:
@@ -223,8 +229,8 @@ def test_a_delay_that_becomes_another_is_told_with_its_size() -> None:
     assert (reason.code, reason.state) == ("age_changes", "doubtful")
     assert "cut the drive there" in reason.text
     assert reason.late_s == pytest.approx(0.25, abs=0.06)
-    # what receivers' delays vary by leaves a path good, and as unsure as that
-    (reason,) = constancy_doubts(known_by_and_by(0.1, 3))
+    # what chance may still make leaves a path good, and as unsure as that
+    (reason,) = constancy_doubts(known_by_and_by(0.07, 3))
     assert reason.state == "good"
     assert "the sigmas hold it" in reason.text
     assert "cut" not in reason.text
@@ -233,7 +239,7 @@ def test_a_delay_that_becomes_another_is_told_with_its_size() -> None:
     assert wide.sd_vel_ned.max() < 0.8
     assert np.hypot(*wide.sd_pos_ned[:, :2].T).max() > 0.9
     # positions by carrier phase are of their instant: it is the IMU's stamps that vary
-    (dated,) = constancy_doubts(known_by_and_by(0.1, 3), dated=True)
+    (dated,) = constancy_doubts(known_by_and_by(0.07, 3), dated=True)
     held = widen(path, [dated], NONE, replace(path, vel_ned=path.vel_ned + 1.0))
     np.testing.assert_array_equal(held.sd_pos_ned, path.sd_pos_ned)
     np.testing.assert_array_equal(held.sd_vel_ned, wide.sd_vel_ned)

@@ -7,16 +7,17 @@ from tempfile import TemporaryFile
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from automap.fusion import limits
 from automap.fusion.aside import put_aside
 from automap.fusion.doubts.estimates import contradicted_arm, impossible_ages, unexpected_delay
 from automap.fusion.doubts.heights import height_doubts
-from automap.fusion.doubts.limits import TRIADS_APART_S
+from automap.fusion.doubts.limits import BEND_STEP_S, TRIADS_APART_S
 from automap.fusion.doubts.outcome import leaning, mounted_askew
 from automap.fusion.doubts.reason import Reason
 from automap.fusion.doubts.receiver import receiver_doubts, usable_fixes
-from automap.fusion.doubts.triads import lateness, triad_doubts
+from automap.fusion.doubts.triads import following, lateness, triad_doubts
 from automap.fusion.engine import fuse_imu_gnss
 from automap.fusion.options import FusionOptions
 from automap.fusion.result import FusionResult, Prior
@@ -159,6 +160,40 @@ def test_how_late_the_accelerometer_feels_bends_is_found(late_s: float) -> None:
         assert f"{abs(found[0]):.2f} s after its" in told[0].text
         assert ("gyro feels" in told[0].text) == (late_s < 0.0)
         assert told[0].error_m == pytest.approx(10.0 * abs(late_s), abs=2.0)
+
+
+@pytest.mark.parametrize("arm_m", [-1.5, 0.0, 1.5])
+@pytest.mark.parametrize("tau_s", [0.0, 0.5])
+def test_a_gyro_behind_a_low_pass_is_told(tau_s: float, arm_m: float) -> None:
+    """At one speed it would be one of an IMU some metres ahead of the axle."""
+    imu = readings(0.0, arm_m, seed=7)
+    kept = float(np.exp(-0.01 / tau_s)) if tau_s else 0.0
+    imu = replace(imu, gyro=lfilter([1.0 - kept], [1.0, -kept], imu.gyro, axis=0))
+    found = following(imu, np.eye(3), speed(imu))
+    assert found is not None
+    assert abs(found[0] + tau_s) < BEND_STEP_S + 2.0 * found[1]
+    told = list(triad_doubts(imu, np.eye(3), speed(imu)))
+    assert [reason.code for reason in told] == ["triads_apart"] * bool(tau_s)
+    if told:
+        assert "the IMU's gyro feels bends 0." in told[0].text
+        assert (told[0].state, told[0].error_m) == ("doubtful", 0.0)
+        # headings are as unsure as they change meanwhile
+        assert told[0].moved_s == pytest.approx(0.5, abs=0.1)
+
+
+def test_what_chance_may_make_of_triads_leaves_readings_good() -> None:
+    imu = readings(0.0, seconds=60.0, seed=8)
+    rng = np.random.default_rng(9)
+    kept = float(np.exp(-0.01 / 0.3))
+    rough = np.repeat(rng.standard_normal(imu.accel.shape), 100, axis=0)[: len(imu)]
+    imu = replace(
+        imu,
+        gyro=lfilter([1.0 - kept], [1.0, -kept], imu.gyro, axis=0),
+        accel=imu.accel + 0.25 * rough,
+    )
+    (reason,) = triad_doubts(imu, np.eye(3), speed(imu))
+    assert (reason.state, reason.inertial, reason.error_m) == ("good", False, 0.0)
+    assert reason.moved_s > 0.1
 
 
 def test_without_bends_or_motion_nothing_is_said_of_triads() -> None:

@@ -8,9 +8,14 @@ from automap.earth import STANDARD_GRAVITY
 TOLD_SHARE, ADDED_SHARE = 0.25, 0.2
 """A part of a drive tells a constant whose variance it brings down to this share, and the rest adds
 to it what takes a sixth away from what is left. Chosen: a sigma of half, and more than rounding."""
-AGE_SCATTER = 2.0
-"""How much more lags of a sound receiver vary over a drive than by their sigmas: 1.5 to 3 times for
-recorded cars, with geodetic receivers and phones."""
+PIECE_S = 5.0
+"""Estimates are compared in pieces of so long: velocities of recorded phones err alike for two to
+four seconds."""
+ODDS_STEP = 0.5
+"""Steps of the logarithm: two instants' differences correlate by exp(-0.25) at least, 0.78, as a
+Brownian bridge's do, and a change between them is told by 0.88 of its size."""
+LEAST_OWN, LEAST_FREEDOM = 0.05, 1e-3
+"""Against a quotient of nothings where one piece tells all."""
 MINUTES_OFF_M = 0.4 * 111_200.0
 """Minutes of arc that were read as hundredths of a degree, or the other way round, are off by up to
 0.4 deg, of which one is 111.2 km."""

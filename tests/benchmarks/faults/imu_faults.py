@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.signal import lfilter
 
 from tests.benchmarks.faults.fault import (
     ACCEL,
@@ -100,6 +101,22 @@ def _clipped(triad: str, most: float, unit: str) -> Put:
     return put
 
 
+def _low_passed(tau_s: float) -> Put:
+    """All axes of the gyro behind a filter of first order."""
+
+    def put(recording: Recording, _: np.random.Generator) -> Stretch:
+        spacing = float(np.median(np.diff(recording.imu.t_ns))) / NS
+        kept = float(np.exp(-spacing / tau_s))
+        for name in ("gx", "gy", "gz"):
+            values = recording.imu.values(name)
+            start = [kept * values[0]]
+            slow = lfilter([1.0 - kept], [1.0, -kept], values, zi=start)[0]
+            recording.imu.put(name, _all(recording), slow)
+        return whole(recording)
+
+    return put
+
+
 def _times(column: str, factor: float) -> Put:
     def put(recording: Recording, _: np.random.Generator) -> Stretch:
         recording.imu.put(column, _all(recording), factor * recording.imu.values(column))
@@ -161,6 +178,12 @@ FAULTS = [
         "the gyro clips at 20 deg/s",
         _clipped("g", CLIP, "20 deg/s"),
         (*GYRO, "clip", "satur"),
+    ),
+    Fault(
+        "gyro-low-pass",
+        "the gyro is behind a low-pass of 0.5 s",
+        _low_passed(0.5),
+        (*GYRO, *TIME),
     ),
     Fault(
         "accel-clipped",
