@@ -10,7 +10,7 @@ import numpy as np
 from automap.gap import limits
 from automap.gap.evidence import single_nats
 from automap.gap.linear import Conditional, Linear, Part, conditional
-from automap.gap.whitening import LOOSE, Rows, product
+from automap.gap.whitening import LOOSE, Rows, moments
 from automap.records import FloatArray, IntArray
 
 SINGULAR = 1e-6
@@ -164,8 +164,7 @@ def _received(linear: Linear) -> Linear:
     for r in linear.rows:
         kept = ~np.isin(r.channel, LOOSE)
         rows.append(Rows(r.w * kept, r.phi * kept[:, None], r.t, r.channel))
-    score = sum((product(r.phi, r.w[:, None])[:, 0] for r in rows), np.zeros(1))
-    info = sum((product(r.phi, r.phi) for r in rows), np.zeros((1, 1)))
+    score, info = (sum(each) for each in zip(*map(moments, rows), strict=True))
     if linear.mixing is not None:
         score, info = linear.mixing.T @ score, linear.mixing.T @ info @ linear.mixing
     return replace(linear, rows=tuple(rows), score=score, info=info)

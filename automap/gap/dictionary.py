@@ -31,12 +31,11 @@ from automap.gap.candidates import (
     Candidate,
     effect_columns,
     formula_column,
-    motion_signals,
     size_of,
 )
 from automap.gap.fit import Fit
 from automap.gap.limits import SAME_SIGNAL
-from automap.gap.linear import Column, Direct, Linear, NodeMotion
+from automap.gap.linear import Column, Direct, Linear, NodeMotion, motion_signals
 from automap.gap.motion import Motion
 from automap.gap.result import coefficient_names, equation
 from automap.records import FloatArray
@@ -120,11 +119,11 @@ def formula_columns(
         for channel in INERTIAL:
             if (
                 channel in known
-                and np.sum(np.mean(known[channel] * unit, axis=1) ** 2) > SAME_SIGNAL**2
+                and np.sum((known[channel] @ unit / len(unit)) ** 2) > SAME_SIGNAL**2
             ):
                 continue
             out.append(formula_column((channel, text), signal))
-    out += _fix_columns(signals.at(at.t + fit.opened.drive.begin_s))
+    out += _fix_columns(at.signals)
     for effect in exclude:
         if effect in CATALOGUE and CATALOGUE[effect].family in ("imu", "gnss", "vehicle", "clock"):
             sds = {p.name: p.prior_sd for p in CATALOGUE[effect].parameters}

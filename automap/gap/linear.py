@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from automap.effects.signals import Signals, signals_of
 from automap.effects.user import INERTIAL
 from automap.frames import quat_to_matrix
 from automap.fusion.steady_rate import steady_rate
@@ -20,7 +21,7 @@ from automap.gap import limits
 from automap.gap.fit import Fit, whitened_innovations
 from automap.gap.kernels import propagate_columns
 from automap.gap.motion import Motion, at_times, motion_of
-from automap.gap.whitening import LOOSE, Rows, product, times, whitened_rows
+from automap.gap.whitening import LOOSE, Rows, moments, times, whitened_rows
 from automap.records import BoolArray, FloatArray, IntArray
 
 BATCH = 96
@@ -74,13 +75,14 @@ class Column:
 @dataclass(frozen=True)
 class NodeMotion:
     """The motion at the nodes: velocity, acceleration NED, ``dcm`` body to NED, rate in body axes
-    without the noise of single readings."""
+    without the noise of single readings, and the quantities of formulas."""
 
     t: FloatArray
     vel: FloatArray
     acc: FloatArray
     dcm: FloatArray
     rate: FloatArray
+    signals: Signals
 
 
 def node_motion(fit: Fit, motion: Motion) -> NodeMotion:
@@ -89,7 +91,19 @@ def node_motion(fit: Fit, motion: Motion) -> NodeMotion:
     t = fit.last.nodes.t
     rate = at_times(motion, steady_rate(motion.t, motion.rate), t)
     acc = at_times(motion, motion.acc, t)
-    return NodeMotion(t, nominal[:, 3:6].copy(), acc, quat_to_matrix(nominal[:, 6:10]), rate)
+    signals = motion_signals(fit, motion).at(t + fit.opened.drive.begin_s)
+    dcm = quat_to_matrix(nominal[:, 6:10])
+    return NodeMotion(t, nominal[:, 3:6].copy(), acc, dcm, rate, signals)
+
+
+def motion_signals(fit: Fit, motion: Motion) -> Signals:
+    """Quantities [n] at the epochs of the motion."""
+    drive = fit.opened.drive
+    heading = np.unwrap(np.arctan2(motion.dcm[:, 1, 0], motion.dcm[:, 0, 0]))
+    along = np.einsum("ni,ni->n", motion.dcm[:, :, 0], motion.acc)
+    time = motion.t + drive.begin_s
+    temp = drive.imu.temp_c
+    return signals_of(time, motion.vel, heading, along, motion.rate, motion.force, temp)
 
 
 @dataclass(frozen=True)
@@ -147,8 +161,7 @@ def linearised(
     sds = np.array([c.prior_sd for c in layout])
     raw = [_laid_out(r, at, known) for r, at in zip(raw, used, strict=True)]
     rows = whitened_rows(raw, known, sds, may_act)
-    score = sum((product(r.phi, r.w[:, None])[:, 0] for r in rows), np.zeros(len(layout)))
-    info = sum((product(r.phi, r.phi) for r in rows), np.zeros((len(layout),) * 2))
+    score, info = (sum(each) for each in zip(*map(moments, rows), strict=True))
     return Linear(tuple(layout), rows, None, score, info, sds, known)
 
 

@@ -13,12 +13,12 @@ import numpy as np
 
 from automap.effects import CATALOGUE
 from automap.gap import limits
-from automap.gap.candidates import candidates_of, library, motion_signals, named_columns
+from automap.gap.candidates import candidates_of, library, named_columns
 from automap.gap.confirm import Confirmed
 from automap.gap.dictionary import effect_for, formula_columns, formula_texts, warm
 from automap.gap.evidence import plain_nats
 from automap.gap.fit import Fit, fit_drive
-from automap.gap.linear import Column, Given, NodeMotion, conditional, linearised
+from automap.gap.linear import Column, Given, NodeMotion, conditional, linearised, motion_signals
 from automap.gap.motion import Motion, motion_of
 from automap.gap.noise import Fitted, Joint, Log, fitted_about
 from automap.gap.result import equation

@@ -16,10 +16,10 @@ from automap.effects.formula_text import parse_formula
 from automap.effects.signals import FIELDS, Signals
 from automap.effects.user import INERTIAL
 from automap.gap import limits
-from automap.gap.candidates import formula_column, is_course, motion_signals, size_of
+from automap.gap.candidates import formula_column, is_course, size_of
 from automap.gap.fit import Fit
 from automap.gap.limits import LEAST_BOXES, PLATEAUS
-from automap.gap.linear import Column, Inertial, Linear
+from automap.gap.linear import Column, Inertial, Linear, motion_signals
 from automap.gap.motion import Motion
 from automap.gap.result import coefficient_names, equation
 from automap.records import FloatArray, IntArray

@@ -225,16 +225,27 @@ def _root_weights(left: FloatArray, channel: IntArray) -> FloatArray:
     return out
 
 
-def product(a: FloatArray, b: FloatArray) -> FloatArray:
-    """a' b in double precision, a stretch at a time: the rows themselves are in single."""
-    out: FloatArray = np.zeros((a.shape[1], b.shape[1]))
-    for start in range(0, len(a), STRETCH):
+def moments(rows: Rows) -> tuple[FloatArray, FloatArray]:
+    """Score phi' w [c] and information phi' phi [c, c] of white rows in double precision, a stretch
+    at a time: the rows themselves are in single."""
+    c = rows.phi.shape[1]
+    score: FloatArray = np.zeros(c)
+    info: FloatArray = np.zeros((c, c))
+    for start in range(0, len(rows.w), STRETCH):
         part = slice(start, start + STRETCH)
-        out += a[part].astype(np.float64).T @ b[part].astype(np.float64)
-    return out
+        f = rows.phi[part].astype(np.float64)
+        score += f.T @ rows.w[part]
+        info += f.T @ f
+    return score, info
 
 
 def times(phi: FloatArray, values: FloatArray) -> FloatArray:
-    """phi times values [s] in double precision, of the columns that count."""
+    """phi times values [s] in double precision, a stretch at a time, of the columns that count."""
     used = np.flatnonzero(values)
-    return np.asarray(phi[:, used].astype(np.float64) @ values[used], np.float64)
+    out = np.zeros(len(phi))
+    for start in range(0, len(phi) if len(used) else 0, STRETCH):
+        part = phi[start : start + STRETCH]
+        if len(used) < len(values):
+            part = part[:, used]
+        out[start : start + STRETCH] = part.astype(np.float64) @ values[used]
+    return out

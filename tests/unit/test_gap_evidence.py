@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from automap.fusion.layout import CH_NHC, CH_POS, MAX_SCALARS
-from automap.gap import limits
+from automap.gap import chance, limits
 from automap.gap.candidates import Direct
 from automap.gap.chance import null_maxima, p_value, strongest_by_chance
 from automap.gap.evidence import evidence, inflation, plain_nats, singles
@@ -223,13 +223,19 @@ def test_p_values_fall_on_beyond_the_largest_draw() -> None:
     assert all(a >= b for a, b in pairwise(told))
 
 
-def test_courses_of_more_columns_than_rows_have_null_draws() -> None:
+def test_courses_of_more_columns_than_rows_have_null_draws(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     rng = np.random.default_rng(7)
     phi = rng.standard_normal((20, 5)) @ rng.standard_normal((5, 30))
     linear = linear_of(phi, np.zeros(20), columns_named(*(f"e{i}.p" for i in range(30))))
-    found = null_maxima(conditional(linear, Given()), [(i,) for i in range(30)], 200)
+    known, parts = conditional(linear, Given()), [*((i,) for i in range(28)), (28, 29)]
+    found = null_maxima(known, parts, 200)
     assert np.isfinite(found).all()
     assert (np.diff(found) >= 0.0).all()
+    # however many are drawn at a time
+    monkeypatch.setattr(chance, "DRAWS", 77)
+    np.testing.assert_allclose(null_maxima(known, parts, 200), found, rtol=1e-9)
 
 
 def test_what_is_left_of_nearly_the_same_shows_nothing() -> None:
@@ -269,7 +275,7 @@ def test_what_acts_on_the_constraint_itself_may_show_there_alone() -> None:
     linear = with_constraint(0.0, 4.0)
     by_channel = np.zeros((10, MAX_SCALARS))
     by_channel[:, CH_NHC] = 1.0
-    acting = replace(linear.layout[0], direct=Direct(by_channel))
+    acting = replace(linear.layout[0], direct=Direct(by_channel)).in_layout()
     found = evidence(conditional(replace(linear, layout=(acting,)), Given()), (0,))
     assert found.nats > 15.0
 

@@ -30,7 +30,7 @@ from automap.gap.noise import Fitted
 from automap.gap.result import equation
 from automap.gap.screening import Screening, in_layout
 from automap.gap.selection import Chosen, Selection, select
-from tests.unit.gap_linear import columns_named, linear_of
+from tests.unit.gap_linear import columns_named, linear_of, screened
 from tests.unit.test_gap import simulated
 
 STEP_AT_S = 47.0
@@ -113,6 +113,13 @@ def test_what_effects_of_the_catalogue_make_up_is_no_formula(plain: Fit) -> None
     assert left_out_effect("readings (imu_filter_delay)") == "imu_filter_delay"
     assert left_out_effect(left_out("gnss_latency")) == "gnss_latency"
     assert left_out_effect("accel_x") is None
+
+
+def test_a_linear_model_keeps_nothing_as_long_as_the_drive_but_rows(plain: Fit) -> None:
+    linear = screened(plain, ("gyro_scale", "nhc_lever_arm", "gnss_lever_arm")).linear
+    assert not any(c.inertial or c.direct for c in linear.layout)
+    own = {c.effect: linear.of_vehicle([i]) for i, c in enumerate(linear.layout)}
+    assert own == {"gyro_scale": False, "nhc_lever_arm": True, "gnss_lever_arm": False}
 
 
 def formula(*terms: tuple[str, str]) -> tuple[Candidate, Selection]:
