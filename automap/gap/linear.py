@@ -127,10 +127,10 @@ class Linear:
     def columns(self, rows: Rows, at: Sequence[int]) -> FloatArray:
         """Rows [s, k] of the candidates' columns ``at`` along one drive."""
         if self.mixing is None:
-            return np.asarray(rows.phi[:, list(at)], np.float64)
+            return rows.phi.T[list(at)].T.astype(np.float64)
         mixing = self.mixing[:, list(at)]
         used = np.flatnonzero(mixing.any(axis=1))
-        return np.asarray(rows.phi[:, used].astype(np.float64) @ mixing[used], np.float64)
+        return np.asarray(rows.phi.T[used].T.astype(np.float64) @ mixing[used], np.float64)
 
 
 ColumnsOf = Callable[[Fit, Motion, NodeMotion], Sequence[Column]]
@@ -279,6 +279,12 @@ class Conditional:
             return np.asarray(full)
         cross = self.linear.info[np.ix_(list(self.given.columns), rows)]
         return np.asarray(full - cross.T @ self.weights[:, rows])
+
+    def infos(self, parts: IntArray) -> FloatArray:
+        """The same [k, p, p] of many parts [k, p]."""
+        full = self.linear.info[parts[:, :, None], parts[:, None, :]]
+        cross = self.linear.info[list(self.given.columns)][:, parts]
+        return np.asarray(full - np.einsum("qkp,qkr->kpr", cross, self.weights[:, parts]))
 
 
 def conditional(linear: Linear, given: Given) -> Conditional:

@@ -16,7 +16,7 @@ from automap.gap import limits
 from automap.gap.candidates import candidates_of, library, named_columns
 from automap.gap.confirm import Confirmed
 from automap.gap.dictionary import effect_for, formula_columns, formula_texts, warm
-from automap.gap.evidence import plain_nats
+from automap.gap.evidence import nats_of_parts
 from automap.gap.fit import Fit, fit_drive
 from automap.gap.linear import Column, Given, NodeMotion, conditional, linearised, motion_signals
 from automap.gap.motion import Motion, motion_of
@@ -207,7 +207,8 @@ class Screening:
             else:
                 parts.setdefault(column.effect, []).append(i)
         known = conditional(linear, given)
-        best = max(parts.values(), key=lambda part: plain_nats(known, tuple(part))[0])
+        every = [tuple(part) for part in parts.values()]
+        best = every[int(np.argmax(nats_of_parts(known, every)))]
         return tuple(linear.layout[i].term for i in best)
 
     def _columns(self, fit: Fit, motion: Motion, at: NodeMotion) -> list[Column]:

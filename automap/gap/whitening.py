@@ -49,7 +49,8 @@ STRETCH = 2048
 @dataclass(frozen=True)
 class Rows:
     """Rows of one drive: ``w`` [s] with all effects left out, ``phi`` [s, c], times ``t`` [s] in s,
-    ``channel`` [s]; once white, phi' w is a score and phi' phi its information."""
+    ``channel`` [s]; once white, phi' w is a score and phi' phi its information, and each column of
+    phi lies in one piece: they are asked for one by one."""
 
     w: FloatArray
     phi: FloatArray
@@ -115,7 +116,7 @@ def white_rows(
     """Apply a whitener to innovations [s] and sensitivities [s, c]; ``left`` [s] what is left of
     the innovations decides how much each row counts."""
     rows = np.flatnonzero(np.isin(channel, list(whitener.spread)))
-    w, f = np.zeros(len(channel)), np.zeros(phi.shape, phi.dtype)
+    w, f = np.zeros(len(channel)), np.zeros((len(rows), phi.shape[1]), phi.dtype, "F")
     rest = np.zeros(len(channel))
     for c, spread in whitener.spread.items():
         at = np.flatnonzero(channel == c)
@@ -133,8 +134,8 @@ def white_rows(
         even = float(weight.mean()) / max(size, CLIPPED_SIZE)
         factor = np.sqrt(weight * even) / sizes
         w[at] = factor * filtered(whitened[at, None], whitener.ar[c])[:, 0]
-        f[at] = factor[:, None] * filtered(phi[at], whitener.ar[c])
-    return Rows(w[rows], f[rows], t[rows], channel[rows])
+        f[np.searchsorted(rows, at)] = factor[:, None] * filtered(phi[at], whitener.ar[c])
+    return Rows(w[rows], f, t[rows], channel[rows])
 
 
 def stretch_scatter(u: FloatArray, t: FloatArray) -> FloatArray:

@@ -12,7 +12,7 @@ from automap.fusion.layout import CH_NHC, CH_POS, MAX_SCALARS
 from automap.gap import chance, limits
 from automap.gap.candidates import Direct
 from automap.gap.chance import null_maxima, p_value, strongest_by_chance
-from automap.gap.evidence import evidence, inflation, plain_nats, singles
+from automap.gap.evidence import evidence, inflation, nats_of_parts, plain_nats, singles
 from automap.gap.linear import Given, Linear, conditional
 from automap.gap.screening import estimate_nats
 from automap.records import FloatArray
@@ -195,6 +195,19 @@ def test_chances_by_the_drives_own_scatter_hold_where_noise_is_not_as_modelled()
         assert float(np.mean(np.array(told) <= share)) < share + room
     # the model's own noise lets nothing pass for chance here
     assert float(np.mean(np.array(modelled) < 0.05)) > 0.9
+
+
+def test_many_parts_at_once_have_the_nats_of_each() -> None:
+    rng = np.random.default_rng(11)
+    phi = rng.standard_normal((60, 7))
+    linear = linear_of(
+        phi, phi @ rng.standard_normal(7), columns_named(*(f"e{i}.p" for i in range(7)))
+    )
+    parts = [(1,), (2, 3), (4,), (5, 6), (1, 2), (1, 3, 5)]
+    for given in (Given(), Given().joined((0,), linear, 1.0)):
+        known = conditional(linear, given)
+        each = [plain_nats(known, part)[0] for part in parts]
+        np.testing.assert_allclose(nats_of_parts(known, parts), each, rtol=1e-10)
 
 
 def test_what_every_stretch_says_alike_is_no_chance() -> None:
