@@ -26,6 +26,7 @@ from automap.fusion.delay_states import (
 )
 from automap.fusion.dense_pieces import linearisation_states
 from automap.fusion.kernel_runs import ForwardRun, SmoothRun, Start
+from automap.fusion.kernels import Samples
 from automap.fusion.layout import HAS_VEL_H
 from automap.fusion.levels import LEVELS
 from automap.fusion.measurements.wheel_speed import Odometer
@@ -47,7 +48,8 @@ class Session:
     ``means`` and ``sds`` are priors by parameter name, ``standstill`` intervals and ``span`` in
     s from the first sample, which was taken ``begin_s`` into the drive; ``bridged_s`` [n] how long
     the stretch of readings is that was replaced at a sample, s; ``late_change`` [n, 3] m/s^2 what
-    velocities change by when they are late, less the acceleration at their tag.
+    velocities change by when they are late, less the acceleration at their tag; ``readings`` as
+    the filter takes them, where many models are asked of them.
     """
 
     imu: ImuData
@@ -61,6 +63,7 @@ class Session:
     begin_s: float = 0.0
     bridged_s: FloatArray | None = None
     late_change: FloatArray | None = None
+    readings: Samples | None = None
 
 
 @dataclass(frozen=True)
@@ -122,7 +125,9 @@ def problem_of(session: Session) -> Problem:
     named = [*(t.extra or "" for t in model.terms), *model.signals]
     of_drive = {name for name in named if asks_for_the_drive(name)}
     signals = session_signals(session) if of_drive - set(TRAVEL) else None
-    problem = make_problem(session.imu, model, session.options, along, signals, session.bridged_s)
+    problem = make_problem(
+        *(session.imu, model, session.options, along, signals, session.bridged_s, session.readings)
+    )
     problem = replace(problem, turning=rate_of_turn(problem.t, session.imu.gyro))
     if of_drive and signals is None:
         # the direction of travel alone is quickly told

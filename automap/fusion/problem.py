@@ -78,17 +78,31 @@ def make_problem(
     speed: FloatArray | None = None,
     signals: Signals | None = None,
     bridged_s: FloatArray | None = None,
+    readings: Samples | None = None,
 ) -> Problem:
     """Problem of a recording; ``speed`` [n] m/s feeds effects that grow with it, ``signals`` [n]
     those that follow from the drive; ``bridged_s`` [n] s is the length of the replaced stretch at
-    a sample."""
+    a sample; ``readings`` of ``samples_of``, where these are known already."""
+    terms = list(model.terms)
+    extra = extra_basis(terms, imu.gyro, imu.accel, imu.temp_c, speed, signals=signals)
+    readings = readings or samples_of(imu, options, bridged_s)
+    samples = readings._replace(extra=np.ascontiguousarray(extra))
+    step = float(np.median(np.diff(samples.t)))
+    users = {}
+    if signals is not None:
+        users = {n: user_signal(n, signals) for n in model.signals if is_users(n)}
+    return Problem(samples, model, options, _model_arrays(model, options, step), users)
+
+
+def samples_of(
+    imu: ImuData, options: FusionOptions, bridged_s: FloatArray | None = None
+) -> Samples:
+    """A recording as the filter reads it, whatever the model: without extra signals."""
     from scipy.ndimage import uniform_filter1d
 
     t = np.asarray((imu.t_ns - imu.t_ns[0]) * 1e-9)
     step = float(np.median(np.diff(t)))
     raw = _for_linear_steps(imu, t, step)
-    terms = list(model.terms)
-    extra = extra_basis(terms, imu.gyro, imu.accel, imu.temp_c, speed, signals=signals)
     width = max(2 * round(0.5 * FORCE_WINDOW_S / step) + 1, 1)
     force = uniform_filter1d(imu.accel, width, axis=0, mode="nearest")
     shocks = np.zeros((len(t), 2))
@@ -98,13 +112,7 @@ def make_problem(
         shocks = shocks + bridge_noise(bridged_s, options.gap_force_sd, options.gap_rate_sd)
     calm = steady_rate(t, imu.gyro)
     calm -= raw[:, :3]
-    samples = Samples(
-        t, raw, np.ascontiguousarray(extra), np.ascontiguousarray(force), calm, shocks
-    )
-    users = {}
-    if signals is not None:
-        users = {n: user_signal(n, signals) for n in model.signals if is_users(n)}
-    return Problem(samples, model, options, _model_arrays(model, options, step), users)
+    return Samples(t, raw, np.zeros((len(t), 0)), np.ascontiguousarray(force), calm, shocks)
 
 
 def with_options(problem: Problem, options: FusionOptions | None = None) -> Problem:

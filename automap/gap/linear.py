@@ -161,6 +161,7 @@ def linearised(
     sds = np.array([c.prior_sd for c in layout])
     raw = [_laid_out(r, at, known) for r, at in zip(raw, used, strict=True)]
     rows = whitened_rows(raw, known, sds, may_act)
+    del raw
     score, info = (sum(each) for each in zip(*map(moments, rows), strict=True))
     return Linear(tuple(layout), rows, None, score, info, sds, known)
 
