@@ -131,7 +131,7 @@ def chance(found: Found) -> FloatArray:
 def strongest_refused(found: Found) -> tuple[Refused, ...]:
     """The strongest candidate that is not named, and how likely chance makes one as strong."""
     selection = found.nothing_else
-    chosen = in_layout(found.chosen, found.selection, selection)
+    chosen = in_layout(found.chosen, found.selection.linear.layout, selection)
     known, has = selection.given(chosen), {part for _, part, _ in chosen.parts}
     barred = twins_of(chosen.names)
     # the likeliest of many is not drawn anew: its chance would be told too small

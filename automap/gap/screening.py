@@ -225,8 +225,9 @@ def _joined(
     return {e: {**known.get(e, {}), **more.get(e, {})} for e in {**known, **more}}
 
 
-def in_layout(chosen: Chosen, old: Selection, new: Selection) -> Chosen:
-    """A choice with the columns of another layout; what that does not have is left out."""
+def in_layout(chosen: Chosen, old: Sequence[Column], new: Selection) -> Chosen:
+    """A choice of columns of an ``old`` layout with those of another; what that does not have is
+    left out."""
     place = {(c.effect, c.parameter): i for i, c in enumerate(new.linear.layout)}
     parts = []
     for name, part, scale in chosen.parts:
@@ -236,7 +237,7 @@ def in_layout(chosen: Chosen, old: Selection, new: Selection) -> Chosen:
         if candidate.terms:
             parts.append((name, candidate.parts[0], scale))
             continue
-        columns = [old.linear.layout[i] for i in part]
+        columns = [old[i] for i in part]
         rows = tuple(
             place[(c.effect, c.parameter)] for c in columns if (c.effect, c.parameter) in place
         )

@@ -189,7 +189,7 @@ def test_a_choice_is_carried_to_another_layout_by_its_names() -> None:
     before = selection("gyro_scale.x", "gyro_scale.y", "gnss_latency.s", "vehicle_pitch.k")
     after = selection("gnss_latency.s", "gyro_scale.y", "gyro_scale.z")
     parts = (("gyro_scale", (1,), 5.0), ("gnss_latency", (2,), 1.0), ("vehicle_pitch", (3,), 1.0))
-    found = in_layout(Chosen(parts), before, after)
+    found = in_layout(Chosen(parts), before.linear.layout, after)
     assert found.parts == (("gyro_scale", (1,), 5.0), ("gnss_latency", (0,), 1.0))
     # a parameter that the other does not have
-    assert in_layout(Chosen((("gyro_scale", (0,), 1.0),)), before, after).parts == ()
+    assert in_layout(Chosen((("gyro_scale", (0,), 1.0),)), before.linear.layout, after).parts == ()
