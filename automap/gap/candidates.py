@@ -18,7 +18,6 @@ from automap.earth import RATE
 from automap.effects import CATALOGUE
 from automap.effects.catalogue import alike_to_first_order, pairs_of_sign
 from automap.effects.imu import ACCEL, BASIS_EXTRA, BASIS_FORCE, BASIS_ONE, imu_terms
-from automap.effects.inertial_signals import asks_for_the_drive
 from automap.effects.measured import MEASURED, measured_terms
 from automap.effects.measured_kernels import rows_along
 from automap.effects.terms import POSITION, VEHICLE, VELOCITY, Kind
@@ -28,7 +27,7 @@ from automap.fusion.problem import node_signals
 from automap.gap import limits
 from automap.gap.fit import SKEW, Fit, prior_sd
 from automap.gap.limits import REFERENCE_TAU_S
-from automap.gap.linear import Column, Direct, Inertial, NodeMotion, motion_signals
+from automap.gap.linear import Column, Direct, Inertial, NodeMotion
 from automap.gap.motion import Motion, at_times, lagged
 from automap.gap.result import equation
 from automap.records import FloatArray
@@ -135,7 +134,7 @@ def effect_columns(
     """The columns of a catalogue effect, none where the drive lacks what it needs."""
     known = CATALOGUE[effect]
     if known.family == "imu":
-        return _imu_columns(effect, fit, motion, prior_sds)
+        return _imu_columns(effect, fit, motion, at, prior_sds)
     if known.family == "earth":
         return [_earth_column(effect, fit, motion)]
     if not known.acts_on(*MEASURED):
@@ -153,18 +152,16 @@ def effect_columns(
 
 
 def _imu_columns(
-    effect: str, fit: Fit, motion: Motion, prior_sds: Mapping[str, float]
+    effect: str, fit: Fit, motion: Motion, at: NodeMotion, prior_sds: Mapping[str, float]
 ) -> list[Column]:
     from automap.effects import extra_basis
 
     imu = fit.opened.drive.imu
     terms = imu_terms([effect])
     speed = np.linalg.norm(motion.vel, axis=1)
-    of_drive = any(asks_for_the_drive(t.extra or "") for t in terms)
-    signals = motion_signals(fit, motion) if of_drive else None
     extra = extra_basis(
         *(terms, motion.rate, motion.force, imu.temp_c, speed),
-        signals=signals,
+        signals=at.along,
         as_read=(imu.gyro, imu.accel),
     )
     out = []

@@ -35,7 +35,7 @@ from automap.gap.candidates import (
 )
 from automap.gap.fit import Fit
 from automap.gap.limits import SAME_SIGNAL
-from automap.gap.linear import Column, Direct, Linear, NodeMotion, motion_signals
+from automap.gap.linear import Column, Direct, Linear, NodeMotion
 from automap.gap.motion import Motion
 from automap.gap.result import coefficient_names, equation
 from automap.records import FloatArray
@@ -107,8 +107,8 @@ def formula_columns(
 ) -> list[Column]:
     """All formulas of ``texts`` as columns of one drive, and the effects to ``exclude`` told as
     such."""
-    signals = motion_signals(fit, motion)
-    known = _catalogue_signals(fit, motion, signals, exclude)
+    signals = at.along
+    known = _catalogue_signals(fit, motion, signals, exclude) if texts else {}
     out: list[Column] = []
     for text in texts:
         signal = parse_formula(text)(signals)

@@ -75,7 +75,8 @@ class Column:
 @dataclass(frozen=True)
 class NodeMotion:
     """The motion at the nodes: velocity, acceleration NED, ``dcm`` body to NED, rate in body axes
-    without the noise of single readings, and the quantities of formulas."""
+    without the noise of single readings; ``signals`` the quantities of formulas there, ``along``
+    these at the epochs of the IMU."""
 
     t: FloatArray
     vel: FloatArray
@@ -83,6 +84,7 @@ class NodeMotion:
     dcm: FloatArray
     rate: FloatArray
     signals: Signals
+    along: Signals
 
 
 def node_motion(fit: Fit, motion: Motion) -> NodeMotion:
@@ -91,9 +93,9 @@ def node_motion(fit: Fit, motion: Motion) -> NodeMotion:
     t = fit.last.nodes.t
     rate = at_times(motion, steady_rate(motion.t, motion.rate), t)
     acc = at_times(motion, motion.acc, t)
-    signals = motion_signals(fit, motion).at(t + fit.opened.drive.begin_s)
-    dcm = quat_to_matrix(nominal[:, 6:10])
-    return NodeMotion(t, nominal[:, 3:6].copy(), acc, dcm, rate, signals)
+    along = motion_signals(fit, motion)
+    signals, dcm = along.at(t + fit.opened.drive.begin_s), quat_to_matrix(nominal[:, 6:10])
+    return NodeMotion(t, nominal[:, 3:6].copy(), acc, dcm, rate, signals, along)
 
 
 def motion_signals(fit: Fit, motion: Motion) -> Signals:

@@ -194,9 +194,8 @@ class Screening:
         """The course of time that explains most beside the effects ``rest``."""
 
         def columns(fit: Fit, motion: Motion, at: NodeMotion) -> list[Column]:
-            out = self._columns(fit, motion, at)
-            kept = [c for c in out if c.effect in rest]
-            return kept + [c for terms in tried for c in term_columns(fit, motion, terms)]
+            kept = self._columns(fit, motion, at, rest)
+            return kept + [c for terms in tried for c in term_columns(at, terms)]
 
         linear = linearised(here.fits, columns, {})
         parts: dict[str, list[int]] = {}
@@ -211,12 +210,19 @@ class Screening:
         best = every[int(np.argmax(nats_of_parts(known, every)))]
         return tuple(linear.layout[i].term for i in best)
 
-    def _columns(self, fit: Fit, motion: Motion, at: NodeMotion) -> list[Column]:
-        out = named_columns(self.names, fit, motion, at)
-        out += formula_columns(fit, motion, at, self.texts, self.exclude)
+    def _columns(
+        self, fit: Fit, motion: Motion, at: NodeMotion, wanted: Collection[str] | None = None
+    ) -> list[Column]:
+        """Columns of one drive, of all candidates or of those ``wanted``."""
+        names, texts = self.names, self.texts
+        if wanted is not None:
+            names = [name for name in names if name in wanted]
+            texts = [text for text in texts if any(text in name for name in wanted)]
+        out = named_columns(names, fit, motion, at)
+        out += formula_columns(fit, motion, at, texts, self.exclude)
         for terms in self.courses.values():
-            out += term_columns(fit, motion, terms)
-        return out
+            out += term_columns(at, terms)
+        return [c for c in out if wanted is None or c.effect in wanted]
 
 
 def _joined(

@@ -19,7 +19,7 @@ from automap.gap import limits
 from automap.gap.candidates import formula_column, is_course, size_of
 from automap.gap.fit import Fit
 from automap.gap.limits import LEAST_BOXES, PLATEAUS
-from automap.gap.linear import Column, Inertial, Linear, motion_signals
+from automap.gap.linear import Column, Inertial, Linear, NodeMotion
 from automap.gap.motion import Motion
 from automap.gap.result import coefficient_names, equation
 from automap.records import FloatArray, IntArray
@@ -188,11 +188,10 @@ def _time_signals(time: FloatArray) -> Signals:
     return Signals(*(time if name == "time" else nothing for name in FIELDS))
 
 
-def term_columns(fit: Fit, motion: Motion, terms: Sequence[tuple[str, str]]) -> list[Column]:
+def term_columns(at: NodeMotion, terms: Sequence[tuple[str, str]]) -> list[Column]:
     """The columns of one formula of inertial channels along one drive."""
-    signals = motion_signals(fit, motion)
     return [
-        formula_column(term, parse_formula(term[1])(signals), equation(terms), name)
+        formula_column(term, parse_formula(term[1])(at.along), equation(terms), name)
         for name, term in zip(coefficient_names(len(terms)), terms, strict=True)
     ]
 
