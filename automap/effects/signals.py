@@ -65,12 +65,12 @@ class Signals:
     @property
     def travel_n(self) -> FloatArray:
         """North part of the direction of travel, nothing at rest."""
-        return _travel(self.speed, self.heading)[0]
+        return np.asarray(_travel(self.speed, self.heading)[0])
 
     @property
     def travel_e(self) -> FloatArray:
         """East part of the direction of travel, nothing at rest."""
-        return _travel(self.speed, self.heading)[1]
+        return np.asarray(_travel(self.speed, self.heading)[1])
 
     def at(self, time: FloatArray) -> Signals:
         """The quantities at other instants, in s since the first sample, linear in between."""
@@ -173,7 +173,7 @@ def _shown(
 
 
 def _travel(speed: FloatArray, heading: FloatArray) -> FloatArray:
-    return np.tanh(speed / MOVING_SPEED) * np.stack([np.cos(heading), np.sin(heading)])
+    return np.asarray(np.tanh(speed / MOVING_SPEED) * np.stack([np.cos(heading), np.sin(heading)]))
 
 
 def _course(vel: FloatArray) -> FloatArray:

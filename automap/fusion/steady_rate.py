@@ -84,4 +84,4 @@ def _spectrum(rate: FloatArray, step_s: float, half: int) -> tuple[FloatArray, F
     # both signs of a frequency, but for none and the highest
     total[1:-1] *= 2.0
     density = total * (step_s / (len(stretches) * float(window @ window)))
-    return np.fft.rfftfreq(2 * half, step_s), density
+    return np.asarray(np.fft.rfftfreq(2 * half, step_s), np.float64), density

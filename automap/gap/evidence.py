@@ -70,7 +70,7 @@ def nats_of_parts(known: Conditional, parts: Sequence[Part]) -> FloatArray:
     lengths = np.array([len(part) for part in parts])
     for length in np.unique(lengths):
         mine = np.flatnonzero(lengths == length)
-        at = np.array([parts[i] for i in mine])
+        at = np.array([part for part in parts if len(part) == length])
         if length == 1:
             out[mine] = singles(known, at[:, 0])
             continue

@@ -10,10 +10,9 @@ import pytest
 
 from automap.fusion.layout import CH_NHC, CH_POS, MAX_SCALARS
 from automap.gap import chance, limits
-from automap.gap.candidates import Direct
 from automap.gap.chance import null_maxima, p_value, strongest_by_chance
 from automap.gap.evidence import evidence, inflation, nats_of_parts, plain_nats, singles
-from automap.gap.linear import Given, Linear, conditional
+from automap.gap.linear import Direct, Given, Linear, conditional
 from automap.gap.screening import estimate_nats
 from automap.records import FloatArray
 from tests.unit.gap_linear import PRIOR_SD, columns_named, linear_of
