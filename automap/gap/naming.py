@@ -54,6 +54,7 @@ def describe(found: Found, values: Values, maxima: FloatArray) -> list[Finding |
             close += [r.name for r, apart in places if not apart]
         close += found.not_told_apart.get(name, ())
         nats = max(sum(m.evidence.nats for m in moves), found.borne_out.get(name, 0.0))
+        nats -= _of_a_constant(selection, chosen, name, moves)
         p = p_value(nats - np.log(selection.candidates[name].choices), maxima)
         if selection.candidates[name].terms:
             nearest = rivals[0][0].name if rivals else None
@@ -95,6 +96,19 @@ def _in_place(
         for r in rivals
         if r.chosen != chosen and r.name not in chosen.names
     ]
+
+
+def _of_a_constant(selection: Selection, chosen: Chosen, name: str, moves: Sequence[Move]) -> float:
+    """Nats that the constant with which a drift comes, since nobody knows where it began, is worth
+    alone in the drift's place: they say nothing of the drift. By the scatter of both together:
+    what drifts scatters more about a constant."""
+    columns = [i for n, part, _ in chosen.parts if n == name for i in part]
+    constant = tuple(i for i in columns if selection.linear.layout[i].parameter == ORIGIN)
+    if not constant:
+        return 0.0
+    known = selection.given(chosen.without(name))
+    alone = selection.evidence(known, name, constant)
+    return max(alone.corrected(max(m.evidence.overdispersion for m in moves)), 0.0)
 
 
 def _honest_sd(found: Found, name: str, parameter: str, sd: float) -> float:
