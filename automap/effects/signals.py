@@ -65,12 +65,12 @@ class Signals:
     @property
     def travel_n(self) -> FloatArray:
         """North part of the direction of travel, nothing at rest."""
-        return np.asarray(np.tanh(self.speed / MOVING_SPEED) * np.cos(self.heading))
+        return np.asarray(_travel(self.speed, self.heading)[0])
 
     @property
     def travel_e(self) -> FloatArray:
         """East part of the direction of travel, nothing at rest."""
-        return np.asarray(np.tanh(self.speed / MOVING_SPEED) * np.sin(self.heading))
+        return np.asarray(_travel(self.speed, self.heading)[1])
 
     def at(self, time: FloatArray) -> Signals:
         """The quantities at other instants, in s since the first sample, linear in between."""
@@ -97,6 +97,12 @@ def signals_of(
     return _signals(time, speed, heading, acceleration, side, rate, force, warm)
 
 
+def travel_of_fixes(time: FloatArray, fix_time: FloatArray, fix_vel: FloatArray) -> FloatArray:
+    """North and east part [2, n] of the direction of travel, nothing at rest, as the velocities of
+    fixes [m, 3] NED show it."""
+    return _travel(*_shown(time, fix_time, fix_vel))
+
+
 def signals_of_readings(
     time: FloatArray,
     gyro: FloatArray,
@@ -114,13 +120,10 @@ def signals_of_readings(
     step = max(float(np.median(np.diff(time))), LEAST_STEP_S)
     forces = gaussian_filter1d(accel, FORCE_S / step, axis=0)
     rates = gaussian_filter1d(gyro, FORCE_S / step, axis=0)
-    if len(fix_time) < 2:
-        fix_time, fix_vel = time[[0, -1]], np.zeros((2, 3))
-    speed = np.interp(time, fix_time, np.linalg.norm(fix_vel, axis=1))
+    speed, heading = _shown(time, fix_time, fix_vel)
     slow = gaussian_filter1d(np.gradient(speed, time), BLEND_S / step)
     along = forces[:, 0] - gaussian_filter1d(forces[:, 0], BLEND_S / step) + slow
     warm = _temperature(temp_c, len(time))
-    heading = np.interp(time, fix_time, _course(fix_vel))
     side = speed * rates[:, 2]
     return _signals(time, speed, heading, along, side, rates, forces, warm)
 
@@ -157,6 +160,20 @@ def _signals(
         temperature=warm,
         temperature_rate=_slope(warm, time),
     )
+
+
+def _shown(
+    time: FloatArray, fix_time: FloatArray, fix_vel: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Speed and direction of travel [n] between the velocities of fixes [m, 3]; zero without."""
+    if len(fix_time) < 2:
+        fix_time, fix_vel = time[[0, -1]], np.zeros((2, 3))
+    speed = np.interp(time, fix_time, np.linalg.norm(fix_vel, axis=1))
+    return speed, np.interp(time, fix_time, _course(fix_vel))
+
+
+def _travel(speed: FloatArray, heading: FloatArray) -> FloatArray:
+    return np.asarray(np.tanh(speed / MOVING_SPEED) * np.stack([np.cos(heading), np.sin(heading)]))
 
 
 def _course(vel: FloatArray) -> FloatArray:

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from automap.effects import CATALOGUE
-from automap.fusion.kernel_runs import PathStates, Start, run_forward
+from automap.fusion.kernel_runs import PathStates, Start, empty_store, filter_into, first_state
+from automap.fusion.kernels import ForwardStore
 from automap.fusion.kernels.level_slopes import level_slopes
 from automap.fusion.layout import CH_NHC, CH_POS, CH_VEL, MAX_SCALARS, N_NAV
 from automap.fusion.levels import ALL_LEVELS
@@ -42,12 +43,19 @@ class LevelLikelihood:
 
 
 def level_likelihood(
-    problem: Problem, nodes: Nodes, start: Start, shift: Shift, linearised_at: PathStates
+    problem: Problem,
+    nodes: Nodes,
+    start: Start,
+    shift: Shift,
+    linearised_at: PathStates,
+    room: ForwardStore | None = None,
 ) -> LevelLikelihood:
-    """Likelihood of the nodes' measurements and its slopes, linearised about ``linearised_at``."""
+    """Likelihood of the nodes' measurements and its slopes, linearised about ``linearised_at``;
+    ``room`` of an earlier call about the same states is written over."""
     slope, info = np.zeros(len(ALL_LEVELS)), np.zeros(len(ALL_LEVELS))
-    run = run_forward(problem, nodes, start, shift, linearised_at=linearised_at)
-    if not np.isfinite(run.score):
+    store = room or empty_store(nodes, problem.model.size)
+    score = filter_into(store, problem, nodes, first_state(problem, start, shift), linearised_at)
+    if not np.isfinite(score):
         return LevelLikelihood(-np.inf, slope, info)
     level_slopes(
         nodes.t,
@@ -59,12 +67,12 @@ def level_likelihood(
         problem.arrays.noise,
         _level_of_channel(),
         _level_of_state(problem),
-        run.store,
+        store,
         _nis_limits(problem),
         slope,
         info,
     )
-    return LevelLikelihood(run.score, slope, info)
+    return LevelLikelihood(score, slope, info)
 
 
 def _level_of_channel() -> IntArray:

@@ -9,7 +9,8 @@ import numpy as np
 
 from automap.effects import Signals
 from automap.effects.inertial_signals import asks_for_the_drive
-from automap.effects.signals import signals_of_readings
+from automap.effects.signals import signals_of_readings, travel_of_fixes
+from automap.effects.terms import TRAVEL
 from automap.errors import StageError
 from automap.fusion import limits
 from automap.fusion.adapt import COARSE, adapt_noise, refine_noise, scale_nodes, scale_problem
@@ -25,6 +26,7 @@ from automap.fusion.delay_states import (
 )
 from automap.fusion.dense_pieces import linearisation_states
 from automap.fusion.kernel_runs import ForwardRun, SmoothRun, Start
+from automap.fusion.kernels import Samples
 from automap.fusion.layout import HAS_VEL_H
 from automap.fusion.levels import LEVELS
 from automap.fusion.measurements.wheel_speed import Odometer
@@ -46,7 +48,8 @@ class Session:
     ``means`` and ``sds`` are priors by parameter name, ``standstill`` intervals and ``span`` in
     s from the first sample, which was taken ``begin_s`` into the drive; ``bridged_s`` [n] how long
     the stretch of readings is that was replaced at a sample, s; ``late_change`` [n, 3] m/s^2 what
-    velocities change by when they are late, less the acceleration at their tag.
+    velocities change by when they are late, less the acceleration at their tag; ``readings`` as
+    the filter takes them, where many models are asked of them.
     """
 
     imu: ImuData
@@ -60,6 +63,7 @@ class Session:
     begin_s: float = 0.0
     bridged_s: FloatArray | None = None
     late_change: FloatArray | None = None
+    readings: Samples | None = None
 
 
 @dataclass(frozen=True)
@@ -96,11 +100,18 @@ def rate_of_turn(t: FloatArray, gyro: FloatArray) -> FloatArray:
 
 def session_signals(session: Session) -> Signals:
     """The quantities of a drive at its IMU samples, as readings and fixes show them."""
+    imu = session.imu
+    t, *shown = _velocities(session)
+    return signals_of_readings(t, imu.gyro, imu.accel, imu.temp_c, *shown)
+
+
+def _velocities(session: Session) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Times [n] of the IMU samples in s since the drive began, times [m] and velocities [m, 3] of
+    fixes."""
     imu, fixes = session.imu, session.fixes
     t = np.asarray((imu.t_ns - imu.t_ns[0]) * 1e-9) + session.begin_s
     has = (fixes.flags & HAS_VEL_H) > 0
-    fix_t, velocity = fixes.t[has] + session.begin_s, fixes.values[has, 3:6]
-    return signals_of_readings(t, imu.gyro, imu.accel, imu.temp_c, fix_t, velocity)
+    return t, fixes.t[has] + session.begin_s, fixes.values[has, 3:6]
 
 
 def problem_of(session: Session) -> Problem:
@@ -112,9 +123,16 @@ def problem_of(session: Session) -> Problem:
         t_imu = np.asarray((session.imu.t_ns - session.imu.t_ns[0]) * 1e-9)
         along = np.interp(t_imu, speed_t, speed)
     named = [*(t.extra or "" for t in model.terms), *model.signals]
-    signals = session_signals(session) if any(asks_for_the_drive(name) for name in named) else None
-    problem = make_problem(session.imu, model, session.options, along, signals, session.bridged_s)
+    of_drive = {name for name in named if asks_for_the_drive(name)}
+    signals = session_signals(session) if of_drive - set(TRAVEL) else None
+    problem = make_problem(
+        *(session.imu, model, session.options, along, signals, session.bridged_s, session.readings)
+    )
     problem = replace(problem, turning=rate_of_turn(problem.t, session.imu.gyro))
+    if of_drive and signals is None:
+        # the direction of travel alone is quickly told
+        travel = zip(TRAVEL, travel_of_fixes(*_velocities(session)), strict=True)
+        problem = replace(problem, users=dict(travel))
     if session.late_change is None:
         return problem
     return with_late_change(problem, session.late_change)

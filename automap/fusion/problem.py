@@ -9,7 +9,7 @@ from typing import IO
 import numpy as np
 
 from automap.effects import Signals, extra_basis
-from automap.effects.term_sums import AXIS, SIGNAL_COLUMN, SIGNAL_ONE, TIME, Terms
+from automap.effects.term_sums import AXIS, SIGNAL_COLUMN, SIGNAL_ELAPSED, SIGNAL_ONE, TIME, Terms
 from automap.effects.terms import POSITION_ACCURACY
 from automap.effects.user import is_users, user_signal
 from automap.fusion.aside import Columns, columns_in
@@ -78,17 +78,31 @@ def make_problem(
     speed: FloatArray | None = None,
     signals: Signals | None = None,
     bridged_s: FloatArray | None = None,
+    readings: Samples | None = None,
 ) -> Problem:
     """Problem of a recording; ``speed`` [n] m/s feeds effects that grow with it, ``signals`` [n]
     those that follow from the drive; ``bridged_s`` [n] s is the length of the replaced stretch at
-    a sample."""
+    a sample; ``readings`` of ``samples_of``, where these are known already."""
+    terms = list(model.terms)
+    extra = extra_basis(terms, imu.gyro, imu.accel, imu.temp_c, speed, signals=signals)
+    readings = readings or samples_of(imu, options, bridged_s)
+    samples = readings._replace(extra=np.ascontiguousarray(extra))
+    step = float(np.median(np.diff(samples.t)))
+    users = {}
+    if signals is not None:
+        users = {n: user_signal(n, signals) for n in model.signals if is_users(n)}
+    return Problem(samples, model, options, _model_arrays(model, options, step), users)
+
+
+def samples_of(
+    imu: ImuData, options: FusionOptions, bridged_s: FloatArray | None = None
+) -> Samples:
+    """A recording as the filter reads it, whatever the model: without extra signals."""
     from scipy.ndimage import uniform_filter1d
 
     t = np.asarray((imu.t_ns - imu.t_ns[0]) * 1e-9)
     step = float(np.median(np.diff(t)))
     raw = _for_linear_steps(imu, t, step)
-    terms = list(model.terms)
-    extra = extra_basis(terms, imu.gyro, imu.accel, imu.temp_c, speed, signals=signals)
     width = max(2 * round(0.5 * FORCE_WINDOW_S / step) + 1, 1)
     force = uniform_filter1d(imu.accel, width, axis=0, mode="nearest")
     shocks = np.zeros((len(t), 2))
@@ -98,13 +112,7 @@ def make_problem(
         shocks = shocks + bridge_noise(bridged_s, options.gap_force_sd, options.gap_rate_sd)
     calm = steady_rate(t, imu.gyro)
     calm -= raw[:, :3]
-    samples = Samples(
-        t, raw, np.ascontiguousarray(extra), np.ascontiguousarray(force), calm, shocks
-    )
-    users = {}
-    if signals is not None:
-        users = {n: user_signal(n, signals) for n in model.signals if is_users(n)}
-    return Problem(samples, model, options, _model_arrays(model, options, step), users)
+    return Samples(t, raw, np.zeros((len(t), 0)), np.ascontiguousarray(force), calm, shocks)
 
 
 def with_options(problem: Problem, options: FusionOptions | None = None) -> Problem:
@@ -118,20 +126,32 @@ def with_late_change(problem: Problem, change: FloatArray) -> Problem:
     """The problem in which velocities that are late by a second more change by the acceleration at
     their tag plus ``change`` [n, 3] m/s^2 NED at the samples: by that of the instant that they are
     of, of a low-pass by what it lets through."""
-    model = problem.model
+    model, users = problem.model, dict(problem.users)
     codes, weights = model.measured.velocity
-    late = (codes[:, 1] == TIME) & (codes[:, 3] == SIGNAL_ONE)
-    more = np.repeat(codes[late], 3, axis=0)
-    more[:, 1] = AXIS
-    more[:, 2] = np.tile(np.arange(3), int(late.sum()))
-    more[:, 3] = SIGNAL_COLUMN + len(model.signals) + more[:, 2]
-    terms = Terms(
-        np.concatenate([codes, more]), np.concatenate([weights, np.repeat(weights[late], 3)])
-    )
-    names = tuple(f"late_change_{axis}" for axis in "ned")
+    every, signals = Terms(codes, weights), list(model.signals)
+    # of a clock that runs fast the delay grows with the time
+    growing = change * problem.t[:, None]
+    for of, name, amounts in (
+        (SIGNAL_ONE, "late_change", change),
+        (SIGNAL_ELAPSED, "late_growth", growing),
+    ):
+        late = (codes[:, 1] == TIME) & (codes[:, 3] == of)
+        if not late.any():
+            continue
+        more = np.repeat(codes[late], 3, axis=0)
+        more[:, 1] = AXIS
+        more[:, 2] = np.tile(np.arange(3), int(late.sum()))
+        more[:, 3] = SIGNAL_COLUMN + len(signals) + more[:, 2]
+        every = Terms(
+            np.concatenate([every.codes, more]),
+            np.concatenate([every.weights, np.repeat(weights[late], 3)]),
+        )
+        names = [f"{name}_{axis}" for axis in "ned"]
+        signals += names
+        users |= dict(zip(names, np.ascontiguousarray(amounts.T), strict=True))
+    terms = every
     measured = model.measured._replace(velocity=terms)
-    model = replace(model, measured=measured, signals=(*model.signals, *names))
-    users = {**problem.users, **dict(zip(names, np.ascontiguousarray(change.T), strict=True))}
+    model = replace(model, measured=measured, signals=tuple(signals))
     arrays = problem.arrays._replace(on_velocity=terms)
     return replace(problem, model=model, arrays=arrays, users=users)
 

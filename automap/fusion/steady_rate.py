@@ -20,6 +20,9 @@ from automap.fusion.limits import (
 )
 from automap.records import FloatArray
 
+STRETCHES = 256
+"""Stretches of a spectrum at a time; bounds the memory."""
+
 
 def steady_rate(t: FloatArray, rate: FloatArray) -> FloatArray:
     """Rates [n, 3] rad/s at times [n] s as a Wiener filter of both directions sees them; as they
@@ -55,9 +58,7 @@ def wiener_weights(rate: FloatArray, step_s: float, half: int) -> FloatArray:
     no more than the least of the spectrum (N. Wiener, Extrapolation, Interpolation, and Smoothing
     of Stationary Time Series, 1949).
     """
-    from scipy.signal import welch
-
-    f, density = welch(rate, 1.0 / step_s, nperseg=2 * half)
+    f, density = _spectrum(rate, step_s, half)
     bands = ((f >= SWAY_HZ) & (f < FLOOR_HZ)).nonzero()[0]
     width = max(round(FLOOR_BAND_HZ / float(f[1])), 1)
     bands = bands[: max(len(bands) // width, 1) * width]
@@ -68,3 +69,19 @@ def wiener_weights(rate: FloatArray, step_s: float, half: int) -> FloatArray:
     share[0] = share[1]
     weights = np.roll(np.fft.irfft(share), half)
     return np.asarray(np.append(weights, 0.0) * np.hanning(2 * half + 1))
+
+
+def _spectrum(rate: FloatArray, step_s: float, half: int) -> tuple[FloatArray, FloatArray]:
+    """Frequencies in Hz and density of a rate [n] by stretches of 2 ``half`` readings that overlap
+    by half (P. Welch, IEEE Transactions on Audio and Electroacoustics 15, 1967)."""
+    window = np.hanning(2 * half + 1)[:-1]
+    stretches = np.lib.stride_tricks.sliding_window_view(rate, 2 * half)[::half]
+    total: FloatArray = np.zeros(half + 1)
+    for start in range(0, len(stretches), STRETCHES):
+        some = stretches[start : start + STRETCHES]
+        lines = np.fft.rfft((some - some.mean(axis=1)[:, None]) * window, axis=1)
+        total += (lines.real**2 + lines.imag**2).sum(axis=0)
+    # both signs of a frequency, but for none and the highest
+    total[1:-1] *= 2.0
+    density = total * (step_s / (len(stretches) * float(window @ window)))
+    return np.asarray(np.fft.rfftfreq(2 * half, step_s), np.float64), density

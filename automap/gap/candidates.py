@@ -15,13 +15,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from automap.earth import RATE
-from automap.effects import CATALOGUE, Signals
+from automap.effects import CATALOGUE
 from automap.effects.catalogue import alike_to_first_order, pairs_of_sign
 from automap.effects.imu import ACCEL, BASIS_EXTRA, BASIS_FORCE, BASIS_ONE, imu_terms
-from automap.effects.inertial_signals import asks_for_the_drive
 from automap.effects.measured import MEASURED, measured_terms
 from automap.effects.measured_kernels import rows_along
-from automap.effects.signals import signals_of
 from automap.effects.terms import POSITION, VEHICLE, VELOCITY, Kind
 from automap.effects.user import is_users, user_signal
 from automap.fusion.layout import CH_NHC, CH_ODOMETER, CH_POS, CH_VEL, MAX_SCALARS, N_NAV
@@ -130,23 +128,13 @@ def named_columns(effects: Sequence[str], fit: Fit, motion: Motion, at: NodeMoti
     return columns
 
 
-def motion_signals(fit: Fit, motion: Motion) -> Signals:
-    """Quantities [n] at the epochs of the motion."""
-    drive = fit.opened.drive
-    heading = np.unwrap(np.arctan2(motion.dcm[:, 1, 0], motion.dcm[:, 0, 0]))
-    along = np.einsum("ni,ni->n", motion.dcm[:, :, 0], motion.acc)
-    time = motion.t + drive.begin_s
-    temp = drive.imu.temp_c
-    return signals_of(time, motion.vel, heading, along, motion.rate, motion.force, temp)
-
-
 def effect_columns(
     effect: str, fit: Fit, motion: Motion, at: NodeMotion, prior_sds: Mapping[str, float]
 ) -> list[Column]:
     """The columns of a catalogue effect, none where the drive lacks what it needs."""
     known = CATALOGUE[effect]
     if known.family == "imu":
-        return _imu_columns(effect, fit, motion, prior_sds)
+        return _imu_columns(effect, fit, motion, at, prior_sds)
     if known.family == "earth":
         return [_earth_column(effect, fit, motion)]
     if not known.acts_on(*MEASURED):
@@ -164,18 +152,16 @@ def effect_columns(
 
 
 def _imu_columns(
-    effect: str, fit: Fit, motion: Motion, prior_sds: Mapping[str, float]
+    effect: str, fit: Fit, motion: Motion, at: NodeMotion, prior_sds: Mapping[str, float]
 ) -> list[Column]:
     from automap.effects import extra_basis
 
     imu = fit.opened.drive.imu
     terms = imu_terms([effect])
     speed = np.linalg.norm(motion.vel, axis=1)
-    of_drive = any(asks_for_the_drive(t.extra or "") for t in terms)
-    signals = motion_signals(fit, motion) if of_drive else None
     extra = extra_basis(
         *(terms, motion.rate, motion.force, imu.temp_c, speed),
-        signals=signals,
+        signals=at.along,
         as_read=(imu.gyro, imu.accel),
     )
     out = []
@@ -228,8 +214,7 @@ def _direct(effect: str, fit: Fit, motion: Motion, at: NodeMotion) -> dict[str, 
     terms, names = measured_terms(places)
     of_model = node_signals(fit.last.problem, fit.last.nodes).T
     known = dict(zip(model.signals, of_model, strict=True))
-    signals = motion_signals(fit, motion).at(at.t + fit.opened.drive.begin_s)
-    columns = [user_signal(name, signals) if is_users(name) else known[name] for name in names]
+    columns = [user_signal(name, at.signals) if is_users(name) else known[name] for name in names]
     rows = np.zeros((len(at.t), len(MEASURED), 3, len(params)))
     rows_along(
         at.vel,

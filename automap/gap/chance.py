@@ -10,13 +10,15 @@ import numpy as np
 from automap.gap import limits
 from automap.gap.evidence import single_nats
 from automap.gap.linear import Conditional, Linear, Part, conditional
-from automap.gap.whitening import LOOSE, Rows, product
+from automap.gap.whitening import LOOSE, Rows, moments
 from automap.records import FloatArray, IntArray
 
 SINGULAR = 1e-6
 """Share of its variance by which a score is drawn too large, so that a matrix has a root."""
 COLUMNS = 256
 """Candidates that are drawn together; bounds the memory."""
+DRAWS = 500
+"""Draws that are made together; bounds the memory."""
 TIE = 1e-9
 """Draws that differ by less than rounding are one."""
 
@@ -31,18 +33,26 @@ def null_maxima(known: Conditional, parts: Sequence[Part], draws: int, seed: int
     place = {int(c): i for i, c in enumerate(columns)}
     info = known.info(tuple(columns))
     unit = np.sqrt(np.maximum(np.diag(info), 1e-300))
-    correlation = info / np.outer(unit, unit)
+    # in place: there may be thousands of them
+    info /= unit[:, None]
+    info /= unit
     # courses of time are made of fewer boxes than there are of them: their scores are singular
-    root = np.linalg.cholesky(correlation + SINGULAR * np.eye(len(columns)))
-    g = (rng.standard_normal((draws, len(columns))) @ root.T) * unit
+    info[np.diag_indices(len(info))] += SINGULAR
+    root = np.linalg.cholesky(info).T
     sds = known.linear.prior_sd[columns]
-    best = np.full(draws, -np.inf)
     single = np.array([place[part[0]] for part in parts if len(part) == 1], np.int64)
-    if len(single):
-        own = np.diag(info)[single]
-        best = single_nats(g[:, single] ** 2 / own, own, sds[single]).max(axis=1)
-    for at in (np.array([place[i] for i in part]) for part in parts if len(part) > 1):
-        best = np.maximum(best, joint_nats(g[:, at], info[np.ix_(at, at)], sds[at]))
+    joint = [part for part in parts if len(part) > 1]
+    at = [np.array([place[i] for i in part]) for part in joint]
+    infos = [known.info(part) for part in joint]
+    best = np.full(draws, -np.inf)
+    for start in range(0, draws, DRAWS):
+        some = best[start : start + DRAWS]
+        g = (rng.standard_normal((len(some), len(columns))) @ root) * unit
+        if len(single):
+            own = unit[single] ** 2
+            some[:] = single_nats(g[:, single] ** 2 / own, own, sds[single]).max(axis=1)
+        for rows, own in zip(at, infos, strict=True):
+            some[:] = np.maximum(some, joint_nats(g[:, rows], own, sds[rows]))
     return np.sort(best)
 
 
@@ -154,8 +164,7 @@ def _received(linear: Linear) -> Linear:
     for r in linear.rows:
         kept = ~np.isin(r.channel, LOOSE)
         rows.append(Rows(r.w * kept, r.phi * kept[:, None], r.t, r.channel))
-    score = sum((product(r.phi, r.w[:, None])[:, 0] for r in rows), np.zeros(1))
-    info = sum((product(r.phi, r.phi) for r in rows), np.zeros((1, 1)))
+    score, info = (sum(each) for each in zip(*map(moments, rows), strict=True))
     if linear.mixing is not None:
         score, info = linear.mixing.T @ score, linear.mixing.T @ info @ linear.mixing
     return replace(linear, rows=tuple(rows), score=score, info=info)

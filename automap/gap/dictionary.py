@@ -31,7 +31,6 @@ from automap.gap.candidates import (
     Candidate,
     effect_columns,
     formula_column,
-    motion_signals,
     size_of,
 )
 from automap.gap.fit import Fit
@@ -108,8 +107,8 @@ def formula_columns(
 ) -> list[Column]:
     """All formulas of ``texts`` as columns of one drive, and the effects to ``exclude`` told as
     such."""
-    signals = motion_signals(fit, motion)
-    known = _catalogue_signals(fit, motion, signals, exclude)
+    signals = at.along
+    known = _catalogue_signals(fit, motion, signals, exclude) if texts else {}
     out: list[Column] = []
     for text in texts:
         signal = parse_formula(text)(signals)
@@ -120,11 +119,11 @@ def formula_columns(
         for channel in INERTIAL:
             if (
                 channel in known
-                and np.sum(np.mean(known[channel] * unit, axis=1) ** 2) > SAME_SIGNAL**2
+                and np.sum((known[channel] @ unit / len(unit)) ** 2) > SAME_SIGNAL**2
             ):
                 continue
             out.append(formula_column((channel, text), signal))
-    out += _fix_columns(signals.at(at.t + fit.opened.drive.begin_s))
+    out += _fix_columns(at.signals)
     for effect in exclude:
         if effect in CATALOGUE and CATALOGUE[effect].family in ("imu", "gnss", "vehicle", "clock"):
             sds = {p.name: p.prior_sd for p in CATALOGUE[effect].parameters}

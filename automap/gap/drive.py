@@ -14,6 +14,7 @@ from automap.fusion.limits import REST_BIAS_SD
 from automap.fusion.nodes import FixModel, as_shown, model_fixes
 from automap.fusion.options import FusionOptions
 from automap.fusion.passes import Session
+from automap.fusion.problem import samples_of
 from automap.fusion.result import Prior
 from automap.fusion.screening import screen_fixes
 from automap.fusion.standstill import find_standstill, rest_gyro_bias, shown_speed
@@ -142,9 +143,11 @@ def open_drive(drive: GapDrive, options: FusionOptions) -> OpenDrive:
         means |= {f"gyro_bias_{a}": float(v) for a, v in zip("xyz", bias, strict=True)}
         sds |= dict.fromkeys(means, REST_BIAS_SD)
     wheels = prepare_wheels(drive.odometer, base_ns, fixes, options)
-    readings = None if wheels is None else wheels.odometer
-    begin = drive.begin_s
-    session = Session(drive.imu, fixes, options, still, means, sds, span, readings, begin)
+    speeds = None if wheels is None else wheels.odometer
+    session = Session(
+        *(drive.imu, fixes, options, still, means, sds, span, speeds, drive.begin_s),
+        readings=samples_of(drive.imu, options),
+    )
     return OpenDrive(drive, session, screened.n_outliers)
 
 

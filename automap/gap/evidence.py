@@ -13,6 +13,7 @@ their ratio; and what a candidate explains must be predicted for each stretch fr
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -63,8 +64,31 @@ def plain_nats(known: Conditional, part: Part) -> tuple[float, float]:
     return best
 
 
+def nats_of_parts(known: Conditional, parts: Sequence[Part]) -> FloatArray:
+    """The nats of many parts [k], those of one length together."""
+    out = np.full(len(parts), -np.inf)
+    lengths = np.array([len(part) for part in parts])
+    for length in np.unique(lengths):
+        mine = np.flatnonzero(lengths == length)
+        at = np.array([part for part in parts if len(part) == length])
+        if length == 1:
+            out[mine] = singles(known, at[:, 0])
+            continue
+        info = known.infos(at)
+        for scale in limits.PRIOR_SCALES:
+            sd = scale * known.linear.prior_sd[at]
+            inner = info * sd[:, :, None] * sd[:, None, :] + np.eye(length)
+            sign, size = np.linalg.slogdet(inner)
+            g = sd * known.score[at]
+            squares = np.einsum("kp,kp->k", g, np.linalg.solve(inner, g[..., None])[..., 0])
+            nats = np.where(sign > 0.0, 0.5 * (squares - size), -np.inf)
+            out[mine] = np.maximum(out[mine], nats)
+        out[mine] -= np.log(len(limits.PRIOR_SCALES))
+    return out
+
+
 def singles(known: Conditional, columns: IntArray) -> FloatArray:
-    """The same of many columns [k], each a part of its own."""
+    """The nats of many columns [k], each a part of its own."""
     info = known.diagonal[columns]
     squares = known.score[columns] ** 2 / np.maximum(info, 1e-300)
     return single_nats(squares, info, known.linear.prior_sd[columns])

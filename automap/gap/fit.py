@@ -176,6 +176,9 @@ def fit_drive(
     values = sign_row * final[at] - _stated(opened, names)
     cov = full_covariance(last.forward.store.cov[-1:], n)[0]
     part = cov[np.ix_(at + N_NAV, at + N_NAV)] * np.outer(sign_row, sign_row)
+    # many fits are held, and of their covariances nothing is asked but the last
+    store = last.forward.store._replace(cov=last.forward.store.cov[-1:].copy())
+    last = replace(last, forward=replace(last.forward, store=store))
     return Fit(
         opened,
         model,

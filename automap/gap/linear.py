@@ -9,10 +9,11 @@ Effects that the fit has already count from zero again: what their values explai
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from automap.effects.signals import Signals, signals_of
 from automap.effects.user import INERTIAL
 from automap.frames import quat_to_matrix
 from automap.fusion.steady_rate import steady_rate
@@ -20,8 +21,8 @@ from automap.gap import limits
 from automap.gap.fit import Fit, whitened_innovations
 from automap.gap.kernels import propagate_columns
 from automap.gap.motion import Motion, at_times, motion_of
-from automap.gap.whitening import LOOSE, Rows, product, times, whitened_rows
-from automap.records import FloatArray, IntArray
+from automap.gap.whitening import LOOSE, Rows, moments, times, whitened_rows
+from automap.records import BoolArray, FloatArray, IntArray
 
 BATCH = 96
 """Columns carried through the filter together: their rows stay in the processor's cache."""
@@ -35,10 +36,10 @@ class Inertial:
 
     sensor: int
     axis: int
-    signal: FloatArray
+    signal: FloatArray | BoolArray
 
     @classmethod
-    def on(cls, channel: str, signal: FloatArray) -> Inertial:
+    def on(cls, channel: str, signal: FloatArray | BoolArray) -> Inertial:
         """On a channel by its name."""
         return cls(*divmod(INERTIAL.index(channel), 3), signal)
 
@@ -53,7 +54,8 @@ class Direct:
 @dataclass(frozen=True)
 class Column:
     """One parameter of a candidate: how it acts, and its prior sd; channel and text of a formula's
-    ``term``, and out of how many ``choices`` it was the likeliest."""
+    ``term``, out of how many ``choices`` it was the likeliest, and whether it acts on the vehicle
+    constraint itself, ``of_vehicle``."""
 
     effect: str
     parameter: str
@@ -62,18 +64,27 @@ class Column:
     direct: Direct | None = None
     term: tuple[str, str] = ("", "")
     choices: float = 1.0
+    of_vehicle: bool = False
+
+    def in_layout(self) -> Column:
+        """The same without how it acts, which is as long as the drive."""
+        loose = self.direct is not None and bool(self.direct.by_channel[:, LOOSE].any())
+        return replace(self, inertial=(), direct=None, of_vehicle=loose)
 
 
 @dataclass(frozen=True)
 class NodeMotion:
     """The motion at the nodes: velocity, acceleration NED, ``dcm`` body to NED, rate in body axes
-    without the noise of single readings."""
+    without the noise of single readings; ``signals`` the quantities of formulas there, ``along``
+    these at the epochs of the IMU."""
 
     t: FloatArray
     vel: FloatArray
     acc: FloatArray
     dcm: FloatArray
     rate: FloatArray
+    signals: Signals
+    along: Signals
 
 
 def node_motion(fit: Fit, motion: Motion) -> NodeMotion:
@@ -82,7 +93,19 @@ def node_motion(fit: Fit, motion: Motion) -> NodeMotion:
     t = fit.last.nodes.t
     rate = at_times(motion, steady_rate(motion.t, motion.rate), t)
     acc = at_times(motion, motion.acc, t)
-    return NodeMotion(t, nominal[:, 3:6].copy(), acc, quat_to_matrix(nominal[:, 6:10]), rate)
+    along = motion_signals(fit, motion)
+    signals, dcm = along.at(t + fit.opened.drive.begin_s), quat_to_matrix(nominal[:, 6:10])
+    return NodeMotion(t, nominal[:, 3:6].copy(), acc, dcm, rate, signals, along)
+
+
+def motion_signals(fit: Fit, motion: Motion) -> Signals:
+    """Quantities [n] at the epochs of the motion."""
+    drive = fit.opened.drive
+    heading = np.unwrap(np.arctan2(motion.dcm[:, 1, 0], motion.dcm[:, 0, 0]))
+    along = np.einsum("ni,ni->n", motion.dcm[:, :, 0], motion.acc)
+    time = motion.t + drive.begin_s
+    temp = drive.imu.temp_c
+    return signals_of(time, motion.vel, heading, along, motion.rate, motion.force, temp)
 
 
 @dataclass(frozen=True)
@@ -101,16 +124,15 @@ class Linear:
 
     def of_vehicle(self, at: Sequence[int]) -> bool:
         """Whether candidates' columns act on the vehicle constraint itself."""
-        acts = (self.layout[i].direct for i in at)
-        return any(d is not None and bool(d.by_channel[:, LOOSE].any()) for d in acts)
+        return any(self.layout[i].of_vehicle for i in at)
 
     def columns(self, rows: Rows, at: Sequence[int]) -> FloatArray:
         """Rows [s, k] of the candidates' columns ``at`` along one drive."""
         if self.mixing is None:
-            return np.asarray(rows.phi[:, list(at)], np.float64)
+            return rows.phi.T[list(at)].T.astype(np.float64)
         mixing = self.mixing[:, list(at)]
         used = np.flatnonzero(mixing.any(axis=1))
-        return np.asarray(rows.phi[:, used].astype(np.float64) @ mixing[used], np.float64)
+        return np.asarray(rows.phi.T[used].T.astype(np.float64) @ mixing[used], np.float64)
 
 
 ColumnsOf = Callable[[Fit, Motion, NodeMotion], Sequence[Column]]
@@ -124,40 +146,48 @@ def linearised(
 ) -> Linear:
     """The fits, with effects held at ``values``, made linear in all columns, of which more than
     those ``may_act``."""
-    per_drive = []
     layout: list[Column] = []
     place: dict[tuple[str, str], int] = {}
+    raw: list[Rows] = []
+    used: list[list[int]] = []
     for fit in fits:
-        motion = motion_of(fit.last)
-        columns = list(columns_of(fit, motion, node_motion(fit, motion)))
-        per_drive.append((fit, motion, columns))
+        rows_of_drive, columns = _raw(fit, columns_of)
+        raw.append(rows_of_drive)
         for column in columns:
             key = (column.effect, column.parameter)
             if key not in place:
                 place[key] = len(layout)
                 layout.append(column)
+        used.append([place[(c.effect, c.parameter)] for c in columns])
     known = np.array([values.get(c.effect, {}).get(c.parameter, 0.0) for c in layout])
     sds = np.array([c.prior_sd for c in layout])
-    raw = []
-    for fit, motion, columns in per_drive:
-        at = [place[(c.effect, c.parameter)] for c in columns]
-        raw.append(_raw(fit, motion, columns, at, known))
+    raw = [_laid_out(r, at, known) for r, at in zip(raw, used, strict=True)]
     rows = whitened_rows(raw, known, sds, may_act)
-    score = sum((product(r.phi, r.w[:, None])[:, 0] for r in rows), np.zeros(len(layout)))
-    info = sum((product(r.phi, r.phi) for r in rows), np.zeros((len(layout),) * 2))
+    del raw
+    score, info = (sum(each) for each in zip(*map(moments, rows), strict=True))
     return Linear(tuple(layout), rows, None, score, info, sds, known)
 
 
-def _raw(
-    fit: Fit, motion: Motion, columns: Sequence[Column], at: Sequence[int], known: FloatArray
-) -> Rows:
-    """Innovations over their sds with all effects left out, and their sensitivities."""
+def _raw(fit: Fit, columns_of: ColumnsOf) -> tuple[Rows, list[Column]]:
+    """Innovations over their sds with their sensitivities to the columns of one drive, and these
+    as a layout has them."""
+    motion = motion_of(fit.last)
+    columns = columns_of(fit, motion, node_motion(fit, motion))
     whitened, t, channel = whitened_innovations(fit)
-    phi: FloatArray = np.zeros((len(whitened), len(known)), np.float32)
+    phi: FloatArray = np.zeros((len(whitened), len(columns)), np.float32)
     for start in range(0, len(columns), BATCH):
         part = slice(start, start + BATCH)
-        phi[:, at[part]] = sensitivities(fit, motion, columns[part])
-    return Rows(whitened + times(phi, known), phi, t, channel)
+        phi[:, part] = sensitivities(fit, motion, columns[part])
+    return Rows(whitened, phi, t, channel), [c.in_layout() for c in columns]
+
+
+def _laid_out(rows: Rows, at: Sequence[int], known: FloatArray) -> Rows:
+    """Rows whose columns stand where a layout has them, ``at``, with all effects left out."""
+    phi = rows.phi
+    if list(at) != list(range(len(known))):
+        phi = np.zeros((len(phi), len(known)), np.float32)
+        phi[:, at] = rows.phi
+    return replace(rows, w=rows.w + times(phi, known), phi=phi)
 
 
 def sensitivities(fit: Fit, motion: Motion, columns: Sequence[Column]) -> FloatArray:
@@ -165,7 +195,7 @@ def sensitivities(fit: Fit, motion: Motion, columns: Sequence[Column]) -> FloatA
     inertial = [i for i, c in enumerate(columns) if c.direct is None]
     direct = [i for i, c in enumerate(columns) if c.direct is not None]
     order = inertial + direct
-    signals: list[FloatArray] = []
+    signals: list[FloatArray | BoolArray] = []
     index: dict[int, int] = {}
     terms: list[tuple[int, int, int, int]] = []
     for place, i in enumerate(order):
@@ -191,7 +221,9 @@ def sensitivities(fit: Fit, motion: Motion, columns: Sequence[Column]) -> FloatA
         motion.t,
         motion.force,
         np.ascontiguousarray(motion.dcm),
-        np.ascontiguousarray(np.stack(signals, axis=1)) if signals else np.zeros((n, 1)),
+        np.ascontiguousarray(np.stack(signals, axis=1, dtype=np.float64))
+        if signals
+        else np.zeros((n, 1)),
         table,
         np.ones(len(terms)),
         last.nodes.t,
@@ -250,6 +282,12 @@ class Conditional:
             return np.asarray(full)
         cross = self.linear.info[np.ix_(list(self.given.columns), rows)]
         return np.asarray(full - cross.T @ self.weights[:, rows])
+
+    def infos(self, parts: IntArray) -> FloatArray:
+        """The same [k, p, p] of many parts [k, p]."""
+        full = self.linear.info[parts[:, :, None], parts[:, None, :]]
+        cross = self.linear.info[list(self.given.columns)][:, parts]
+        return np.asarray(full - np.einsum("qkp,qkr->kpr", cross, self.weights[:, parts]))
 
 
 def conditional(linear: Linear, given: Given) -> Conditional:

@@ -54,6 +54,7 @@ def describe(found: Found, values: Values, maxima: FloatArray) -> list[Finding |
             close += [r.name for r, apart in places if not apart]
         close += found.not_told_apart.get(name, ())
         nats = max(sum(m.evidence.nats for m in moves), found.borne_out.get(name, 0.0))
+        nats -= _of_a_constant(selection, chosen, name, moves)
         p = p_value(nats - np.log(selection.candidates[name].choices), maxima)
         if selection.candidates[name].terms:
             nearest = rivals[0][0].name if rivals else None
@@ -97,6 +98,19 @@ def _in_place(
     ]
 
 
+def _of_a_constant(selection: Selection, chosen: Chosen, name: str, moves: Sequence[Move]) -> float:
+    """Nats that the constant with which a drift comes, since nobody knows where it began, is worth
+    alone in the drift's place: they say nothing of the drift. By the scatter of both together:
+    what drifts scatters more about a constant."""
+    columns = [i for n, part, _ in chosen.parts if n == name for i in part]
+    constant = tuple(i for i in columns if selection.linear.layout[i].parameter == ORIGIN)
+    if not constant:
+        return 0.0
+    known = selection.given(chosen.without(name))
+    alone = selection.evidence(known, name, constant)
+    return max(alone.corrected(max(m.evidence.overdispersion for m in moves)), 0.0)
+
+
 def _honest_sd(found: Found, name: str, parameter: str, sd: float) -> float:
     """The filter's sd of a parameter, wider by as much as its score scatters from stretch to
     stretch beyond what noise as modelled does (the sandwich of White 1980); what the prior says of
@@ -131,7 +145,7 @@ def chance(found: Found) -> FloatArray:
 def strongest_refused(found: Found) -> tuple[Refused, ...]:
     """The strongest candidate that is not named, and how likely chance makes one as strong."""
     selection = found.nothing_else
-    chosen = in_layout(found.chosen, found.selection, selection)
+    chosen = in_layout(found.chosen, found.selection.linear.layout, selection)
     known, has = selection.given(chosen), {part for _, part, _ in chosen.parts}
     barred = twins_of(chosen.names)
     # the likeliest of many is not drawn anew: its chance would be told too small

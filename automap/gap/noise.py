@@ -15,7 +15,8 @@ from functools import reduce
 import numpy as np
 
 from automap.fusion.adapt import scale_nodes, scale_problem
-from automap.fusion.kernel_runs import SmoothRun, run_forward
+from automap.fusion.kernel_runs import SmoothRun, empty_store, run_forward
+from automap.fusion.kernels import ForwardStore
 from automap.fusion.level_climb import GAIN, climb
 from automap.fusion.level_likelihood import LevelLikelihood, level_likelihood
 from automap.fusion.levels import ALL_LEVELS
@@ -164,8 +165,13 @@ def fit_noise(
     }
     smooth = [level for level in _BY_SLOPE if level in levels]
     inverse: FloatArray | None = None
+    most = _most_nodes(fits)
+    # claimed once: pages are dear
+    rooms = [empty_store(f.last.nodes.first(most), f.last.problem.model.size) for f in fits]
     for _ in range(2):
-        top = climb(lambda trial: noise_slopes(fits, trial), factors, smooth, limits_of, inverse)
+        top = climb(
+            lambda trial: noise_slopes(fits, trial, rooms), factors, smooth, limits_of, inverse
+        )
         inverse = top.inverse
         if "wander_tau" not in levels:
             return top.factors
@@ -219,19 +225,26 @@ def _surely(count: int) -> float:
 
 def noise_score(fits: Sequence[Fit], factors: Mapping[str, float]) -> float:
     """Log-likelihood of fitted drives under other factors on the noise levels, nats."""
-    most = max(MAX_NODES // len(fits), 500)
+    most = _most_nodes(fits)
     return sum(_score(f, _relative(fits, factors), most) for f in fits)
 
 
-def noise_slopes(fits: Sequence[Fit], factors: Mapping[str, float]) -> LevelLikelihood:
-    """Log-likelihood of fitted drives under other factors, and its slopes along them."""
-    most = max(MAX_NODES // len(fits), 500)
+def noise_slopes(
+    fits: Sequence[Fit], factors: Mapping[str, float], rooms: Sequence[ForwardStore | None] = ()
+) -> LevelLikelihood:
+    """Log-likelihood of fitted drives under other factors, and its slopes along them; ``rooms`` of
+    earlier calls are written over."""
     relative = _relative(fits, factors)
     parts = []
-    for fit in fits:
-        problem, nodes, linearised_at = _scaled(fit, relative, most)
-        parts.append(level_likelihood(problem, nodes, fit.start, fit.last.shift, linearised_at))
+    for fit, room in zip(fits, rooms or [None] * len(fits), strict=True):
+        problem, nodes, about = _scaled(fit, relative, _most_nodes(fits))
+        parts.append(level_likelihood(problem, nodes, fit.start, fit.last.shift, about, room))
     return reduce(operator.add, parts)
+
+
+def _most_nodes(fits: Sequence[Fit]) -> int:
+    """Of each drive."""
+    return max(MAX_NODES // len(fits), 500)
 
 
 def _limits(level: str) -> tuple[float, float]:

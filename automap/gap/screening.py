@@ -13,12 +13,12 @@ import numpy as np
 
 from automap.effects import CATALOGUE
 from automap.gap import limits
-from automap.gap.candidates import candidates_of, library, motion_signals, named_columns
+from automap.gap.candidates import candidates_of, library, named_columns
 from automap.gap.confirm import Confirmed
 from automap.gap.dictionary import effect_for, formula_columns, formula_texts, warm
-from automap.gap.evidence import plain_nats
+from automap.gap.evidence import nats_of_parts
 from automap.gap.fit import Fit, fit_drive
-from automap.gap.linear import Column, Given, NodeMotion, conditional, linearised
+from automap.gap.linear import Column, Given, NodeMotion, conditional, linearised, motion_signals
 from automap.gap.motion import Motion, motion_of
 from automap.gap.noise import Fitted, Joint, Log, fitted_about
 from automap.gap.result import equation
@@ -194,9 +194,8 @@ class Screening:
         """The course of time that explains most beside the effects ``rest``."""
 
         def columns(fit: Fit, motion: Motion, at: NodeMotion) -> list[Column]:
-            out = self._columns(fit, motion, at)
-            kept = [c for c in out if c.effect in rest]
-            return kept + [c for terms in tried for c in term_columns(fit, motion, terms)]
+            kept = self._columns(fit, motion, at, rest)
+            return kept + [c for terms in tried for c in term_columns(at, terms)]
 
         linear = linearised(here.fits, columns, {})
         parts: dict[str, list[int]] = {}
@@ -207,15 +206,23 @@ class Screening:
             else:
                 parts.setdefault(column.effect, []).append(i)
         known = conditional(linear, given)
-        best = max(parts.values(), key=lambda part: plain_nats(known, tuple(part))[0])
+        every = [tuple(part) for part in parts.values()]
+        best = every[int(np.argmax(nats_of_parts(known, every)))]
         return tuple(linear.layout[i].term for i in best)
 
-    def _columns(self, fit: Fit, motion: Motion, at: NodeMotion) -> list[Column]:
-        out = named_columns(self.names, fit, motion, at)
-        out += formula_columns(fit, motion, at, self.texts, self.exclude)
+    def _columns(
+        self, fit: Fit, motion: Motion, at: NodeMotion, wanted: Collection[str] | None = None
+    ) -> list[Column]:
+        """Columns of one drive, of all candidates or of those ``wanted``."""
+        names, texts = self.names, self.texts
+        if wanted is not None:
+            names = [name for name in names if name in wanted]
+            texts = [text for text in texts if any(text in name for name in wanted)]
+        out = named_columns(names, fit, motion, at)
+        out += formula_columns(fit, motion, at, texts, self.exclude)
         for terms in self.courses.values():
-            out += term_columns(fit, motion, terms)
-        return out
+            out += term_columns(at, terms)
+        return [c for c in out if wanted is None or c.effect in wanted]
 
 
 def _joined(
@@ -224,8 +231,9 @@ def _joined(
     return {e: {**known.get(e, {}), **more.get(e, {})} for e in {**known, **more}}
 
 
-def in_layout(chosen: Chosen, old: Selection, new: Selection) -> Chosen:
-    """A choice with the columns of another layout; what that does not have is left out."""
+def in_layout(chosen: Chosen, old: Sequence[Column], new: Selection) -> Chosen:
+    """A choice of columns of an ``old`` layout with those of another; what that does not have is
+    left out."""
     place = {(c.effect, c.parameter): i for i, c in enumerate(new.linear.layout)}
     parts = []
     for name, part, scale in chosen.parts:
@@ -235,7 +243,7 @@ def in_layout(chosen: Chosen, old: Selection, new: Selection) -> Chosen:
         if candidate.terms:
             parts.append((name, candidate.parts[0], scale))
             continue
-        columns = [old.linear.layout[i] for i in part]
+        columns = [old[i] for i in part]
         rows = tuple(
             place[(c.effect, c.parameter)] for c in columns if (c.effect, c.parameter) in place
         )

@@ -73,8 +73,9 @@ class Search:
                 self.tried[key] = self.tried.get(key, 0) + 1
             if keys != fitted:
                 found = self.screening.refined(here, selection, found)
-                about, here = here, self._fit(here, selection, found)
-                here, found = self._better_twins(about, here, selection, found)
+                new = self._fit(here, selection, found)
+                here, found = self._better_twins(here, new, selection, found)
+                del new
                 idle = self.screening.not_borne_out(here, selection, found)
                 for name in idle:
                     # these parameters do not act; others of the same effect may
@@ -93,11 +94,12 @@ class Search:
                 slow, factors = True, here.model.factors
                 self.before = here, selection, found
                 louder = {**factors, **{k: limits.STEADY * factors[k] for k in WALKS}}
-            fitted = selection.keys(found)
-            after = self.screening.selection(here, slow)
-            after.needed = frozenset(self.borne_out)
-            chosen = in_layout(found, selection, after)
-            selection = after
+            fitted, layout = selection.keys(found), selection.linear.layout
+            # the rows of one are as many as there is room for
+            del selection
+            selection = self.screening.selection(here, slow)
+            selection.needed = frozenset(self.borne_out)
+            chosen = in_layout(found, layout, selection)
         here, selection, chosen = self._needed_alone(here, selection, chosen, slow)
         self.log("fitting all parameters")
         free = replace(here.model, options=self.screening.options)
@@ -137,7 +139,7 @@ class Search:
             here = self._fit(here, selection, fewer)
             after = self.screening.selection(here, slow)
             after.needed = frozenset(self.borne_out)
-            selection, chosen = after, in_layout(fewer, selection, after)
+            selection, chosen = after, in_layout(fewer, selection.linear.layout, after)
 
     def _bar(self, keys: Iterable[Key]) -> None:
         """Try parts no more."""
@@ -154,7 +156,7 @@ class Search:
             if without.names != found.names and ahead < 0.0:
                 # courses of time follow what a name says better
                 self._bar(selection.keys(found) - its_selection.keys(without))
-                return in_layout(without, its_selection, selection)
+                return in_layout(without, its_selection.linear.layout, selection)
         selection.inflate(found)
         fewer = pruned(selection, found)
         if fewer != found:
@@ -303,7 +305,7 @@ class Search:
         model = replace(here.model, factors=dict(factors))
         loud = self.screening.selection(fitted_about(model, here.estimate, here.fits), slow)
         loud.refused = selection.refused
-        more = select(loud, in_layout(found, selection, loud), limits.MAX_FINDINGS)
+        more = select(loud, in_layout(found, selection.linear.layout, loud), limits.MAX_FINDINGS)
         new = Chosen(tuple(p for p in more.parts if p[0] not in found.names))
-        new = in_layout(new, loud, selection)
+        new = in_layout(new, loud.linear.layout, selection)
         return Chosen((*found.parts, *new.parts))

@@ -14,7 +14,7 @@ import numpy as np
 from automap.effects.catalogue import alike_to_first_order
 from automap.gap import limits
 from automap.gap.candidates import Candidate, is_course
-from automap.gap.evidence import Evidence, apart, evidence, inflation, plain_nats, singles
+from automap.gap.evidence import Evidence, apart, evidence, inflation, nats_of_parts
 from automap.gap.linear import Conditional, Given, Linear, Part, conditional
 from automap.gates import exceeds
 
@@ -143,13 +143,7 @@ class Selection:
                 for c, _ in open_to
             ]
         )
-        single = np.array([len(part) == 1 for _, part in open_to], dtype=bool)
-        nats = np.full(len(open_to), -np.inf)
-        if single.any():
-            columns = np.array([p[0] for _, p in open_to if len(p) == 1])
-            nats[single] = singles(known, columns)
-        for i in np.flatnonzero(~single):
-            nats[i] = plain_nats(known, open_to[i][1])[0]
+        nats = nats_of_parts(known, [part for _, part in open_to])
         out = []
         for i in np.argsort(-(nats + prior), kind="stable")[: limits.SHORTLIST]:
             candidate, part = open_to[i]

@@ -16,13 +16,13 @@ from automap.effects.formula_text import parse_formula
 from automap.effects.signals import FIELDS, Signals
 from automap.effects.user import INERTIAL
 from automap.gap import limits
-from automap.gap.candidates import formula_column, is_course, motion_signals, size_of
+from automap.gap.candidates import formula_column, is_course, size_of
 from automap.gap.fit import Fit
 from automap.gap.limits import LEAST_BOXES, PLATEAUS
-from automap.gap.linear import Column, Inertial, Linear
+from automap.gap.linear import Column, Inertial, Linear, NodeMotion
 from automap.gap.motion import Motion
 from automap.gap.result import coefficient_names, equation
-from automap.records import FloatArray
+from automap.records import FloatArray, IntArray
 
 BOX = "box"
 PLATEAU = "(step(time - {:.5g}) - step(time - {:.5g}))"
@@ -51,10 +51,9 @@ def box_columns(fit: Fit, motion: Motion) -> list[Column]:
         inside = number == i
         if not inside.any():
             continue
-        signal = inside.astype(np.float64)
         middle = float(time[inside].mean())
         for channel in INERTIAL:
-            acts = (Inertial.on(channel, signal),)
+            acts = (Inertial.on(channel, inside),)
             name = f"{BOX} {fit.opened.drive.name}"
             key = f"{channel} {middle:.3f}"
             out.append(Column(name, key, size_of(channel), acts, term=(channel, f"{middle:.3f}")))
@@ -128,43 +127,60 @@ def with_shapes(linear: Linear) -> Linear:
     channels = [linear.layout[i].term[0] for i in boxes]
     layout: list[Column] = [linear.layout[i] for i in plain]
     known = {c.effect for c in layout}
-    mix: list[FloatArray] = []
+    courses: list[FloatArray] = []
     left = linear.score - linear.info @ linear.values
     signals = _time_signals(times)
     axes: tuple[str, ...] = INERTIAL
     every = [(shape, axes) for shape in shapes(float(times.min()), float(times.max()))]
-    for channel in INERTIAL:
-        at = np.array([i for i, c in zip(boxes, channels, strict=True) if c == channel])
-        own = np.array([t for t, c in zip(times, channels, strict=True) if c == channel])
+    of_channel = {c: np.flatnonzero(np.array(channels) == c) for c in INERTIAL}
+    for channel, mine in of_channel.items():
+        at = np.array(boxes)[mine]
         inner = linear.info[np.ix_(at, at)]
-        every += [(shape, (channel,)) for shape in plateaus(own, left[at], inner)]
+        every += [(shape, (channel,)) for shape in plateaus(times[mine], left[at], inner)]
     for shape, on_channels in every:
         values = [parse_formula(text)(signals) for text in shape.texts]
         spreads = [max(float(np.std(v)), 1e-9) for v in values]
         for channel in on_channels:
-            on = np.array([c == channel for c in channels])
             terms = [(channel, text) for text in shape.texts]
             name = equation(terms)
             if name in known:
                 continue
             names = coefficient_names(len(terms))
             for parameter, value, spread, term in zip(names, values, spreads, terms, strict=True):
-                column: FloatArray = np.zeros(len(linear.layout))
-                column[boxes] = np.where(on, value, 0.0)
-                mix.append(column)
+                courses.append(value[of_channel[channel]])
                 sd = size_of(channel) / spread
                 layout.append(Column(name, parameter, sd, term=term, choices=shape.choices))
-    identity = np.eye(len(linear.layout))[:, plain]
-    mixing = np.concatenate([identity, np.stack(mix, axis=1)], axis=1)
+    mixing = np.zeros((len(linear.layout), len(layout)))
+    mixing[plain, np.arange(len(plain))] = 1.0
+    groups = [(np.array(plain, np.int64), np.arange(len(plain)))]
+    for channel, mine in of_channel.items():
+        own = [i for i in range(len(plain), len(layout)) if layout[i].term[0] == channel]
+        for i in own:
+            mixing[np.array(boxes)[mine], i] = courses[i - len(plain)]
+        groups.append((np.array(boxes)[mine], np.array(own, np.int64)))
     return replace(
         linear,
         layout=tuple(layout),
         mixing=mixing,
         score=mixing.T @ linear.score,
-        info=mixing.T @ linear.info @ mixing,
+        info=_mixed(linear.info, mixing, groups),
         prior_sd=np.array([c.prior_sd for c in layout]),
         values=np.concatenate([linear.values[plain], np.zeros(len(layout) - len(plain))]),
     )
+
+
+def _mixed(
+    info: FloatArray, mixing: FloatArray, groups: Sequence[tuple[IntArray, IntArray]]
+) -> FloatArray:
+    """Mixing' info mixing [v, v], a group of rows [c] and columns [v] of it at a time: a course is
+    made of one channel's boxes, so nearly all of the mixing [c, v] is nothing."""
+    half = np.empty_like(mixing)
+    for rows, columns in groups:
+        half[:, columns] = info[:, rows] @ mixing[np.ix_(rows, columns)]
+    out = np.empty((len(half.T), len(half.T)))
+    for rows, columns in groups:
+        out[columns] = mixing[np.ix_(rows, columns)].T @ half[rows]
+    return out
 
 
 def _time_signals(time: FloatArray) -> Signals:
@@ -172,11 +188,10 @@ def _time_signals(time: FloatArray) -> Signals:
     return Signals(*(time if name == "time" else nothing for name in FIELDS))
 
 
-def term_columns(fit: Fit, motion: Motion, terms: Sequence[tuple[str, str]]) -> list[Column]:
+def term_columns(at: NodeMotion, terms: Sequence[tuple[str, str]]) -> list[Column]:
     """The columns of one formula of inertial channels along one drive."""
-    signals = motion_signals(fit, motion)
     return [
-        formula_column(term, parse_formula(term[1])(signals), equation(terms), name)
+        formula_column(term, parse_formula(term[1])(at.along), equation(terms), name)
         for name, term in zip(coefficient_names(len(terms)), terms, strict=True)
     ]
 

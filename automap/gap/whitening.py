@@ -49,7 +49,8 @@ STRETCH = 2048
 @dataclass(frozen=True)
 class Rows:
     """Rows of one drive: ``w`` [s] with all effects left out, ``phi`` [s, c], times ``t`` [s] in s,
-    ``channel`` [s]; once white, phi' w is a score and phi' phi its information."""
+    ``channel`` [s]; once white, phi' w is a score and phi' phi its information, and each column of
+    phi lies in one piece: they are asked for one by one."""
 
     w: FloatArray
     phi: FloatArray
@@ -115,7 +116,7 @@ def white_rows(
     """Apply a whitener to innovations [s] and sensitivities [s, c]; ``left`` [s] what is left of
     the innovations decides how much each row counts."""
     rows = np.flatnonzero(np.isin(channel, list(whitener.spread)))
-    w, f = np.zeros(len(channel)), np.zeros(phi.shape, phi.dtype)
+    w, f = np.zeros(len(channel)), np.zeros((len(rows), phi.shape[1]), phi.dtype, "F")
     rest = np.zeros(len(channel))
     for c, spread in whitener.spread.items():
         at = np.flatnonzero(channel == c)
@@ -133,8 +134,8 @@ def white_rows(
         even = float(weight.mean()) / max(size, CLIPPED_SIZE)
         factor = np.sqrt(weight * even) / sizes
         w[at] = factor * filtered(whitened[at, None], whitener.ar[c])[:, 0]
-        f[at] = factor[:, None] * filtered(phi[at], whitener.ar[c])
-    return Rows(w[rows], f[rows], t[rows], channel[rows])
+        f[np.searchsorted(rows, at)] = factor[:, None] * filtered(phi[at], whitener.ar[c])
+    return Rows(w[rows], f, t[rows], channel[rows])
 
 
 def stretch_scatter(u: FloatArray, t: FloatArray) -> FloatArray:
@@ -225,16 +226,27 @@ def _root_weights(left: FloatArray, channel: IntArray) -> FloatArray:
     return out
 
 
-def product(a: FloatArray, b: FloatArray) -> FloatArray:
-    """a' b in double precision, a stretch at a time: the rows themselves are in single."""
-    out: FloatArray = np.zeros((a.shape[1], b.shape[1]))
-    for start in range(0, len(a), STRETCH):
+def moments(rows: Rows) -> tuple[FloatArray, FloatArray]:
+    """Score phi' w [c] and information phi' phi [c, c] of white rows in double precision, a stretch
+    at a time: the rows themselves are in single."""
+    c = rows.phi.shape[1]
+    score: FloatArray = np.zeros(c)
+    info: FloatArray = np.zeros((c, c))
+    for start in range(0, len(rows.w), STRETCH):
         part = slice(start, start + STRETCH)
-        out += a[part].astype(np.float64).T @ b[part].astype(np.float64)
-    return out
+        f = rows.phi[part].astype(np.float64)
+        score += f.T @ rows.w[part]
+        info += f.T @ f
+    return score, info
 
 
 def times(phi: FloatArray, values: FloatArray) -> FloatArray:
-    """phi times values [s] in double precision, of the columns that count."""
+    """phi times values [s] in double precision, a stretch at a time, of the columns that count."""
     used = np.flatnonzero(values)
-    return np.asarray(phi[:, used].astype(np.float64) @ values[used], np.float64)
+    out = np.zeros(len(phi))
+    for start in range(0, len(phi) if len(used) else 0, STRETCH):
+        part = phi[start : start + STRETCH]
+        if len(used) < len(values):
+            part = part[:, used]
+        out[start : start + STRETCH] = part.astype(np.float64) @ values[used]
+    return out

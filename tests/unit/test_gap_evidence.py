@@ -9,11 +9,10 @@ import numpy as np
 import pytest
 
 from automap.fusion.layout import CH_NHC, CH_POS, MAX_SCALARS
-from automap.gap import limits
-from automap.gap.candidates import Direct
+from automap.gap import chance, limits
 from automap.gap.chance import null_maxima, p_value, strongest_by_chance
-from automap.gap.evidence import evidence, inflation, plain_nats, singles
-from automap.gap.linear import Given, Linear, conditional
+from automap.gap.evidence import evidence, inflation, nats_of_parts, plain_nats, singles
+from automap.gap.linear import Direct, Given, Linear, conditional
 from automap.gap.screening import estimate_nats
 from automap.records import FloatArray
 from tests.unit.gap_linear import PRIOR_SD, columns_named, linear_of
@@ -197,6 +196,19 @@ def test_chances_by_the_drives_own_scatter_hold_where_noise_is_not_as_modelled()
     assert float(np.mean(np.array(modelled) < 0.05)) > 0.9
 
 
+def test_many_parts_at_once_have_the_nats_of_each() -> None:
+    rng = np.random.default_rng(11)
+    phi = rng.standard_normal((60, 7))
+    linear = linear_of(
+        phi, phi @ rng.standard_normal(7), columns_named(*(f"e{i}.p" for i in range(7)))
+    )
+    parts = [(1,), (2, 3), (4,), (5, 6), (1, 2), (1, 3, 5)]
+    for given in (Given(), Given().joined((0,), linear, 1.0)):
+        known = conditional(linear, given)
+        each = [plain_nats(known, part)[0] for part in parts]
+        np.testing.assert_allclose(nats_of_parts(known, parts), each, rtol=1e-10)
+
+
 def test_what_every_stretch_says_alike_is_no_chance() -> None:
     linear = uneven(1, theta=15.0)
     known = conditional(linear, Given().joined((0,), linear, 1.0))
@@ -223,13 +235,19 @@ def test_p_values_fall_on_beyond_the_largest_draw() -> None:
     assert all(a >= b for a, b in pairwise(told))
 
 
-def test_courses_of_more_columns_than_rows_have_null_draws() -> None:
+def test_courses_of_more_columns_than_rows_have_null_draws(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     rng = np.random.default_rng(7)
     phi = rng.standard_normal((20, 5)) @ rng.standard_normal((5, 30))
     linear = linear_of(phi, np.zeros(20), columns_named(*(f"e{i}.p" for i in range(30))))
-    found = null_maxima(conditional(linear, Given()), [(i,) for i in range(30)], 200)
+    known, parts = conditional(linear, Given()), [*((i,) for i in range(28)), (28, 29)]
+    found = null_maxima(known, parts, 200)
     assert np.isfinite(found).all()
     assert (np.diff(found) >= 0.0).all()
+    # however many are drawn at a time
+    monkeypatch.setattr(chance, "DRAWS", 77)
+    np.testing.assert_allclose(null_maxima(known, parts, 200), found, rtol=1e-9)
 
 
 def test_what_is_left_of_nearly_the_same_shows_nothing() -> None:
@@ -269,7 +287,7 @@ def test_what_acts_on_the_constraint_itself_may_show_there_alone() -> None:
     linear = with_constraint(0.0, 4.0)
     by_channel = np.zeros((10, MAX_SCALARS))
     by_channel[:, CH_NHC] = 1.0
-    acting = replace(linear.layout[0], direct=Direct(by_channel))
+    acting = replace(linear.layout[0], direct=Direct(by_channel)).in_layout()
     found = evidence(conditional(replace(linear, layout=(acting,)), Given()), (0,))
     assert found.nats > 15.0
 

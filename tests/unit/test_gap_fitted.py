@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from automap.effects.terms import TRAVEL
 from automap.gap import GapDrive, base_model
 from automap.gap.drive import open_drive
 from automap.gap.fit import fit_drive
@@ -92,3 +93,16 @@ def test_values_of_several_drives_are_their_joint_estimate() -> None:
     assert found.values()["gyro_scale"]["z"] == pytest.approx(value, rel=0.05)
     assert abs(value - 0.01) < 4.0 * sd
     assert sd < min(f.sd_of("gyro_scale")["z"] for f in fits)
+
+
+def test_models_of_a_drive_share_its_readings_and_know_the_direction_of_travel() -> None:
+    model = base_model()
+    opened = open_drive(simulated({}), model.options)
+    plain, warm = (fit_drive(opened, model, e) for e in ({}, {"accel_warm_up": 1.0}))
+    one, other = (f.last.problem for f in (plain, warm))
+    assert one.samples.raw is other.samples.raw
+    # alone, and beside a term that asks for the drive's other quantities too
+    assert other.samples.extra.shape[1] > one.samples.extra.shape[1]
+    for name in TRAVEL:
+        np.testing.assert_array_equal(one.users[name], other.users[name])
+    assert len(plain.last.forward.store.cov) == 1

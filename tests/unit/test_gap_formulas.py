@@ -30,7 +30,7 @@ from automap.gap.noise import Fitted
 from automap.gap.result import equation
 from automap.gap.screening import Screening, in_layout
 from automap.gap.selection import Chosen, Selection, select
-from tests.unit.gap_linear import columns_named, linear_of
+from tests.unit.gap_linear import columns_named, linear_of, screened
 from tests.unit.test_gap import simulated
 
 STEP_AT_S = 47.0
@@ -115,6 +115,13 @@ def test_what_effects_of_the_catalogue_make_up_is_no_formula(plain: Fit) -> None
     assert left_out_effect("accel_x") is None
 
 
+def test_a_linear_model_keeps_nothing_as_long_as_the_drive_but_rows(plain: Fit) -> None:
+    linear = screened(plain, ("gyro_scale", "nhc_lever_arm", "gnss_lever_arm")).linear
+    assert not any(c.inertial or c.direct for c in linear.layout)
+    own = {c.effect: linear.of_vehicle([i]) for i, c in enumerate(linear.layout)}
+    assert own == {"gyro_scale": False, "nhc_lever_arm": True, "gnss_lever_arm": False}
+
+
 def formula(*terms: tuple[str, str]) -> tuple[Candidate, Selection]:
     """A formula as a candidate, and all columns of a model."""
     columns = columns_named(*(f"formula.k{i}" for i in range(len(terms))))
@@ -182,7 +189,7 @@ def test_a_choice_is_carried_to_another_layout_by_its_names() -> None:
     before = selection("gyro_scale.x", "gyro_scale.y", "gnss_latency.s", "vehicle_pitch.k")
     after = selection("gnss_latency.s", "gyro_scale.y", "gyro_scale.z")
     parts = (("gyro_scale", (1,), 5.0), ("gnss_latency", (2,), 1.0), ("vehicle_pitch", (3,), 1.0))
-    found = in_layout(Chosen(parts), before, after)
+    found = in_layout(Chosen(parts), before.linear.layout, after)
     assert found.parts == (("gyro_scale", (1,), 5.0), ("gnss_latency", (0,), 1.0))
     # a parameter that the other does not have
-    assert in_layout(Chosen((("gyro_scale", (0,), 1.0),)), before, after).parts == ()
+    assert in_layout(Chosen((("gyro_scale", (0,), 1.0),)), before.linear.layout, after).parts == ()

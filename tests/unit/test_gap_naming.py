@@ -115,6 +115,29 @@ def test_what_varies_from_stretch_to_stretch_is_known_less_well() -> None:
     assert 0.02 * 4.0**0.5 < told.parameters["z"].sd < 0.02 * 14.0**0.5
 
 
+def test_a_constant_delay_says_nothing_of_a_clock_that_drifts() -> None:
+    rng = np.random.default_rng(4)
+    acts, drift = rng.standard_normal(ROWS), np.linspace(-0.5, 0.5, ROWS)
+    layout = columns_named("imu_clock_skew.skew", "imu_clock_skew.origin", "gyro_scale.x")
+    phi = np.column_stack([drift * acts, acts, rng.standard_normal(ROWS)])
+    chosen = Chosen((("imu_clock_skew", (0, 1), 1.0),))
+    names, told = (("imu_clock_skew", "skew"),), []
+    for constant in (0.0, 0.4):
+        w = (0.5 * drift + constant) * acts + rng.standard_normal(ROWS)
+        candidates = candidates_of(layout, ["imu_clock_skew", "gyro_scale"])
+        selection = Selection(linear_of(phi, w, layout), {c.name: c for c in candidates})
+        full = Joint(names, np.array([0.5]), np.array([[0.08**2]]), 0.0)
+        fitted, stands = Told(base_model(), {}, ()), Confirmed({}, ())
+        found = Found(
+            *(fitted, fitted, full, selection, chosen, {}, {}, stands, selection),
+        )
+        (one,) = told_of(found, {"imu_clock_skew": {"skew": 0.5}})
+        assert isinstance(one, Finding)
+        told.append(one.evidence_nats)
+        assert 5.0 < one.evidence_nats < 40.0
+    assert told[1] == pytest.approx(told[0], abs=10.0)
+
+
 def test_what_held_out_data_refused_is_not_told() -> None:
     told = told_of(found_with({2: 0.3, 3: 0.22}), {"gnss_latency": {"s": 0.25}})
     assert [t.effect for t in told] == ["gnss_latency"]

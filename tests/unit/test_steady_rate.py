@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.signal import welch
 
-from automap.fusion.steady_rate import steady_rate
+from automap.fusion.steady_rate import _spectrum, steady_rate
 from automap.records import FloatArray
 
 NOISE = 0.015
@@ -84,3 +85,12 @@ def test_stamps_that_stand_still_and_axes_without_a_reading_do_no_harm() -> None
     assert np.array_equal(steady_rate(np.zeros(500), rate), rate)
     t = at_100_hz(3000)
     assert np.array_equal(steady_rate(t, np.zeros((3000, 3))), np.zeros((3000, 3)))
+
+
+def test_the_spectrum_is_welchs() -> None:
+    rng = np.random.default_rng(3)
+    for n, half in ((9000, 8), (401, 100), (400, 100)):
+        rate = 0.3 + rng.standard_normal(n).cumsum() * 0.01
+        expected = welch(rate, 100.0, nperseg=2 * half)
+        for found, told in zip(_spectrum(rate, 0.01, half), expected, strict=True):
+            np.testing.assert_allclose(found, told, rtol=1e-9, atol=1e-12 * told.max())
