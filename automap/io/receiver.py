@@ -14,6 +14,7 @@ from automap.io import nmea as nmea_format
 from automap.io import rtklib
 from automap.io import ubx as ubx_format
 from automap.io.byte_scan import Scan, key_address, key_is_rtcm, key_is_ubx, scan_bytes
+from automap.io.cut_times import uncut_times
 from automap.io.epoch_fixes import build_fixes
 from automap.io.epoch_join import EARLIEST_GPS_S, Joined, join_epochs
 from automap.io.esf import ReceiverImu, read_esf
@@ -117,15 +118,17 @@ def _is_table(path: Path, data: bytes) -> bool:
 
 def _read_table(path: Path, form: TableForm | None, written: RowStamps | None) -> ReceiverLog:
     table = read_fix_table(path, form, written)
+    fixes, uncut = uncut_times(table.fixes)
     return ReceiverLog(
-        fixes=table.fixes,
+        fixes=fixes,
         imu=None,
         messages={"rows of the table": table.rows}
         | ({"rows that repeat a fix": table.held} if table.held else {}),
         bad_checksums=0,
         garbage_bytes=0,
         truncated=None,
-        warnings=[text.removeprefix(f"{path}: ") for text in table.warnings],
+        warnings=[text.removeprefix(f"{path}: ") for text in table.warnings]
+        + ([] if uncut is None else [uncut]),
         kind="table",
         notes=table.notes,
         period_s=table.period_s,
@@ -198,6 +201,7 @@ def _read_stream(
     messages = message_counts(scan)
     joined = join_epochs(ubx, nmea, len(scan.data), not_before_gps_s)
     fixes = build_fixes(joined, ubx, nmea) if joined is not None else _no_fixes()
+    fixes, uncut = uncut_times(fixes)
     imu, warnings = read_esf(ubx, fixes)
     if len(fixes) == 0 and imu is None:
         seen = ", ".join(f"{count} {what}" for what, count in list(messages.items())[:4])
@@ -210,6 +214,7 @@ def _read_stream(
     warnings += stream_warnings(scan, short, use, leave, truncated)
     if joined is not None:
         warnings += join_warnings(joined, fixes)
+    warnings += [] if uncut is None else [uncut]
     warnings += epoch_warnings(fixes)
     warnings += height_warnings(fixes, nmea)
     if accept_manual and manual.any():
