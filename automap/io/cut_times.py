@@ -25,7 +25,7 @@ several receivers at one time it is no way at all, or one of each time's own."""
 
 
 def uncut_times(fixes: Fixes) -> tuple[Fixes, str | None]:
-    """Fixes in log order with evenly spaced times where these were cut, and a sentence that says so.
+    """Fixes in log order with evenly spaced times where these were cut, and a sentence of it.
 
     Fixes of several receivers at one time, or rows that stand twice, keep theirs: the way from time
     to time goes on evenly through fixes that were taken one after another.

@@ -45,8 +45,8 @@ class ImuQuality:
 
     ``rows`` in the file, ``used`` of them; ``unreadable``, ``blank``, ``not_finite`` (NaN or
     infinite), ``failed`` (the sensor did not answer), ``repeats`` (of a stamp), ``wrong_stamps``
-    (jumped out of the sequence) were left out; ``reordered`` came late and were put in their place. ``gaps`` are (stamp before,
-    length in s). ``span_s`` from first to last stamp, ``rate_hz`` from the median step.
+    (jumped out of the sequence) were left out; ``reordered`` came late and were put in their
+    place. ``gaps`` are (stamp before, length in s). ``span_s`` from first to last stamp, ``rate_hz`` from the median step.
     """
 
     rows: int
@@ -163,9 +163,7 @@ def read_imu_csv(
         raise InputError(f"{path}: all rows bear the same t_ns; record with a running clock.")
     unread = failed_rows(gyro_raw[kept], accel_raw[kept])
     kept = kept[~unread]
-    stamps = t_ns[kept]
-    if len(kept) < len(table) or order.reordered:
-        gyro_raw, accel_raw = gyro_raw[kept], accel_raw[kept]
+    stamps, gyro_raw, accel_raw = t_ns[kept], gyro_raw[kept], accel_raw[kept]
     gyro_unit, accel_unit = reading_units(named, form)
     if form.calibration is not None:
         gyro, accel = form.calibration.apply(gyro_raw, accel_raw)

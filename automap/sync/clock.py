@@ -70,8 +70,8 @@ def rough_clock(
 
 
 def contradiction(clock: ClockModel | None, imu: ImuData, fixes: Fixes | None) -> str | None:
-    """The sentence with which ``synchronise`` refuses a ``clock`` of the stamps for the motions that
-    IMU and receiver saw; None where they agree or tell nothing."""
+    """The sentence with which ``synchronise`` refuses a ``clock`` of the stamps for the motions
+    that IMU and receiver saw; None where they agree or tell nothing."""
     if clock is None or fixes is None or not len(fixes):
         return None
     try:

@@ -165,9 +165,10 @@ def test_a_clock_is_judged_by_the_axes_that_were_found(
     assert [imu is mended.imu for imu in asked] == [True, True]
     # where stated axes are wrong, nothing is said of the clock
     monkeypatch.undo()
-    monkeypatch.setattr(inertial, "offset", lambda *_: pytest.fail())
+    monkeypatch.setattr(inertial, "offset", lambda imu, *_: asked.append(imu))
     _edit(drive, "[imu]\n", '[imu]\naxes = "BLD"\n')
     assert "axes are not as stated" in _errors(check_drive(drive))
+    assert len(asked) == 2
 
 
 @pytest.mark.parametrize(
