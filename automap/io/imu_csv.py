@@ -45,8 +45,9 @@ class ImuQuality:
 
     ``rows`` in the file, ``used`` of them; ``unreadable``, ``blank``, ``not_finite`` (NaN or
     infinite), ``failed`` (the sensor did not answer), ``repeats`` (of a stamp), ``wrong_stamps``
-    (jumped out of the sequence) were left out; ``reordered`` came late and were put in their
-    place. ``gaps`` are (stamp before, length in s). ``span_s`` from first to last stamp, ``rate_hz`` from the median step.
+    (out of the sequence) were left out; ``reordered`` came late and were put in their place.
+    ``gaps``: stamp before, length in s. ``span_s`` from first to last stamp, ``rate_hz`` by the
+    median step.
     """
 
     rows: int
@@ -130,8 +131,7 @@ def read_imu_csv(
     Readings come out in vehicle axes (FRD), or in those of its case where these are unknown.
     Time stamps pass unchanged, but for bursts (``even_stamps``); rows that cannot be used are left
     out and counted, and a sentence says so. ``gap_factor``: a step longer than so many median
-    steps is a gap.
-    Raises InputError when nothing usable is left.
+    steps is a gap. Raises InputError when nothing usable is left.
     """
     form = ImuFormat() if form is None else form
     named = read_table(path, "imu", form.table)
@@ -143,7 +143,7 @@ def read_imu_csv(
         )
     gyro_raw = np.column_stack([named.columns[name] for name in GYRO])
     accel_raw = np.column_stack([named.columns[name] for name in ACCEL])
-    finite = np.all(np.isfinite(gyro_raw), axis=1) & np.all(np.isfinite(accel_raw), axis=1)
+    finite = np.isfinite(gyro_raw).all(axis=1) & np.isfinite(accel_raw).all(axis=1)
     rows = np.flatnonzero(finite)
     if len(rows) < 2:
         raise InputError(f"{path} has fewer than two rows with finite readings; record again.")
@@ -191,13 +191,7 @@ def read_imu_csv(
         rate_hz=1.0 / step_s,
     )
     return ImuRecording(
-        data=ImuData(
-            t_ns=stamps,
-            gyro=gyro,
-            accel=accel,
-            temp_c=temp,
-            axes_known=form.axes.known,
-        ),
+        data=ImuData(stamps, gyro, accel, temp_c=temp, axes_known=form.axes.known),
         quality=quality,
         extra_columns=table.extra,
         warnings=tuple(
