@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from automap.earth import MEAN_RADIUS
-from automap.records import Fixes
+from automap.records import Fixes, FloatArray, IntArray
 
 _CUTS_S = (1.0, 0.1)
 """What programs write times to, s."""
@@ -25,51 +25,71 @@ several receivers at one time it is no way at all, or one of each time's own."""
 
 
 def uncut_times(fixes: Fixes) -> tuple[Fixes, str | None]:
-    """Fixes in log order with evenly spaced times where these were cut, and a sentence of it.
+    """Fixes in log order with evenly spaced times where these were cut, and a sentence of it."""
+    told = np.isfinite(fixes.gps_s) & np.isfinite(fixes.lat_rad) & np.isfinite(fixes.lon_rad)
+    rows = np.flatnonzero(told)
+    found = uncut(fixes.gps_s[rows], fixes.lat_rad[rows], fixes.lon_rad[rows])
+    if found is None:
+        return fixes, None
+    gps_s = fixes.gps_s.copy()
+    gps_s[rows] = found[0]
+    return replace(fixes, gps_s=gps_s), found[1]
+
+
+def uncut_stamps(
+    t_ns: IntArray, lat_rad: FloatArray, lon_rad: FloatArray
+) -> tuple[IntArray, list[str]]:
+    """As ``uncut_times``, of the stamps [n] of a table's rows."""
+    whole = int(t_ns[0]) // 10**9 * 10**9 if len(t_ns) else 0
+    found = uncut(np.asarray((t_ns - whole) * 1e-9), lat_rad, lon_rad)
+    if found is None:
+        return t_ns, []
+    return whole + np.rint(found[0] * 1e9).astype(np.int64), [found[1]]
+
+
+def uncut(t: FloatArray, lat_rad: FloatArray, lon_rad: FloatArray) -> tuple[FloatArray, str] | None:
+    """Evenly spaced times [n] for ones ``t`` [n] s that were cut, and a sentence that says so; None
+    where they were not.
 
     Fixes of several receivers at one time, or rows that stand twice, keep theirs: the way from time
     to time goes on evenly through fixes that were taken one after another.
     """
-    told = np.isfinite(fixes.gps_s) & np.isfinite(fixes.lat_rad) & np.isfinite(fixes.lon_rad)
-    rows = np.flatnonzero(told)
-    if len(rows) < 2 * _LEAST_TIMES:
-        return fixes, None
-    t = fixes.gps_s[rows]
+    if len(t) < 2 * _LEAST_TIMES:
+        return None
     starts = np.concatenate([[0], np.flatnonzero(np.diff(t) != 0.0) + 1])
     size = np.diff(np.concatenate([starts, [len(t)]]))
     inner = size[1:-1]
     if len(inner) < _LEAST_TIMES:
-        return fixes, None
+        return None
     many = int(np.median(inner))
     step = float(np.median(np.diff(t[starts])))
     cut = next((value for value in _CUTS_S if abs(step - value) < _EXACT_S), None)
     if many < 2 or cut is None or np.mean(inner == many) < _USUAL_SHARE:
-        return fixes, None
+        return None
     off = np.abs(t / cut - np.rint(t / cut)) * cut
-    if off.max() > _EXACT_S or not _goes_on_evenly(fixes, rows, starts[1:-1], many):
-        return fixes, None
+    if off.max() > _EXACT_S or not _goes_on_evenly(lat_rad, lon_rad, starts[1:-1], many):
+        return None
     place = np.arange(len(t)) - np.repeat(starts, size)
     # of the first time the early ones are missing, of others any
     place[: size[0]] += max(many - int(size[0]), 0)
     share = place / np.maximum(np.repeat(size, size), many)
-    gps_s = fixes.gps_s.copy()
-    gps_s[rows] = t + cut * share
-    return replace(fixes, gps_s=gps_s), (
+    return t + cut * share, (
         f"times are cut to {cut:g} s, and {many} fixes share each; they are spread evenly over it, "
         "which may be wrong by as much: log times with their decimals"
     )
 
 
-def _goes_on_evenly(fixes: Fixes, rows: np.ndarray, starts: np.ndarray, many: int) -> bool:
-    """Whether the way between the fixes of one time is what it is between any two: of the groups of
-    ``many`` that begin at ``starts`` of ``rows``."""
-    lat, lon = fixes.lat_rad[rows], np.unwrap(fixes.lon_rad[rows])
-    place = np.column_stack([lat, lon * np.cos(lat[0])]) * MEAN_RADIUS
+def _goes_on_evenly(lat_rad: FloatArray, lon_rad: FloatArray, starts: IntArray, many: int) -> bool:
+    """Whether the way between the fixes of one time is what it is between any two, of the groups of
+    ``many`` that begin at ``starts``."""
+    lon = np.unwrap(lon_rad) * np.cos(lat_rad[0])
+    place = np.column_stack([lat_rad, lon]) * MEAN_RADIUS
     first, last, after = place[starts], place[starts + many - 1], place[starts + many]
     on = after - first
     length = np.linalg.norm(on, axis=1)
     way = float(length.sum())
-    if way < _LEAST_WAY_M:
+    # what is no number is no way
+    if not way >= _LEAST_WAY_M:
         return False
     ahead = on / np.maximum(length, 1e-9)[:, None]
     within = float(np.einsum("ij,ij->", last - first, ahead))

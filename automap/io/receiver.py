@@ -118,17 +118,15 @@ def _is_table(path: Path, data: bytes) -> bool:
 
 def _read_table(path: Path, form: TableForm | None, written: RowStamps | None) -> ReceiverLog:
     table = read_fix_table(path, form, written)
-    fixes, uncut = uncut_times(table.fixes)
     return ReceiverLog(
-        fixes=fixes,
+        fixes=table.fixes,
         imu=None,
         messages={"rows of the table": table.rows}
         | ({"rows that repeat a fix": table.held} if table.held else {}),
         bad_checksums=0,
         garbage_bytes=0,
         truncated=None,
-        warnings=[text.removeprefix(f"{path}: ") for text in table.warnings]
-        + ([] if uncut is None else [uncut]),
+        warnings=[text.removeprefix(f"{path}: ") for text in table.warnings],
         kind="table",
         notes=table.notes,
         period_s=table.period_s,

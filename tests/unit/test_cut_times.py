@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from automap.io.cut_times import uncut_times
+from automap.io.fix_table import read_fix_table
+from automap.io.table_form import TableForm
 from automap.records import Fixes, FloatArray
 from tests.unit.fusion_motion import city_drive
 from tests.unit.fusion_receiver import Receiver, receive
@@ -55,6 +58,17 @@ def test_rows_that_stand_twice_and_two_receivers_keep_their_times() -> None:
     _unchanged(twice)
     aside = twice.lat_rad + np.where(np.arange(len(twice)) % 2, 4.0 / 6.4e6, 0.0)
     _unchanged(replace(twice, lat_rad=aside))
+
+
+def test_rows_of_a_table_that_share_whole_seconds_are_no_held_fixes(tmp_path: Path) -> None:
+    fixes = logged(5.0)
+    path = tmp_path / "fixes.csv"
+    rows = zip(cut(fixes).gps_s, np.degrees(fixes.lat_rad), np.degrees(fixes.lon_rad), strict=True)
+    path.write_text("t_s,lat,lon\n" + "".join(f"{t:.0f},{a:.8f},{o:.8f}\n" for t, a, o in rows))
+    table = read_fix_table(path, TableForm(time_format="gps_s"))
+    np.testing.assert_allclose(table.fixes.gps_s, fixes.gps_s, atol=1e-6)
+    assert table.held == 0
+    assert any("5 fixes share each" in text for text in table.warnings)
 
 
 def test_a_vehicle_that_stands_tells_no_rate() -> None:
