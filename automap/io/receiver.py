@@ -38,6 +38,7 @@ _SNIFF_BYTES = 1 << 20
 _TABLE_SUFFIXES = (".csv", ".tsv", ".tab")
 _PLAIN_FIX = 1
 """Quality of GGA: a fix without corrections."""
+_GPX = re.compile(rb"<gpx[\s>]")
 _CONTENT = re.compile(rb"[^ \t\r\n\0]")
 
 
@@ -147,6 +148,11 @@ def read_receiver_bytes(
     scan = scan_bytes(data)
     kind = _stream_kind(scan)
     if kind is None:
+        if _GPX.search(data) is not None:
+            raise InputError(
+                f"{name} is a GPX track, which is not read: write its points into a table with the "
+                "columns time, lat, lon and ele"
+            )
         found = scan.bad_nmea + scan.bad_ubx
         why = f"; all {found} message starts have a wrong checksum" if found else ""
         raise InputError(
