@@ -35,7 +35,9 @@ def failed_rows(gyro: FloatArray, accel: FloatArray) -> BoolArray:
     edges = np.flatnonzero(np.diff(np.concatenate([[0], silent.astype(np.int8), [0]])))
     for first, stop in zip(edges[::2], edges[1::2], strict=True):
         silent[first:stop] = stop - first <= _SHORT
-    return np.asarray(silent | _failed(accel))
+    failed = silent | _failed(accel)
+    # what most rows are is how the sensor reads
+    return np.asarray(failed & (2 * np.count_nonzero(failed) <= len(failed)))
 
 
 def _failed(triad: FloatArray) -> BoolArray:

@@ -86,7 +86,7 @@ def read_fix_table(
     first = _first_rows(table)
     held = len(table) - int(np.count_nonzero(first))
     rows = np.flatnonzero(first)
-    order = order_stamps(table.t_ns[rows])
+    order = order_stamps(t_ns[rows])
     if order is None:
         raise InputError(
             f"{path}: its times jump back and forth thousands of times, so they are no clock; "

@@ -143,7 +143,7 @@ def read_imu_csv(
         )
     gyro_raw = np.column_stack([named.columns[name] for name in GYRO])
     accel_raw = np.column_stack([named.columns[name] for name in ACCEL])
-    finite = np.isfinite(gyro_raw).all(axis=1) & np.isfinite(accel_raw).all(axis=1)
+    finite = np.asarray(np.isfinite(np.column_stack([gyro_raw, accel_raw])).all(axis=1))
     rows = np.flatnonzero(finite)
     if len(rows) < 2:
         raise InputError(f"{path} has fewer than two rows with finite readings; record again.")
