@@ -193,6 +193,9 @@ FROZEN_AXIS_S = 5.0
 CLIPPED_STEPS = 4
 """So many readings in a row at the very largest size are the end of the range: a peak of coarse
 readings has two or three. Chosen."""
+CLIPPED_PROBABILITY = 1e-6
+"""Nor are they chance where readings stay at other values: an hour at 100 Hz has some ten thousand
+changes of a coarse axis that could be such a run."""
 
 # start
 

@@ -55,11 +55,21 @@ def clipped_axes(imu: ImuData) -> list[StuckAxis]:
         most = float(size.max())
         # noise goes on at any value but the last of the range
         first, last = _runs((size[1:] == most) & (size[:-1] == most))
-        long = last - first >= limits.CLIPPED_STEPS
+        long = last - first >= max(limits.CLIPPED_STEPS, _chance_steps(size, most))
         # an axis that never changes has no range
         if long.any() and np.ptp(column) > 0.0:
             found.append(StuckAxis(name, most, _spans(t, first, last, long)))
     return found
+
+
+def _chance_steps(size: FloatArray, most: float) -> float:
+    """So many steps in a row without a change are chance no more, by how often readings of ``size``
+    [n] stay at other large sizes: coarse ones do, and ones that are held."""
+    large = (size[1:] > 0.5 * most) & (size[1:] < most)
+    stays = float(np.mean(size[1:][large] == size[:-1][large])) if large.any() else 0.0
+    if stays == 0.0:
+        return 0.0
+    return float(np.log(limits.CLIPPED_PROBABILITY) / np.log(stays)) if stays < 1.0 else np.inf
 
 
 def _seconds(imu: ImuData) -> FloatArray:

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from automap.errors import InputError
+from automap.io.cut_times import uncut_stamps
 from automap.io.epoch_fix_type import GGA_FIX
 from automap.io.epoch_velocity import STANDSTILL_SPEED
 from automap.io.fix_units import told_by_numbers
@@ -79,10 +80,13 @@ def read_fix_table(
             'columns = { t = "..." }, or date and time_of_day, or week and tow.'
         )
     warnings = table.rows.warnings()
+    t_ns, said = uncut_stamps(table.t_ns, table.column("lat"), table.column("lon"))
+    table = replace(table, t_ns=t_ns)
+    warnings += [f"{path}: {text}" for text in said]
     first = _first_rows(table)
     held = len(table) - int(np.count_nonzero(first))
     rows = np.flatnonzero(first)
-    order = order_stamps(table.t_ns[rows])
+    order = order_stamps(t_ns[rows])
     if order is None:
         raise InputError(
             f"{path}: its times jump back and forth thousands of times, so they are no clock; "

@@ -12,6 +12,7 @@ from automap.io.axes import ImuAxes
 from automap.io.csv_columns import CsvColumns
 from automap.io.drive import Drive
 from automap.io.even_stamps import bursts_text, straight_stamps
+from automap.io.failed_reads import FAILED, failed_rows
 from automap.io.imu_calibration import read_imu_calibration
 from automap.io.named_table import NamedTable, read_table
 from automap.io.sensor_file import SI_PER_UNIT, SensorModel, find_sensor, read_sensor
@@ -43,9 +44,10 @@ class ImuQuality:
     """What was found in an inertial recording.
 
     ``rows`` in the file, ``used`` of them; ``unreadable``, ``blank``, ``not_finite`` (NaN or
-    infinite), ``repeats`` (of a stamp), ``wrong_stamps`` (jumped out of the sequence) were
-    left out; ``reordered`` came late and were put in their place. ``gaps`` are (stamp before,
-    length in s). ``span_s`` from first to last stamp, ``rate_hz`` from the median step.
+    infinite), ``failed`` (the sensor did not answer), ``repeats`` (of a stamp), ``wrong_stamps``
+    (out of the sequence) were left out; ``reordered`` came late and were put in their place.
+    ``gaps``: stamp before, length in s. ``span_s`` from first to last stamp, ``rate_hz`` by the
+    median step.
     """
 
     rows: int
@@ -53,6 +55,7 @@ class ImuQuality:
     unreadable: int
     blank: int
     not_finite: int
+    failed: int
     repeats: int
     wrong_stamps: int
     reordered: int
@@ -128,8 +131,7 @@ def read_imu_csv(
     Readings come out in vehicle axes (FRD), or in those of its case where these are unknown.
     Time stamps pass unchanged, but for bursts (``even_stamps``); rows that cannot be used are left
     out and counted, and a sentence says so. ``gap_factor``: a step longer than so many median
-    steps is a gap.
-    Raises InputError when nothing usable is left.
+    steps is a gap. Raises InputError when nothing usable is left.
     """
     form = ImuFormat() if form is None else form
     named = read_table(path, "imu", form.table)
@@ -141,7 +143,7 @@ def read_imu_csv(
         )
     gyro_raw = np.column_stack([named.columns[name] for name in GYRO])
     accel_raw = np.column_stack([named.columns[name] for name in ACCEL])
-    finite = np.all(np.isfinite(gyro_raw), axis=1) & np.all(np.isfinite(accel_raw), axis=1)
+    finite = np.asarray(np.isfinite(np.column_stack([gyro_raw, accel_raw])).all(axis=1))
     rows = np.flatnonzero(finite)
     if len(rows) < 2:
         raise InputError(f"{path} has fewer than two rows with finite readings; record again.")
@@ -159,17 +161,15 @@ def read_imu_csv(
     kept = rows[order.keep]
     if len(kept) < 2:
         raise InputError(f"{path}: all rows bear the same t_ns; record with a running clock.")
-    stamps = t_ns[kept]
-    if len(kept) < len(table) or order.reordered:
-        gyro_raw, accel_raw = gyro_raw[kept], accel_raw[kept]
+    unread = failed_rows(gyro_raw[kept], accel_raw[kept])
+    kept = kept[~unread]
+    stamps, gyro_raw, accel_raw = t_ns[kept], gyro_raw[kept], accel_raw[kept]
     gyro_unit, accel_unit = reading_units(named, form)
     if form.calibration is not None:
         gyro, accel = form.calibration.apply(gyro_raw, accel_raw)
     else:
-        gyro, accel = (
-            _to_si(gyro_raw, "gyro", gyro_unit, form),
-            _to_si(accel_raw, "accel", accel_unit, form),
-        )
+        gyro = _to_si(gyro_raw, "gyro", gyro_unit, form)
+        accel = _to_si(accel_raw, "accel", accel_unit, form)
     gyro, accel = form.axes.apply(gyro, accel)
     temp = None
     if "temp_c" in named.columns:
@@ -182,6 +182,7 @@ def read_imu_csv(
         unreadable=table.bad_rows,
         blank=table.blank_rows,
         not_finite=len(table) - len(rows),
+        failed=int(unread.sum()),
         repeats=order.repeats,
         wrong_stamps=order.stepped_back + sum(p.last - p.first + 1 for p in order.lost),
         reordered=order.reordered,
@@ -190,13 +191,7 @@ def read_imu_csv(
         rate_hz=1.0 / step_s,
     )
     return ImuRecording(
-        data=ImuData(
-            t_ns=stamps,
-            gyro=gyro,
-            accel=accel,
-            temp_c=temp,
-            axes_known=form.axes.known,
-        ),
+        data=ImuData(stamps, gyro, accel, temp_c=temp, axes_known=form.axes.known),
         quality=quality,
         extra_columns=table.extra,
         warnings=tuple(
@@ -239,6 +234,8 @@ def _warnings(
             f"{path}: {_count(quality.not_finite)} without a finite reading left out, the first "
             f"in line {line}"
         )
+    if quality.failed:
+        found.append(f"{path}: {_count(quality.failed)} {FAILED}")
     if quality.repeats > 0.2 * quality.rows:
         found.append(
             f"{path}: {_count(quality.repeats)} bear a t_ns that another row has; the stamps are "

@@ -14,6 +14,7 @@ from automap.io import nmea as nmea_format
 from automap.io import rtklib
 from automap.io import ubx as ubx_format
 from automap.io.byte_scan import Scan, key_address, key_is_rtcm, key_is_ubx, scan_bytes
+from automap.io.cut_times import uncut_times
 from automap.io.epoch_fixes import build_fixes
 from automap.io.epoch_join import EARLIEST_GPS_S, Joined, join_epochs
 from automap.io.esf import ReceiverImu, read_esf
@@ -37,6 +38,7 @@ _SNIFF_BYTES = 1 << 20
 _TABLE_SUFFIXES = (".csv", ".tsv", ".tab")
 _PLAIN_FIX = 1
 """Quality of GGA: a fix without corrections."""
+_GPX = re.compile(rb"<gpx[\s>]")
 _CONTENT = re.compile(rb"[^ \t\r\n\0]")
 
 
@@ -146,6 +148,11 @@ def read_receiver_bytes(
     scan = scan_bytes(data)
     kind = _stream_kind(scan)
     if kind is None:
+        if _GPX.search(data) is not None:
+            raise InputError(
+                f"{name} is a GPX track, which is not read: write its points into a table with the "
+                "columns time, lat, lon and ele"
+            )
         found = scan.bad_nmea + scan.bad_ubx
         why = f"; all {found} message starts have a wrong checksum" if found else ""
         raise InputError(
@@ -198,6 +205,7 @@ def _read_stream(
     messages = message_counts(scan)
     joined = join_epochs(ubx, nmea, len(scan.data), not_before_gps_s)
     fixes = build_fixes(joined, ubx, nmea) if joined is not None else _no_fixes()
+    fixes, uncut = uncut_times(fixes)
     imu, warnings = read_esf(ubx, fixes)
     if len(fixes) == 0 and imu is None:
         seen = ", ".join(f"{count} {what}" for what, count in list(messages.items())[:4])
@@ -210,6 +218,7 @@ def _read_stream(
     warnings += stream_warnings(scan, short, use, leave, truncated)
     if joined is not None:
         warnings += join_warnings(joined, fixes)
+    warnings += [] if uncut is None else [uncut]
     warnings += epoch_warnings(fixes)
     warnings += height_warnings(fixes, nmea)
     if accept_manual and manual.any():

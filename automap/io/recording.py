@@ -21,6 +21,10 @@ if TYPE_CHECKING:
     from automap.io.receiver import ReceiverLog
 
 
+_NO_DOP = 99.0
+"""Two figures before the point hold no more: 99.9 and 99.99 stand for unknown."""
+
+
 @dataclass(frozen=True)
 class Recording:
     """What the IMU file and the receiver log of a drive gave.
@@ -139,7 +143,15 @@ def _with_date(
 
 def without_placeholders(fixes: Fixes, name: str, warnings: list[str]) -> Fixes:
     """Fixes without those at latitude and longitude zero or at a pole, which programs write where
-    they have none; a sentence that begins with ``name`` goes to ``warnings``."""
+    they have none, nor with a dilution that is one throughout; a sentence that begins with
+    ``name`` goes to ``warnings`` for each."""
+    stated = fixes.hdop[(fixes.hdop > 0.0) & (fixes.fix_type != FixType.NONE)]
+    if len(stated) and (stated >= _NO_DOP).all():
+        warnings.append(
+            f"{name}: HDOP is {stated.min():g} or more throughout, as receivers write where they "
+            "compute none; it is taken as unknown"
+        )
+        fixes = replace(fixes, hdop=np.full_like(fixes.hdop, np.nan))
     zero = (fixes.lat_rad == 0.0) & (fixes.lon_rad == 0.0)
     pole = np.abs(fixes.lat_rad) >= 0.5 * np.pi
     none = (zero | pole) & (fixes.fix_type != FixType.NONE)

@@ -69,6 +69,18 @@ def rough_clock(
         return None
 
 
+def contradiction(clock: ClockModel | None, imu: ImuData, fixes: Fixes | None) -> str | None:
+    """The sentence with which ``synchronise`` refuses a ``clock`` of the stamps for the motions
+    that IMU and receiver saw; None where they agree or tell nothing."""
+    if clock is None or fixes is None or not len(fixes):
+        return None
+    try:
+        _compare_motions(SyncResult(clock), imu, fixes)
+    except InputError as error:
+        return str(error)
+    return None
+
+
 def _by_stamps(
     imu: ImuData,
     fixes: Fixes | None,

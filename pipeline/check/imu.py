@@ -11,9 +11,9 @@ from automap.io.drive import Drive
 from automap.io.recording import Recording
 from automap.records import ImuData
 from pipeline.check import limits
-from pipeline.check.axes import WeighedAxes, weigh_axes
+from pipeline.check.axes import CODE, WeighedAxes, weigh_axes
 from pipeline.check.steadiness import check as steadiness
-from pipeline.check.steadiness import usable_receiver
+from pipeline.check.steadiness import offset, usable_receiver
 
 ABSENT = Finding(
     "warning",
@@ -75,9 +75,14 @@ def check(drive: Drive, recording: Recording) -> tuple[list[Finding], WeighedAxe
     if unit.severity != "ok":
         return findings, None
     fixes, clock = usable_receiver(drive, recording)
-    steady = steadiness(imu, fixes, clock)
     weighed = weigh_axes(drive, recording, fixes, clock)
-    return [*findings, *steady, *weighed.findings], weighed
+    if any(found.code == CODE and found.severity == "error" for found in weighed.findings):
+        # turns about an axis that is another tell nothing of a clock
+        return [*findings, *weighed.findings], weighed
+    off = offset(weighed.imu, fixes, clock)
+    if off is not None:
+        return [*findings, off], None
+    return [*findings, *steadiness(weighed.imu, fixes, clock), *weighed.findings], weighed
 
 
 def is_harmless(recording: Recording, text: str) -> bool:

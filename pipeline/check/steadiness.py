@@ -9,10 +9,12 @@ from automap.fusion.doubts.receiver import usable_fixes
 from automap.io.drive import Drive
 from automap.io.recording import Recording, imu_time
 from automap.records import ClockModel, Fixes, ImuData
-from automap.sync.clock import rough_clock
+from automap.sync.clock import contradiction, rough_clock
 from automap.sync.steadiness import ClockChange, clock_change, lags_by_piece
 from automap.sync.velocity_consistency import velocity_consistency
 
+OFFSET_CODE = "imu_clock_offset"
+"""Of a finding about stamps that are seconds off: nothing can be done with them."""
 CODES = {"rate": "imu_clock_rate", "jump": "imu_clock_jump"}
 """Of findings about stamps that run off, and that jump."""
 
@@ -32,6 +34,12 @@ def usable_receiver(drive: Drive, recording: Recording) -> tuple[Fixes | None, C
     gnss = drive.gnss
     base = imu_time(drive, recording)
     return fixes, rough_clock(imu, fixes, base, gnss.arrival_time, gnss.output_delay_s)
+
+
+def offset(imu: ImuData, fixes: Fixes | None, clock: ClockModel | None) -> Finding | None:
+    """An error for stamps that are seconds off the receiver's time, by the motions of both."""
+    text = contradiction(clock, imu, fixes)
+    return None if text is None else Finding("error", text.rstrip("."), code=OFFSET_CODE)
 
 
 def check(imu: ImuData, fixes: Fixes | None, clock: ClockModel | None) -> list[Finding]:

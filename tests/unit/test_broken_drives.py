@@ -121,6 +121,12 @@ FAILURES: list[tuple[str, Break, int, str]] = [
     ("stamps_in_us", cells(IMU, "t_ns", lambda t: t[:-3]), 3, r"look like microseconds"),
     ("accel_dead", cells(IMU, "ax ay az", lambda value: "5.6"), 3, r"ax never changes"),
     ("no_overlap", cells(IMU, "t_ns", later(3600)), 3, r"do not overlap in time: IMU 20"),
+    (
+        "imu_18_s_late",
+        cells(IMU, "t_ns", later(18)),
+        3,
+        r"IMU stamps read \+17\.\d s against.*18 leap",
+    ),
     ("arrival_steps", rows(ARRIVAL, second_half_later(5)), 3, r"arrival times jump by \+5\.0"),
     ("optics_wrong", manifest("639.5]", "6.395]"), 3, r"belongs to another resolution"),
     ("toml_key", manifest("lever_arm_m", "lever_arm"), 2, r"did you mean lever_arm_m\?"),

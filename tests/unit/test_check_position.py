@@ -120,3 +120,20 @@ def test_positions_typed_in_by_hand_are_accepted_by_name(tmp_path: Path) -> None
     assert recording.fixes is not None
     assert (recording.fixes.fix_type == FixType.THREE_D).all()
     assert any("are used" in text for text in recording.warnings)
+
+
+def test_a_dilution_that_stands_for_none_is_unknown() -> None:
+    fixes = simulated_fixes(1, seconds=20.0)
+    told: list[str] = []
+    clean = without_placeholders(replace(fixes, hdop=np.full(len(fixes), 99.99)), "log", told)
+    assert np.isnan(clean.hdop).all()
+    assert told == [
+        "log: HDOP is 99.99 or more throughout, as receivers write where they compute none; it is "
+        "taken as unknown"
+    ]
+    # the most that is written, for a moment, is a bad fix
+    hdop = np.where(np.arange(len(fixes)) < 3, 99.99, 1.0)
+    np.testing.assert_array_equal(
+        without_placeholders(replace(fixes, hdop=hdop), "log", told).hdop, hdop
+    )
+    assert len(told) == 1

@@ -14,6 +14,7 @@ from input_drive import BOOT_NS, RATE_HZ, START, motion, write_drive, write_imu_
 from automap.errors import InputError
 from automap.io import names
 from automap.io.drive import load_drive
+from automap.io.imu_csv import read_imu_csv
 from automap.io.tables import read_fixes, read_imu
 from automap.timebase import unix_to_gps
 from pipeline.check.command import CheckReport, check_drive
@@ -147,6 +148,27 @@ def test_recordings_of_different_times_are_refused(drive: Path) -> None:
     assert not report.usable
     assert "do not overlap in time" in _errors(report)
     assert "1980-01-06" in _errors(report)
+
+
+def test_a_clock_is_judged_by_the_axes_that_were_found(
+    drive: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from pipeline.check import imu as inertial
+    from pipeline.check.axes import WeighedAxes
+
+    asked: list[Any] = []
+    mended = WeighedAxes((), read_imu_csv(drive / "imu.csv").data)
+    monkeypatch.setattr(inertial, "weigh_axes", lambda *_: mended)
+    monkeypatch.setattr(inertial, "offset", lambda imu, *_: asked.append(imu))
+    monkeypatch.setattr(inertial, "steadiness", lambda imu, *_: [asked.append(imu)][:0])
+    assert check_drive(drive).usable
+    assert [imu is mended.imu for imu in asked] == [True, True]
+    # where stated axes are wrong, nothing is said of the clock
+    monkeypatch.undo()
+    monkeypatch.setattr(inertial, "offset", lambda imu, *_: asked.append(imu))
+    _edit(drive, "[imu]\n", '[imu]\naxes = "BLD"\n')
+    assert "axes are not as stated" in _errors(check_drive(drive))
+    assert len(asked) == 2
 
 
 @pytest.mark.parametrize(

@@ -212,6 +212,36 @@ def test_triads_may_have_axes_of_their_own(tmp_path: Path) -> None:
     assert not case.axes_known
 
 
+def test_rows_that_a_sensor_did_not_answer_are_left_out_and_said(tmp_path: Path) -> None:
+    rng = np.random.default_rng(1)
+    n = 400
+    gyro = rng.normal(0.0, 0.01, (n, 3)) + 0.3 * np.sin(np.arange(n) / 60.0)[:, None]
+    accel = rng.normal([0.2, 0.1, 9.8], 0.1, (n, 3))
+    gyro[[150, 203, 204]] = 0.0
+    gyro[300:340] = 0.0  # a band in which the gyro shows nothing, while the other triad goes on
+    accel[[150, 260]] = 0.0
+    accel[270] = -1.0
+    rows = np.column_stack([np.arange(n) * 10**7, gyro, accel])
+    text = "t_ns,gx,gy,gz,ax,ay,az\n" + "".join(
+        f"{int(row[0])}," + ",".join(f"{value:.6f}" for value in row[1:]) + "\n" for row in rows
+    )
+    recording = read_imu_csv(_write(tmp_path, text))
+    left = np.setdiff1d(np.arange(n), recording.data.t_ns // 10**7)
+    assert left.tolist() == [150, 203, 204, 260, 270]
+    assert recording.quality.failed == 5
+    assert any("5 rows with one number on all axes" in said for said in recording.warnings)
+
+
+def test_coarse_readings_at_rest_are_no_failed_reads(tmp_path: Path) -> None:
+    rng = np.random.default_rng(2)
+    n = 400
+    gyro = np.round(rng.normal(0.0, 0.6, (n, 3)))
+    accel = np.round(rng.normal([0.0, 0.0, 9.8], 0.6, (n, 3)))
+    rows = np.column_stack([np.arange(n) * 10**7, gyro, accel]).astype(int)
+    text = "t_ns,gx,gy,gz,ax,ay,az\n" + "".join(",".join(map(str, row)) + "\n" for row in rows)
+    assert read_imu_csv(_write(tmp_path, text)).quality.failed == 0
+
+
 def test_what_was_wrong_with_an_imu_file_is_counted_and_said(tmp_path: Path) -> None:
     lines = _rows(np.arange(100) * 10**7).splitlines()
     lines[20] = lines[20].replace("0.1,", "nan,")

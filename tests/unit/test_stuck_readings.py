@@ -49,6 +49,18 @@ def test_an_axis_that_ends_at_its_range_is_named(through_car_axes: bool) -> None
     assert clipped_axes(imu) == []
 
 
+def test_coarse_and_held_axes_do_not_end_at_a_range() -> None:
+    imu = recorded()
+    held = np.repeat(imu.gyro[::10], 10, axis=0)
+    coarse = np.trunc(imu.gyro / 0.15) * 0.15
+    for gyro in (held, coarse):
+        seen = ImuData(imu.t_ns, gyro, imu.accel)
+        assert clipped_axes(seen) == []
+        # and do where it does, for longer than they stay elsewhere
+        (axis,) = clipped_axes(ImuData(imu.t_ns, np.clip(gyro, -0.1, 0.1), imu.accel))
+        assert axis.column == "gz"
+
+
 @pytest.mark.parametrize("through_car_axes", [False, True])
 def test_an_axis_that_keeps_its_reading_is_named(through_car_axes: bool) -> None:
     gyro = recorded().gyro

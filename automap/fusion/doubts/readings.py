@@ -34,11 +34,13 @@ def _frozen_axis(imu: ImuData, moving: BoolArray) -> list[Reason]:
 
 def _frozen_reason(what: str, spans: tuple[Span, ...], bridged: bool = False) -> Reason:
     seconds = sum(b - a for a, b in spans)
+    # a whole row has six noises, an axis one, which a coarse step hides
+    coarse = "" if bridged else ", or its steps are coarser than its noise"
     done = "; they were bridged like a gap" if bridged else ""
     return Reason(
         "imu_frozen",
         f"{what} stay the same for {seconds:.1f} s of driving: the sensor or its "
-        f"logging hung; look for a loose plug or a full buffer{done}",
+        f"logging hung{coarse}; look for a loose plug or a full buffer{done}",
         spans,
         inertial=not bridged,
         handled=bridged,

@@ -107,8 +107,9 @@ def _imu_summary(drive: Drive, recording: Recording) -> dict[str, Any]:
     }
     if recording.imu_file is not None:
         quality = recording.imu_file.quality
-        for name in ("rows", "unreadable", "blank", "not_finite", "repeats", "wrong_stamps"):
+        for name in ("rows", "unreadable", "blank", "not_finite", "failed", "repeats"):
             summary[name] = getattr(quality, name)
+        summary["wrong_stamps"] = quality.wrong_stamps
         summary["reordered"] = quality.reordered
         summary["gap_count"] = len(quality.gaps)
         longest = sorted(quality.gaps, key=lambda gap: -gap[1])[:_MAX_GAPS]
