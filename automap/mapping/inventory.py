@@ -13,7 +13,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from automap.mapping.inventory_classes import looks_otherwise, same_face
-from automap.mapping.inventory_directions import Directions, directions_of
+from automap.mapping.inventory_directions import Directions, in_degrees
+from automap.mapping.inventory_displaced import Parts, displaced_parts
 from automap.mapping.inventory_findings import (
     Finding,
     Inventory,
@@ -44,7 +45,8 @@ class InventoryComparison:
     """``findings`` of all signs; the inventory's ``shift_m`` [2] east and north against the map,
     its error ``sd_m`` per axis without that, ``normalised_square`` of pairs in place (1 where the
     stated errors are right, NaN without pairs), ``directions`` what its directions
-    mean, and ``detection``, how often a sign in view was found."""
+    mean, ``detection``, how often a sign in view was found, and ``parts`` of the list that lie
+    elsewhere than the rest."""
 
     findings: list[Finding]
     shift_m: FloatArray
@@ -52,6 +54,7 @@ class InventoryComparison:
     normalised_square: float
     directions: Directions
     detection: float
+    parts: Parts
 
 
 def compare_inventory(
@@ -69,11 +72,11 @@ def compare_inventory(
     near, directions = None, Directions()
     if len(signs) and len(inventory):
         near = near_pairs(signs, inventory)
-        directions = directions_of(signs, inventory, *near)
-    if directions.turned:
-        inventory = replace(inventory, facing_rad=inventory.facing_rad + np.pi)
-    if not directions.used:
-        inventory = replace(inventory, facing_rad=np.full(len(inventory), np.nan))
+        inventory, directions = in_degrees(signs, inventory, *near)
+    parts = displaced_parts(signs, inventory)
+    if parts.displaced.any():
+        inventory = parts.moved_back(inventory)
+        near = near_pairs(signs, inventory)
     pairs = candidates(signs, inventory, shares, near)
     views, rows = looks_at(inventory, drives)
     looked = rows >= HALF_APPROACH_ROWS
@@ -99,11 +102,19 @@ def compare_inventory(
     alone = 1.0 / (1.0 + by_listed)
     lost, detection = not_found(inventory, partner, signs, drives, alone, views, rows)
     order = ("matched", "moved", "class", "new", "missing", "unconfirmed", "not_seen")
-    findings = mark_sure([*findings, *lost])
+    findings = mark_sure([_from_where_listed(f, parts) for f in (*findings, *lost)])
     findings.sort(key=lambda f: (order.index(f.kind), f.listed, f.sign))
     return InventoryComparison(
-        findings, known.shift_m, known.sd_m, known.square, directions, detection
+        findings, known.shift_m, known.sd_m, known.square, directions, detection, parts
     )
+
+
+def _from_where_listed(finding: Finding, parts: Parts) -> Finding:
+    """The finding with the way from where the list has it."""
+    if finding.listed < 0 or parts.part[finding.listed] <= 0:
+        return finding
+    east, north = parts.way[parts.part[finding.listed]].tolist()
+    return replace(finding, east_m=finding.east_m + east, north_m=finding.north_m + north)
 
 
 def _moved_after_all(finding: Finding, moved: float) -> Finding:
