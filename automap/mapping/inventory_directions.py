@@ -11,7 +11,7 @@ import numpy as np
 from automap.mapping.inventory_classes import same_face
 from automap.mapping.inventory_findings import Inventory
 from automap.mapping.inventory_limits import LEAST_TURNS, LIKELIER_THAN_NOT, STALE, TOLD_BY_CHANCE
-from automap.mapping.limits import FACING_SD
+from automap.mapping.limits import FACING_SD, HAND_FACING_SD_DEG
 from automap.records import FloatArray, IntArray, Sign
 
 _FAR = 3.0 * FACING_SD
@@ -87,13 +87,17 @@ def in_degrees(
     nearest = np.lexsort((np.hypot(*apart.T), listed))
     nearest = nearest[np.array(alike, np.bool_)[nearest]]
     first = nearest[np.unique(listed[nearest], return_index=True)[1]]
+    # nobody tells a face better; a smaller spread is chance
+    finest = math.radians(HAND_FACING_SD_DEG)
+    # how much likelier normal errors make the one than the other, each with its own spread
     gain = 0.0
     for one, better in ((inventory, -1.0), (other, 1.0)):
         turn = facing[sign[first]] - one.facing_rad[listed[first]]
         way = np.exp(1j * turn[np.isfinite(turn)])
         # what all are off tells no unit, and what is further off is no error of a direction
-        square = np.minimum(np.abs(np.angle(way * np.conj(way.sum()))), _FAR) ** 2
-        gain -= better * 0.5 * float(square.sum()) / FACING_SD**2
+        off = np.minimum(np.abs(np.angle(way * np.conj(way.sum()))), _FAR)
+        spread = math.sqrt(float(np.sum(off**2)) / max(len(off), 1))
+        gain -= better * len(off) * math.log(max(spread, finest))
     if gain > -math.log(TOLD_BY_CHANCE):
         inventory, told = other, replace(as_gon, gon=True)
     if told.turned:

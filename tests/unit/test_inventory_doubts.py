@@ -101,6 +101,21 @@ def test_directions_in_gon_are_told_and_taken_so() -> None:
     one = street()[1]
     text, findings = said(replace(one, facing_rad=(one.facing_rad % (2.0 * np.pi)) / 0.9))
     assert "in gon" in text
+    # and so on a map of fifteen that look every way
+    few = [
+        replace(s, facing_rad=0.4 * k, facing_sd_rad=0.06) for k, s in enumerate(street()[0][:15])
+    ]
+    listed = Inventory(
+        [s.id for s in few], [s.class_name for s in few], np.array([s.lat_rad for s in few]),
+        np.array([s.lon_rad for s in few]), np.array([s.facing_rad + 0.05 for s in few]),
+        np.full(15, np.nan),
+    )  # fmt: skip
+    assert not compare_inventory(few, listed, []).directions.gon
+    gon = replace(listed, facing_rad=listed.facing_rad % (2.0 * np.pi) / 0.9)
+    assert compare_inventory(few, gon, []).directions.gon
+    assert not compare_inventory(
+        few, replace(gon, facing_rad=np.nan * gon.facing_rad), []
+    ).directions.gon
     usual = {(f.kind, f.sign, f.listed) for f in said(one)[1]}
     assert len(usual & {(f.kind, f.sign, f.listed) for f in findings}) > 0.95 * len(usual)
 
