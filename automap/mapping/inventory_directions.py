@@ -4,25 +4,29 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from automap.mapping.inventory_classes import same_face
 from automap.mapping.inventory_findings import Inventory
 from automap.mapping.inventory_limits import LEAST_TURNS, LIKELIER_THAN_NOT, STALE, TOLD_BY_CHANCE
-from automap.mapping.limits import FACING_SD
+from automap.mapping.limits import FACING_SD, HAND_FACING_SD_DEG
 from automap.records import FloatArray, IntArray, Sign
 
 _FAR = 3.0 * FACING_SD
+_GON = 0.9
+"""Degrees: 400 gon are a turn."""
 
 
 @dataclass(frozen=True)
 class Directions:
-    """``turned`` where they are those of traffic; of ``told`` ones that can be compared
-    ``against`` contradict the map; ``used`` unless more of them are without meaning than not."""
+    """``turned`` where they are those of traffic, ``gon`` where they are in gon; of ``told`` ones
+    that can be compared ``against`` contradict the map; ``used`` unless more of them are without
+    meaning than not."""
 
     turned: bool = False
+    gon: bool = False
     told: int = 0
     against: int = 0
     used: bool = True
@@ -64,4 +68,40 @@ def directions_of(
     # of those without meaning some point right by chance
     empty = off / (1.0 - _FAR / np.pi)
     used = len(best) < LEAST_TURNS or empty <= LIKELIER_THAN_NOT * len(best)
-    return Directions(turned, len(best), off, used)
+    return Directions(turned, False, len(best), off, used)
+
+
+def in_degrees(
+    signs: Sequence[Sign], inventory: Inventory, sign: IntArray, listed: IntArray, apart: FloatArray
+) -> tuple[Inventory, Directions]:
+    """The list with directions of faces, in rad, and what they were: in degrees, or in gon where
+    that fits the map better than chance would let it."""
+    told = directions_of(signs, inventory, sign, listed, apart)
+    other = replace(inventory, facing_rad=inventory.facing_rad % (2.0 * np.pi) * _GON)
+    as_gon = directions_of(signs, other, sign, listed, apart)
+    facing = np.array([s.facing_rad for s in signs], np.float64)
+    alike = [
+        bool(same_face(signs[i].class_name, inventory.class_name[j]))
+        for i, j in zip(sign.tolist(), listed.tolist(), strict=True)
+    ]
+    nearest = np.lexsort((np.hypot(*apart.T), listed))
+    nearest = nearest[np.array(alike, np.bool_)[nearest]]
+    first = nearest[np.unique(listed[nearest], return_index=True)[1]]
+    # nobody tells a face better; a smaller spread is chance
+    finest = math.radians(HAND_FACING_SD_DEG)
+    # how much likelier normal errors make the one than the other, each with its own spread
+    gain = 0.0
+    for one, better in ((inventory, -1.0), (other, 1.0)):
+        turn = facing[sign[first]] - one.facing_rad[listed[first]]
+        way = np.exp(1j * turn[np.isfinite(turn)])
+        # what all are off tells no unit, and what is further off is no error of a direction
+        off = np.minimum(np.abs(np.angle(way * np.conj(way.sum()))), _FAR)
+        spread = math.sqrt(float(np.sum(off**2)) / max(len(off), 1))
+        gain -= better * len(off) * math.log(max(spread, finest))
+    if gain > -math.log(TOLD_BY_CHANCE):
+        inventory, told = other, replace(as_gon, gon=True)
+    if told.turned:
+        inventory = replace(inventory, facing_rad=inventory.facing_rad + np.pi)
+    if not told.used:
+        inventory = replace(inventory, facing_rad=np.full(len(inventory), np.nan))
+    return inventory, told

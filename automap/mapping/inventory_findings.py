@@ -31,7 +31,7 @@ from automap.mapping.inventory_limits import (
 from automap.mapping.inventory_missing import counts, standing
 from automap.mapping.limits import ALTERNATIVES, CLASS_RIGHT
 from automap.mapping.sightings import DriveSigns
-from automap.mapping.visibility import head_on, opportunities
+from automap.mapping.visibility import Opportunities, head_on, opportunities
 from automap.records import FloatArray, IntArray, Sign
 
 
@@ -90,28 +90,36 @@ def mark_sure(findings: Sequence[Finding]) -> list[Finding]:
     return marked
 
 
+def looks_at(inventory: Inventory, drives: Sequence[DriveSigns]) -> tuple[Opportunities, IntArray]:
+    """Which drives had which listed signs in view; from how many places [m] the one that had the
+    best look."""
+    facing = np.asarray(inventory.facing_rad, np.float64)
+    views = opportunities(drives, inventory.lat_rad, inventory.lon_rad, facing)
+    views = head_on(views, facing)
+    rows = np.zeros(len(inventory), np.int64)
+    np.maximum.at(rows, views.sign, views.rows)
+    return views, rows
+
+
 def not_found(
     inventory: Inventory,
     partner: IntArray,
     signs: Sequence[Sign],
     drives: Sequence[DriveSigns],
     alone: FloatArray,
+    views: Opportunities,
+    rows: IntArray,
 ) -> tuple[list[Finding], float]:
     """Listed signs without a ``partner`` [m] (-1) on the map, and how often a drive finds one;
-    ``alone`` [m] the probability that no sign of the map is it.
+    ``alone`` [m] the probability that no sign of the map is it; ``views`` and ``rows`` of
+    ``looks_at``.
 
     Signs of unknown facing may look away from every drive: those to the left and to the right of
     the path are found at rates of their own, as are those that were in view for less than half an
     approach.
     """
-    facing = np.asarray(inventory.facing_rad, np.float64)
-    views = opportunities(drives, inventory.lat_rad, inventory.lon_rad, facing)
-    views = head_on(views, facing)
-    # of several drives the best look counts
-    rows = np.zeros(len(inventory), np.int64)
-    np.maximum.at(rows, views.sign, views.rows)
     group = np.zeros(len(inventory), np.int64)
-    unknown = np.isnan(facing)
+    unknown = np.isnan(np.asarray(inventory.facing_rad, np.float64))
     group[views.sign] = np.where(unknown[views.sign], np.where(views.offset > 0.0, 2, 1), 0)
     group[rows < HALF_APPROACH_ROWS] = 3
     number = {drive.name: k for k, drive in enumerate(drives)}

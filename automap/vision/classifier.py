@@ -153,8 +153,12 @@ class SignClassifier:
     @property
     def unknown_odds(self) -> float:
         """How many signs that are one of the classes are expected for one that is none."""
-        at_home = len(country_set(self._country)) < len(load_classes())
-        return limits.ODDS_AT_HOME if at_home else limits.ODDS_ELSEWHERE
+        return limits.ODDS_AT_HOME if self.at_home else limits.ODDS_ELSEWHERE
+
+    @property
+    def at_home(self) -> bool:
+        """Whether the country's set of signs is known."""
+        return len(country_set(self._country)) < len(load_classes())
 
     def _outcomes(self) -> _Outcomes:
         """What the outputs but the last are called."""

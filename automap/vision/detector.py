@@ -44,9 +44,13 @@ class Detector(Protocol):
 
 @runtime_checkable
 class CalibratedDetector(Detector, Protocol):
-    """A detector by whose alternatives the pooling of views was fitted."""
+    """A detector by whose alternatives the pooling of views was fitted; ``at_home`` where it knows
+    the country's set of signs."""
 
-    calibrated: bool
+    @property
+    def at_home(self) -> bool:
+        """Whether the classes that it names are those of the country."""
+        ...
 
 
 @runtime_checkable

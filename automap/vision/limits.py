@@ -97,10 +97,13 @@ is forbidden by one view."""
 LEAST_SHARE = 0.001
 """Less of what a track's views give to a class is not written down: a tenth of what decides
 anything (``inventory_limits.FAINT_SHARE``)."""
-VIEW_CORRELATION, CLASS_POWER, GROUP_POWER = 0.25, 0.48, 0.57
-"""Of the views of a pass, which count as four at most, and powers of the odds of class and group:
-the most likely on the half to fit of held tracks and drawn passes, the correlation of 0.1, 0.25,
-0.5 and 1 (``tests/benchmarks/sign_probability.py --fit``)."""
+VIEW_CORRELATION = 0.25
+"""Of the views of a pass, which count as four at most: the most likely of 0.1, 0.25, 0.5 and 1 on
+the half to fit of held tracks and drawn passes (``tests/benchmarks/sign_probability.py --fit``)."""
+POWERS_AT_HOME, POWERS_ELSEWHERE = (0.73, 0.76), (0.40, 0.45)
+"""Of the odds of class and group, where the country's set is known and where it is not: the most
+likely on the same half. Without a set more faces are of no class, and what one of these is taken
+for all its views agree in."""
 SUREST = 1e-7
 """Nothing pooled is taken for surer than this: it is what the numbers of a view are rounded to."""
 NAMED = 2.0 / 3.0

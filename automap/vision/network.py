@@ -69,7 +69,6 @@ class NetworkDetector:
     """
 
     name = "network"
-    calibrated = True
 
     def __init__(
         self,
@@ -82,6 +81,11 @@ class NetworkDetector:
         self.rules = rules or NetworkRules()
         self._model = OnnxModel("sign-detector.onnx", model, threads)
         self.classifier = classifier or SignClassifier(country, threads=threads)
+
+    @property
+    def at_home(self) -> bool:
+        """Whether the country's set of signs is known."""
+        return self.classifier.at_home
 
     def detect(
         self, image: Image, region: Region | None = None, zoom: float | None = None

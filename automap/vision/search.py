@@ -32,7 +32,15 @@ from automap.vision.frame_choice import ChoiceRules, FramePlan, every_frame, pla
 from automap.vision.parallel import Beside, Candidate, detections, prefetched, worker_count
 from automap.vision.searched_region import find_in, searched_region, some
 from automap.vision.tracking import Tracker, TrackingRules
-from automap.vision.voting import Verdict, View, mean_shares, view_of, vote
+from automap.vision.voting import (
+    PoolingRules,
+    Verdict,
+    View,
+    mean_shares,
+    rules_of,
+    view_of,
+    vote,
+)
 
 Progress = Callable[[float, str], None]
 
@@ -108,9 +116,9 @@ class _Rows:
             views.setdefault(track, []).append(view)
         return views
 
-    def verdicts(self) -> dict[int, Verdict]:
+    def verdicts(self, rules: PoolingRules) -> dict[int, Verdict]:
         """What each track is."""
-        return {track: vote(seen) for track, seen in self.tracks().items()}
+        return {track: vote(seen, rules) for track, seen in self.tracks().items()}
 
     def detections(self, verdicts: dict[int, Verdict], camera: str, calibrated: bool) -> Detections:
         told = [verdicts[track] for track in self.track]
@@ -190,7 +198,7 @@ def search_frames(
             )  # fmt: skip
         frames.append(picture.frame)
         report(mark.number, len(frames))
-    verdicts = rows.verdicts()
+    verdicts = rows.verdicts(rules_of(detector))
     calibrated = isinstance(detector, CalibratedDetector)
     looked = Looked(
         np.array(frames, np.int64), np.array([region[k] for k in frames]).reshape(-1, 4)

@@ -21,7 +21,7 @@ from automap.records import FloatArray
 from automap.signs.classes import load_classes
 from automap.signs.vocabulary import load_vocabulary
 from automap.vision import limits
-from automap.vision.detector import Alternatives, FoundSigns
+from automap.vision.detector import Alternatives, CalibratedDetector, Detector, FoundSigns
 
 
 @dataclass(frozen=True)
@@ -49,9 +49,20 @@ class PoolingRules:
     is named."""
 
     correlation: float = limits.VIEW_CORRELATION
-    class_power: float = limits.CLASS_POWER
-    group_power: float = limits.GROUP_POWER
+    class_power: float = limits.POWERS_ELSEWHERE[0]
+    group_power: float = limits.POWERS_ELSEWHERE[1]
     named: float = limits.NAMED
+
+
+def pooling(at_home: bool) -> PoolingRules:
+    """How to pool views where the country's set of signs is known, or not."""
+    by_class, by_group = limits.POWERS_AT_HOME if at_home else limits.POWERS_ELSEWHERE
+    return PoolingRules(class_power=by_class, group_power=by_group)
+
+
+def rules_of(detector: Detector) -> PoolingRules:
+    """How to pool what a detector says of views."""
+    return pooling(isinstance(detector, CalibratedDetector) and detector.at_home)
 
 
 def view_of(found: FoundSigns, index: int) -> View:

@@ -29,6 +29,7 @@ from automap.mapping.inventory_limits import (
 from automap.mapping.limits import MOVED_M
 from automap.records import FloatArray, Sign
 from automap.signs.codes import face_of
+from pipeline.compare.parts import displaced
 
 _ELSEWHERE_M = 3.0 * MOVED_M
 """Further than two signs can be off from one another that are each taken for the same third one."""
@@ -48,6 +49,7 @@ def doubts(
     withheld: set[int] = set()
     for sentence, rows in (
         *_places(result, signs, listed),
+        *displaced(result, signs, listed),
         *_accuracy(result, listed),
         *_directions(result),
         *_classes(result, signs, listed),
@@ -196,6 +198,8 @@ def _directions(result: InventoryComparison) -> _Doubts:
     """Whether its directions are those of faces."""
     found = result.directions
     told: _Doubts = []
+    if found.gon:
+        told.append(("its directions are in gon, of which 400 are a turn; so they are taken.", ()))
     if found.turned:
         told.append(
             ("its directions are those of traffic; faces are taken to look the other way.", ())

@@ -59,7 +59,7 @@ def search_images(
     from automap.vision.detector import CalibratedDetector
     from automap.vision.parallel import detections, prefetched, worker_count
     from automap.vision.search import above
-    from automap.vision.voting import view_of, vote
+    from automap.vision.voting import rules_of, view_of, vote
 
     result, best = ImageResult(), BestCrops("")
     found_in = detections(
@@ -76,7 +76,7 @@ def search_images(
             name, score, likely = found.class_name[i], float(found.score[i]), ("", "")
             view = name
             if isinstance(detector, CalibratedDetector):
-                verdict = vote([view_of(found, i)])
+                verdict = vote([view_of(found, i)], rules_of(detector))
                 name = verdict.name
                 likely = f"{verdict.probability:.4f}", f"{verdict.group_probability:.4f}"
             box = (f"{v:.2f}" for v in found.box[i].tolist())

@@ -24,17 +24,20 @@ from inventory_case import KINDS, correct, due
 
 from automap.mapping.inventory import compare_inventory
 from automap.signs.classes import load_classes
-from automap.vision.voting import group_of, mean_shares, vote
+from automap.vision.voting import PoolingRules, group_of, mean_shares, vote
 from pipeline.train.passes import Pass
 from tests.benchmarks.inventory_world import Case, case
 from tests.benchmarks.listed_classes import SETS
-from tests.benchmarks.sign_probability import make_passes
+from tests.benchmarks.sign_probability import make_passes, rules_for
 
 Shares = list[dict[str, float]]
 
 
-def with_passes(one: Case, passes: Sequence[Pass], seed: int) -> tuple[Case, Shares]:
-    """The case with faces of the passes, and what their views give to each class."""
+def with_passes(
+    one: Case, passes: Sequence[Pass], seed: int, rules: PoolingRules
+) -> tuple[Case, Shares]:
+    """The case with faces of the passes, pooled by ``rules``, and what their views give to each
+    class."""
     rng = np.random.default_rng([seed, 9])
     n = int(max(one.truth.max(initial=0), one.faulty.origin.max(initial=0))) + 1
     shown = [passes[k] for k in rng.integers(0, len(passes), n).tolist()]
@@ -47,7 +50,7 @@ def with_passes(one: Case, passes: Sequence[Pass], seed: int) -> tuple[Case, Sha
     signs, shares = [], []
     for sign, true in zip(one.signs, one.truth.tolist(), strict=True):
         views = (shown[true] if true >= 0 else passes[int(rng.integers(len(passes)))]).views
-        told = vote(views)
+        told = vote(views, rules)
         signs.append(replace(
             sign, class_name=told.name, class_probability=told.probability,
             group_probability=told.group_probability,
@@ -80,7 +83,7 @@ def main() -> None:
         for how in ("by the name", "by the views"):
             total = {kind: np.zeros(3, int) for kind in KINDS}
             for seed, plain in cases.items():
-                one, shares = with_passes(plain, passes, seed)
+                one, shares = with_passes(plain, passes, seed, rules_for(kinds[0]))
                 given = shares if how == "by the views" else []
                 result = compare_inventory(one.signs, one.faulty.inventory, one.drives, given)
                 for kind in KINDS:

@@ -22,9 +22,9 @@ from automap.mapping.inventory_classes import class_ratio, of_another_class
 from automap.mapping.inventory_findings import Finding, mark_sure
 from automap.records import BoolArray, FloatArray
 from automap.signs.classes import load_classes
-from automap.vision.voting import group_of, mean_shares, vote
+from automap.vision.voting import PoolingRules, group_of, mean_shares, vote
 from pipeline.train.passes import Pass
-from tests.benchmarks.sign_probability import make_passes
+from tests.benchmarks.sign_probability import make_passes, rules_for
 
 SETS = {"tracks, Germany": ("tracks",), "Australia": ("AU seen", "AU held"),
         "no country": ("all seen", "all held")}  # fmt: skip
@@ -45,11 +45,11 @@ class Listed:
     weight: FloatArray
 
 
-def listed(passes: Sequence[Pass], rng: np.random.Generator) -> Listed:
-    """All that lists may say of the passes."""
+def listed(passes: Sequence[Pass], rng: np.random.Generator, rules: PoolingRules) -> Listed:
+    """All that lists may say of the passes, which are pooled by ``rules``."""
     names, rows = list(load_classes()), []
     for one in passes:
-        shares, told = dict(mean_shares(one.views)), vote(one.views)
+        shares, told = dict(mean_shares(one.views)), vote(one.views, rules)
         alike = [n for n in names if group_of(n) == group_of(one.name) and n != one.name]
         unlike = [n for n in names if group_of(n) != group_of(one.name)]
         asked = [(one.name, False, 1.0 - WRONG)]
@@ -105,7 +105,11 @@ def main() -> None:
     rng = np.random.default_rng(7)
     halves = [
         {
-            name: listed([p for kind in kinds for p in passes[kind] if p.check == check], rng)
+            name: listed(
+                [p for kind in kinds for p in passes[kind] if p.check == check],
+                rng,
+                rules_for(kinds[0]),
+            )
             for name, kinds in SETS.items()
         }
         for check in (False, True)

@@ -23,7 +23,7 @@ from scipy.optimize import minimize_scalar
 from automap.records import FloatArray
 from automap.signs.classes import load_classes
 from automap.vision.classifier import SignClassifier
-from automap.vision.voting import PoolingRules, group_of, vote
+from automap.vision.voting import PoolingRules, group_of, pooling, vote
 from pipeline.train.art import load_faces
 from pipeline.train.passes import (
     Pass,
@@ -42,7 +42,9 @@ MIXES = {
 """Shares of the kinds of passes: faces of no class are one in seven at home, one in two elsewhere,
 as the classifier takes them to be (``limits.ODDS_AT_HOME``); of the classes two in three, or one in
 two, look like a drawing that was trained on."""
-COUNTS = {"AU": 330, "": 500}
+AT_HOME = {"tracks": True, "AU": True, "all": False}
+"""Whether the classifier knew the country's set, by the first word of a kind."""
+COUNTS = {"AU": 1100, "": 500}
 """Passes of each kind of drawn faces."""
 CORRELATIONS = (0.1, 0.25, 0.5, 1.0)
 SURE, BINS = 0.9, 10
@@ -143,9 +145,16 @@ def bins(
     return found
 
 
-def fitted(passes: dict[str, list[Pass]]) -> PoolingRules:
-    """The correlation and powers that make the half to fit the most likely."""
+def rules_for(kind: str) -> PoolingRules:
+    """How passes of a kind are pooled."""
+    return pooling(AT_HOME[kind.split()[0]])
+
+
+def fitted(passes: dict[str, list[Pass]], at_home: bool) -> PoolingRules:
+    """The correlation and powers that make the half to fit the most likely, of the kinds that had
+    the country's set, or that had none."""
     best: tuple[float, PoolingRules] | None = None
+    passes = {k: of for k, of in passes.items() if AT_HOME[k.split()[0]] == at_home}
     for correlation in CORRELATIONS:
         # everything is named, so that the class claimed does not hang on its own probability
         plain = PoolingRules(correlation, 1.0, 1.0, 0.0)
@@ -154,7 +163,8 @@ def fitted(passes: dict[str, list[Pass]]) -> PoolingRules:
         by_class = _power(whole.probability, whole.right, whole.weight)
         by_group = _power(whole.group_probability, whole.group_right, whole.weight)
         loss = by_class[1] + by_group[1]
-        print(f"correlation {correlation}: powers {by_class[0]:.2f}, {by_group[0]:.2f}, "
+        place = "at home" if at_home else "elsewhere"
+        print(f"{place}, correlation {correlation}: powers {by_class[0]:.2f}, {by_group[0]:.2f}, "
               f"loss {by_class[1]:.4f} + {by_group[1]:.4f}", flush=True)  # fmt: skip
         if best is None or loss < best[0]:
             best = loss, PoolingRules(correlation, by_class[0], by_group[0])
@@ -176,8 +186,8 @@ def _power(p: FloatArray, right: FloatArray, weight: FloatArray) -> tuple[float,
 
 
 def pooled_mixes(parts: dict[str, Claims]) -> Claims:
-    """All mixes with equal weight."""
-    each = [mixed(parts, shares) for shares in MIXES.values()]
+    """All mixes of these parts with equal weight."""
+    each = [mixed(parts, shares) for shares in MIXES.values() if shares.keys() <= parts.keys()]
     return Claims(
         *(np.concatenate([getattr(c, n) for c in each]) for n in Claims.__dataclass_fields__)
     )
@@ -217,8 +227,13 @@ def main() -> None:
     options = parser.parse_args()
     cv2.setNumThreads(1)
     passes = make_passes(options.data, options.work)
-    rules = fitted(passes) if options.fit else PoolingRules()
-    parts = {kind: claims([p for p in of if p.check], rules) for kind, of in passes.items()}
+    anew = {home: fitted(passes, home) for home in (True, False)} if options.fit else {}
+    parts = {
+        kind: claims(
+            [p for p in of if p.check], anew.get(AT_HOME[kind.split()[0]], rules_for(kind))
+        )
+        for kind, of in passes.items()
+    }
     for kind, c in parts.items():
         wrong = c.named * (1.0 - c.right)
         print(f"{kind:12s} {len(c.named):4d} passes: a class named {c.named.mean():.3f}, what is "

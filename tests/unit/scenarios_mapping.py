@@ -303,7 +303,9 @@ def mapping_lists() -> Any:
     from automap.mapping import inventory_findings as findings
     from automap.mapping import inventory_hidden as hidden
     from automap.mapping import inventory_missing as missing
+    from automap.mapping import inventory_pairs as pairing
     from automap.mapping.inventory_directions import directions_of
+    from automap.mapping.inventory_displaced import displaced_parts
     from automap.mapping.visibility import opportunities
     from tests.unit.inventory_case import signs_of
     from tests.unit.merge_scene import CLASSES
@@ -340,14 +342,17 @@ def mapping_lists() -> Any:
     ]
     shares = [{s.class_name: 0.9 - 0.03 * k, CLASSES[0]: 0.05} for k, s in enumerate(signs)]
     shares[2], shares[5] = {}, {}
-    near = of._near(signs, listed)
-    pairs = of._candidates(signs, listed, shares, near)
-    shift, sd, part, evidence, moved, square = of._fit(pairs, listed, signs)
-    chosen = of._one_to_one(pairs, evidence, n)
-    paired = [
-        of._paired(pairs, k, signs, listed, shares, shift, sd, float(v))
-        for k, v in zip(range(len(pairs.sign)), np.linspace(0.0, 1.0, len(pairs.sign)), strict=True)
-    ]
+    near = pairing.near_pairs(signs, listed)
+    pairs = pairing.candidates(signs, listed, shares, near)
+    rows = findings.looks_at(listed, drives)[1]
+    first = pairing.fit(pairs, listed, n, rows > 3)
+    alone = pairing.without_common_errors(pairs, first, signs)
+    fit = pairing.fit(alone, listed, n, rows > 3)
+    chosen = pairing.one_to_one(alone, fit.evidence, n)
+    spread = replace(fit, moved=np.linspace(0.0, 1.0, len(pairs.sign)))
+    paired = [of._paired(alone, k, signs, listed, shares, spread) for k in range(len(pairs.sign))]
+    other = replace(listed, lat_rad=listed.lat_rad + np.where(np.arange(m) < m // 2, 5e-6, 0.0))
+    parts = displaced_parts(signs, other)
     partner = np.full(m, -1)
     partner[pairs.listed[chosen[::2]]] = pairs.sign[chosen[::2]]
     views = opportunities(drives, listed.lat_rad, listed.lon_rad, listed.facing_rad)
@@ -370,9 +375,12 @@ def mapping_lists() -> Any:
         {
             "pairs": pairs,
             "turned": [directions_of(signs, each, *near) for each in (listed, turned, *partly)],
-            "fit": (shift, sd, part, evidence, moved, square),
+            "fit": (first, fit),
+            "alone": alone,
+            "rows": rows,
+            "parts": (parts.part, parts.way),
             "chosen": chosen,
-            "rivals": of._rivals(pairs, evidence, chosen, n, m),
+            "rivals": pairing.rivals(alone, fit.evidence, chosen, n, m),
             "paired": table(paired),
             "distance": [f.distance_m for f in paired],
             "same": [str(of.same_face(a, b)) for a in names[:7] for b in names[3:7]],
@@ -381,7 +389,14 @@ def mapping_lists() -> Any:
                 (table(part), rate)
                 for some in (drives, drives[:2])
                 for part, rate in [
-                    findings.not_found(listed, partner, signs, some, np.linspace(0.4, 1.0, m))
+                    findings.not_found(
+                        listed,
+                        partner,
+                        signs,
+                        some,
+                        np.linspace(0.4, 1.0, m),
+                        *findings.looks_at(listed, some),
+                    )
                 ]
             ],
             "belief": [findings.class_belief(s) for s in signs],

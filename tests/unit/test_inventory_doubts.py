@@ -68,6 +68,58 @@ def test_a_list_in_another_datum_by_some_metres_is_moved() -> None:
     assert for_work(findings, "new") > 2
 
 
+@pytest.mark.parametrize("metres", [7.0, 200.0])
+@pytest.mark.parametrize("part", ["rows", "place", "every second", "a quarter of the rows"])
+def test_a_part_of_a_list_that_lies_elsewhere_makes_no_work(part: str, metres: float) -> None:
+    one = street()[1]
+    n = len(one)
+    row = np.arange(n)
+    order = np.argsort(np.argsort(one.lat_rad))
+    there = {
+        "rows": row < n // 2, "place": order < n // 2, "every second": row % 2 == 1,
+        "a quarter of the rows": (row >= n // 4) & (row < n // 2),
+    }[part]  # fmt: skip
+    text, findings = said(replace(one, lat_rad=one.lat_rad + there * metres / R))
+    assert "may be of another source or datum" in text
+    told = float(text.split(" are listed ")[1].split(" m")[0])
+    assert abs(told - metres) < 1.5
+    resting = [f for f in findings if f.listed >= 0 and there[f.listed] and f.kind in WORK]
+    # those of which nothing tells that they are of the part, and were moved besides
+    assert sum(f.sure for f in resting) <= 1
+    # what was left where it is has its say, unless it stands among the others
+    good = [f for f in said(one)[1] if f.listed >= 0 and not there[f.listed] and f.sure]
+    same = {(f.kind, f.listed) for f in findings if f.sure}
+    good = [f for f in good if f.kind in WORK]
+    if part != "every second":
+        assert sum((f.kind, f.listed) in same for f in good) >= 0.6 * len(good)
+    # with its own distance
+    found = [f for f in findings if f.kind == "matched" and there[f.listed]]
+    assert abs(np.median([f.distance_m for f in found]) - metres) < 1.5
+
+
+def test_directions_in_gon_are_told_and_taken_so() -> None:
+    one = street()[1]
+    text, findings = said(replace(one, facing_rad=(one.facing_rad % (2.0 * np.pi)) / 0.9))
+    assert "in gon" in text
+    # and so on a map of fifteen that look every way
+    few = [
+        replace(s, facing_rad=0.4 * k, facing_sd_rad=0.06) for k, s in enumerate(street()[0][:15])
+    ]
+    listed = Inventory(
+        [s.id for s in few], [s.class_name for s in few], np.array([s.lat_rad for s in few]),
+        np.array([s.lon_rad for s in few]), np.array([s.facing_rad + 0.05 for s in few]),
+        np.full(15, np.nan),
+    )  # fmt: skip
+    assert not compare_inventory(few, listed, []).directions.gon
+    gon = replace(listed, facing_rad=listed.facing_rad % (2.0 * np.pi) / 0.9)
+    assert compare_inventory(few, gon, []).directions.gon
+    assert not compare_inventory(
+        few, replace(gon, facing_rad=np.nan * gon.facing_rad), []
+    ).directions.gon
+    usual = {(f.kind, f.sign, f.listed) for f in said(one)[1]}
+    assert len(usual & {(f.kind, f.sign, f.listed) for f in findings}) > 0.95 * len(usual)
+
+
 def test_a_list_that_lacks_nearly_all_of_the_map_is_none_that_lies_elsewhere() -> None:
     one = street()[1]
     few = list(range(0, len(one), 9))

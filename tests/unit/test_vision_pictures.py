@@ -15,7 +15,17 @@ from automap.vision.annotate import draw, label_for
 from automap.vision.contact_sheet import contact_sheet, short_name
 from automap.vision.crops import BestCrops, cut_out
 from automap.vision.detector import FoundSigns
-from automap.vision.voting import PoolingRules, View, group_of, tempered, view_of, vote
+from automap.vision.network import NetworkDetector
+from automap.vision.voting import (
+    PoolingRules,
+    View,
+    group_of,
+    pooling,
+    rules_of,
+    tempered,
+    view_of,
+    vote,
+)
 
 
 @given(x=st.floats(-20, 310), y=st.floats(-20, 230), w=st.floats(0.5, 250), h=st.floats(0.5, 200))
@@ -97,13 +107,21 @@ def test_labels_keep_clear_of_the_signs() -> None:
 TWENTY, SIXTY = "regulatory--maximum-speed-limit-20--g1", "regulatory--maximum-speed-limit-60--g1"
 
 
+def test_a_detector_that_knows_the_country_is_believed_more() -> None:
+    for country, at_home in (("AU", True), ("DE", True), (None, False)):
+        assert rules_of(NetworkDetector(country)) == pooling(at_home)
+    assert pooling(at_home=True).class_power > pooling(at_home=False).class_power
+
+
 def test_near_views_outvote_far_ones() -> None:
     far = View(((TWENTY, 0.5), (SIXTY, 0.4)), 14.0)
     near = View(((SIXTY, 0.97), (TWENTY, 0.02)), 60.0)
     assert vote([far] * 8 + [near]).name == SIXTY
-    told = vote([near, near, near])
+    told = vote([near, near, near], pooling(at_home=True))
     assert told.name == SIXTY
     assert told.probability > 0.95
+    # where the country's set is not known more faces are of no class
+    assert 0.9 < vote([near, near, near]).probability < told.probability
 
 
 def test_the_evidence_of_many_views_ends() -> None:

@@ -1,0 +1,149 @@
+"""Parts of a list that lie elsewhere than the rest of it, all by the same way.
+
+Signs that were moved go each its own way; entries that came from another source, datum or zone go
+all the same. Among the ways from listed signs to the map's signs of their class such a part is a
+mode (a Hough transform of translations), which is told where the ways of that length in other
+directions, and those the opposite way along the same street, are too few for it to be chance.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from automap.earth import ecef, metres_per_radian
+from automap.mapping.inventory_classes import same_face
+from automap.mapping.inventory_findings import Inventory
+from automap.mapping.inventory_limits import TOLD_BY_CHANCE, USUAL_SD_M
+from automap.mapping.limits import FACING_LIMIT
+from automap.records import BoolArray, FloatArray, IntArray, Sign
+
+REACH_M = 300.0
+"""National datums of before satellites lie up to some 300 m off."""
+_CIRCLE = 2.45
+"""Of a normal error in a plane 95 % lie within so many sigmas per axis."""
+_APART = 6.3
+"""Path errors of two places differ by a root of two times their sigma; among twenty places more
+than 4.45 of these are one chance in a thousand. What is nearer may be the map's own."""
+_MOST_PARTS = 5
+NEAREST = 5
+"""Entries about one that say whether it belongs to a part: an odd number, as many as a post or a
+page has. Chosen."""
+
+
+@dataclass(frozen=True)
+class Parts:
+    """``part`` [m] of a listed sign: 0 where most lie, 1 and on those elsewhere, -1 where no way
+    tells; ``way`` [p, 2] of each part from where its entries are listed to where the map has them,
+    over that of part 0, east and north in m."""
+
+    part: IntArray
+    way: FloatArray
+
+    @property
+    def displaced(self) -> BoolArray:
+        """Entries [m] of a part that lies elsewhere."""
+        return self.part > 0
+
+    def moved_back(self, inventory: Inventory) -> Inventory:
+        """The list with its parts where the rest of it is."""
+        north, east = metres_per_radian(inventory.lat_rad, 0.0)
+        by = self.way[np.maximum(self.part, 0)]
+        return replace(
+            inventory,
+            lat_rad=inventory.lat_rad + by[:, 1] / north,
+            lon_rad=inventory.lon_rad + by[:, 0] / east,
+        )
+
+    def about(self, place: FloatArray, among: FloatArray) -> FloatArray:
+        """The share of displaced ones among the entries nearest to each ``place`` [k, d], by what
+        stands for an entry's place ``among`` [m, d]; such as no way tells of do not count."""
+        from scipy.spatial import cKDTree
+
+        known = np.flatnonzero(self.part >= 0)
+        count = min(NEAREST, len(known))
+        if not count or not len(place):
+            return np.zeros(len(place))
+        near = cKDTree(among[known]).query(place, count)[1].reshape(len(place), count)
+        return np.asarray(self.displaced[known[near]].mean(axis=1))
+
+
+def displaced_parts(signs: Sequence[Sign], inventory: Inventory) -> Parts:
+    """By signs of a map with positions."""
+    m = len(inventory)
+    whole = Parts(np.full(m, 0, np.int64), np.zeros((1, 2)))
+    if not signs or not m:
+        return whole
+    sign, listed, ways = _ways(signs, inventory)
+    own = np.array([0.5 * np.trace(s.cov_enu[:2, :2]) for s in signs])
+    own = own[np.isfinite(own)]
+    sd = float(np.sqrt(np.median(own))) if len(own) else USUAL_SD_M
+    radius, least = _CIRCLE * sd, _APART * sd
+    modes: list[FloatArray] = []
+    left = np.ones(len(listed), np.bool_)
+    while len(modes) < _MOST_PARTS:
+        mode = _mode(listed[left], ways[left], radius)
+        if mode is None:
+            break
+        modes.append(mode)
+        # an entry is of one part, and a sign is one entry
+        far = np.hypot(*(ways - mode).T)
+        of_it = far < radius
+        left &= ~np.isin(listed, listed[of_it]) & ~np.isin(sign, sign[of_it]) & (far > least)
+    if len(modes) < 2:
+        return whole
+    modes.sort(key=lambda way: float(np.hypot(*way)))
+    part = np.full(m, -1, np.int64)
+    for k in range(len(modes) - 1, -1, -1):
+        part[listed[np.hypot(*(ways - modes[k]).T) < radius]] = k
+    return Parts(part, np.array(modes) - modes[0])
+
+
+def _ways(signs: Sequence[Sign], inventory: Inventory) -> tuple[IntArray, IntArray, FloatArray]:
+    """Signs [k], listed ones of their class and direction, and the ways [k, 2] from there, m."""
+    from scipy.spatial import cKDTree
+
+    lat, lon = np.array([s.lat_rad for s in signs]), np.array([s.lon_rad for s in signs])
+    ours = cKDTree(ecef(lat, lon, np.zeros(len(lat))))
+    theirs = ecef(inventory.lat_rad, inventory.lon_rad, np.zeros(len(inventory)))
+    near: Any = ours.query_ball_point(theirs, REACH_M)
+    j = np.repeat(np.arange(len(inventory)), [len(k) for k in near])
+    i = np.array([k for one in near for k in one], np.int64)
+    facing = np.array([s.facing_rad for s in signs], np.float64)
+    turn = facing[i] - inventory.facing_rad[j]
+    turn = np.abs((turn + np.pi) % (2.0 * np.pi) - np.pi)
+    both = zip(i.tolist(), j.tolist(), strict=True)
+    alike = [same_face(signs[a].class_name, inventory.class_name[b]) is not False for a, b in both]
+    keep = np.array(alike, np.bool_) & ~(turn > FACING_LIMIT)
+    i, j = i[keep], j[keep]
+    north, east = metres_per_radian(lat[i], 0.0)
+    across = (lon[i] - inventory.lon_rad[j] + np.pi) % (2.0 * np.pi) - np.pi
+    return i, j, np.column_stack([across * east, (lat[i] - inventory.lat_rad[j]) * north])
+
+
+def _mode(listed: IntArray, ways: FloatArray, radius: float) -> FloatArray | None:
+    """The way [2] that the most entries have in common, None where that may be chance."""
+    from scipy.spatial import cKDTree
+    from scipy.stats import poisson
+
+    if not len(ways):
+        return None
+    tree = cKDTree(ways)
+    number = tree.query_ball_point(ways, radius, return_length=True)
+    at = ways[int(np.argmax(number))]
+    at = np.median(ways[tree.query_ball_point(at, radius)], axis=0)
+    count = len(np.unique(listed[tree.query_ball_point(at, radius)]))
+    opposite = len(np.unique(listed[tree.query_ball_point(-at, radius)]))
+    length = float(np.hypot(*at))
+    far = np.hypot(*ways.T)
+    inner, outer = max(length - radius, 0.0), length + radius
+    ring = (far > inner) & (far < outer) & (np.hypot(*(ways - at).T) > radius)
+    area = outer**2 - inner**2
+    usual = ring.sum() * radius**2 / max(area - radius**2, radius**2)
+    # the opposite way is the same one where it is no way at all
+    usual = max(usual, opposite + 1.0 if length > radius else 1.0)
+    chance = poisson.sf(count - 1, usual) * len(ways)
+    return at if chance < TOLD_BY_CHANCE else None

@@ -1,0 +1,101 @@
+"""How likely another sign stands where a map's sign was found beside a listed one.
+
+Signs stand in company: on one post, on the two posts of a gate, one after another. That the sign
+found two metres off is the listed one's neighbour, which the list lacks, while the listed one was
+not seen, is as likely as listed signs have neighbours there that look that way and are of such a
+class: the list's own pairs tell (the product density of a point process by kernels: B. D. Ripley,
+Journal of the Royal Statistical Society B 39, 1977).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from automap.earth import ecef, metres_per_radian
+from automap.mapping.candidates import facing_evidence
+from automap.mapping.inventory_classes import same_face
+from automap.mapping.inventory_findings import Inventory
+from automap.mapping.inventory_limits import LEAST_SD_M
+from automap.mapping.limits import MOVED_M
+from automap.records import FloatArray, IntArray
+
+_STEP_M = 0.5
+_REACH_M = 1.25 * MOVED_M
+"""What stands a little further off than candidates do may be found among them."""
+_TURNS = 24
+"""Sectors of 15 deg: a little more than half of what a face's direction errs by."""
+_CLASSES = {True: 0, False: 1, None: 2}
+
+
+@dataclass(frozen=True)
+class Looks:
+    """What candidates [k] look like: ``turn_rad`` the found sign's direction against the listed
+    one's (NaN unknown), ``classes`` [k, 3] how many times likelier than by chance a neighbour would
+    have the found sign's class if its own is that of the listed one, another, or not known."""
+
+    turn_rad: FloatArray
+    classes: FloatArray
+
+    @classmethod
+    def blank(cls, n: int) -> Looks:
+        """Of ``n`` candidates of which nothing is known."""
+        return cls(np.full(n, np.nan), np.ones((n, 3)))
+
+    def of_class(self, k: int, same: bool, chance: float, chance_listed: float) -> None:
+        """Candidate ``k`` is of the listed class or not; shares of either class on the map."""
+        self.classes[k, 0] = 1.0 / chance if same else 0.0
+        self.classes[k, 1] = 0.0 if same else 1.0 / (1.0 - chance_listed)
+
+
+def neighbours_of(inventory: Inventory) -> FloatArray:
+    """Neighbours of a listed sign, on average [3, d, 25]: by class (the same, another, not known),
+    distance in steps of 0.5 m, and the turn of their face against its own in sectors of 15 deg, the
+    last one for unknown turns."""
+    from scipy.spatial import cKDTree
+
+    count = np.zeros((3, round(_REACH_M / _STEP_M), _TURNS + 1))
+    lat, lon, facing = inventory.lat_rad, inventory.lon_rad, inventory.facing_rad
+    tree = cKDTree(ecef(lat, lon, np.zeros(len(inventory))))
+    a, b = tree.query_pairs(_REACH_M, output_type="ndarray").T
+    north, east = metres_per_radian(lat[a], 0.0)
+    across = (lon[b] - lon[a] + np.pi) % (2.0 * np.pi) - np.pi
+    apart = np.hypot(across * east, (lat[b] - lat[a]) * north)
+    step = np.minimum((apart / _STEP_M).astype(np.int64), count.shape[1] - 1)
+    names = inventory.class_name
+    both = zip(a.tolist(), b.tolist(), strict=True)
+    alike = np.array([_CLASSES[same_face(names[i], names[j])] for i, j in both], np.int64)
+    for one, other in ((a, b), (b, a)):
+        np.add.at(count, (alike, step, _sector(facing[other] - facing[one])), 1.0)
+    return count / max(len(inventory), 1)
+
+
+def _sector(turn: FloatArray) -> IntArray:
+    known = np.isfinite(turn)
+    part = np.where(known, turn, 0.0) / (2.0 * np.pi) % 1.0
+    return np.where(known, np.minimum((part * _TURNS).astype(np.int64), _TURNS - 1), _TURNS)
+
+
+def neighbour_density(
+    neighbours: FloatArray, apart_m: FloatArray, sd_m: FloatArray, looks: Looks
+) -> FloatArray:
+    """Neighbours [k] per square metre that would be found ``apart_m`` from a listed sign, with an
+    error of ``sd_m`` per axis, and look like what was found, over how likely any sign looks so."""
+    from scipy.special import i0e
+
+    ring = (np.arange(neighbours.shape[1]) + 0.5) * _STEP_M
+    variance = np.maximum(sd_m, LEAST_SD_M)[:, None] ** 2
+    # where a point that stands anywhere on a ring is found
+    place = i0e(apart_m[:, None] * ring / variance) / (2.0 * np.pi * variance)
+    place *= np.exp(-0.5 * (apart_m[:, None] - ring) ** 2 / variance)
+    by_degree = np.exp([facing_evidence(np.radians(k)) for k in range(360)])
+    middle = (np.arange(_TURNS) + 0.5) * 360.0 / _TURNS
+    turns = np.ones((len(apart_m), _TURNS + 1))
+    known = np.isfinite(looks.turn_rad)
+    degrees = np.degrees(looks.turn_rad[known, None]) - middle
+    turns[known, :_TURNS] = by_degree[np.rint(degrees).astype(np.int64) % 360]
+    density = np.zeros(len(apart_m))
+    for kind in _CLASSES.values():
+        density += looks.classes[:, kind] * ((place @ neighbours[kind]) * turns).sum(axis=1)
+    return density
