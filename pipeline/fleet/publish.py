@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -15,11 +15,13 @@ from automap.export.clock import iso_texts, utc_of_gps
 from automap.io import names
 from automap.io.atomic import write_json
 from automap.io.map_tables import COVERAGE, SIGHTINGS, write_coverage
+from automap.io.signs_table import write_signs
 from automap.mapping.cells import quadkey
 from automap.mapping.compare import Comparison, Newer, compare
 from automap.mapping.identity import name_signs
 from automap.mapping.posts import with_supports
-from automap.records import DrivePath, FloatArray, IntArray, Sign
+from automap.records import DrivePath, FloatArray, IntArray
+from automap.records.sign_lists import SignList, changed, values_of
 from pipeline.fleet.older import Before, fresh_drives, read_older, shared_with
 from pipeline.fleet.own_names import OwnNames
 from pipeline.fleet.store import Entry, Store
@@ -61,27 +63,28 @@ def write_fleet_map(
     )
     ids = name_signs(found.founder, {} if comparison is None else comparison.names, taken)
     if comparison is not None:
-        named = named_changes(comparison.changes, dict(zip(map(id, signs), ids, strict=True)))
-        comparison = replace(comparison, changes=named)
-    for k, likely in enumerate(found.existence >= least_existence):
-        # half a million signs are a gigabyte: one by one
-        signs[k] = replace(signs[k], id=ids[k] if likely else "")
-    signs = with_supports(signs, found.columns["own_variance"])
+        comparison = replace(comparison, changes=named_changes(comparison.changes, ids))
+    likely = found.existence >= least_existence
+    ids = [name if there else "" for name, there in zip(ids, likely.tolist(), strict=True)]
+    with_posts = with_supports(changed(signs, id=ids), found.columns["own_variance"])
+    assert isinstance(with_posts, SignList)
+    on_map = with_posts.at(np.flatnonzero(likely))
     progress(0.2)
-    counts = _write_sightings(out / SIGHTINGS, cells, found, drives, signs)
+    counts = _write_sightings(out / SIGHTINGS, cells, found, drives, ids)
     last_pass = _write_coverage(out / COVERAGE, cells, drives)
     progress(0.4)
     countries = {str(e.done["country"]).upper() for e in entries.values() if e.done.get("country")}
     name = Path(store.place.url).name
     outcome = MapOutcome(
-        name=name, signs=[s for s in signs if s.id], comparison=comparison, warnings=warnings,
+        name=name, signs=on_map, comparison=comparison, warnings=warnings,
         country=countries.pop() if len(countries) == 1 else None, roads=roads,
     )  # fmt: skip
     rows = _drive_rows(store, cells, entries, found, drives, counts, warnings)
-    outcome = _with_whole(out, outcome, store, cells, entries, found, drives, signs)
+    outcome = _with_whole(out, outcome, store, cells, entries, found, drives, ids)
     # what is written now needs the room
-    del signs
+    del signs, with_posts, on_map, ids
     found.columns.clear()
+    write_signs(out / names.SIGNS_RAW, outcome.signs)
     write_json(out / names.RUN, _run_record(store, outcome, rows))
     summary = _summary(outcome, found, rows, counts, before, made_of)
     summary["cells"] = found.cells
@@ -105,7 +108,7 @@ def _compared(
     entries: Mapping[str, Entry],
     drives: Drives,
     found: StoreMap,
-    signs: list[Sign],
+    signs: SignList,
     before: Before | None,
     least_existence: float,
 ) -> tuple[Comparison | None, set[str]]:
@@ -118,11 +121,11 @@ def _compared(
         shared_with(older, cells, found), found.rates,
         list(fresh_drives(store, entries, older, drives)),
     )  # fmt: skip
-    return compare(older.map, newer, least_existence), {sign.id for sign in older.map.signs}
+    return compare(older.map, newer, least_existence), set(values_of(older.map.signs, "id"))
 
 
 def _write_sightings(
-    path: Path, cells: Path, found: StoreMap, drives: Drives, signs: list[Sign]
+    path: Path, cells: Path, found: StoreMap, drives: Drives, ids: Sequence[str]
 ) -> IntArray:
     """Write the sightings cell by cell; of each drive [d, 2] how many there are, and how many are
     of signs in the map."""
@@ -130,7 +133,7 @@ def _write_sightings(
     import pyarrow.parquet as pq
 
     counts = np.zeros((len(drives), 2), np.int64)
-    in_map = np.array([bool(sign.id) for sign in signs], np.bool_)
+    in_map = np.array([bool(name) for name in ids], np.bool_)
     writer = None
     try:
         for cell in members(cells, found.homes):
@@ -152,7 +155,7 @@ def _write_sightings(
                     "drive_row": cell.row,
                     "drive_sign": cell.id,
                     "class": cell.class_name,
-                    "sign_id": pa.array([signs[k].id or None for k in cell.sign], pa.string()),
+                    "sign_id": pa.array([ids[k] or None for k in cell.sign.tolist()], pa.string()),
                     "lat_deg": np.degrees(cell.place[:, 0]),
                     "lon_deg": np.degrees(cell.place[:, 1]),
                     "height_m": cell.place[:, 2],
@@ -249,11 +252,11 @@ def _with_whole(
     entries: Mapping[str, Entry],
     found: StoreMap,
     drives: Drives,
-    signs: list[Sign],
+    ids: Sequence[str],
 ) -> MapOutcome:
     """Tracks and heights above the sea; of a map of not too many drives pictures and observations
     too."""
-    named = OwnNames(members(cells, found.homes), signs)
+    named = OwnNames(members(cells, found.homes), ids)
     order = np.argsort(drives.rank).tolist()
     folder = store.place.folder
     if len(drives) > MANY_DRIVES or folder is None:

@@ -20,6 +20,7 @@ from automap.io.atomic import make_folder, put_in_place, write_json, write_text
 from automap.io.map_tables import COVERAGE, SIGHTINGS, TRACKS
 from pipeline.merge.coverage import coverage_of
 from pipeline.merge.signs import GPS_CLOCK
+from pipeline.merge.whole import MOST_PICTURED
 from pipeline.shared.lock import locked
 
 if TYPE_CHECKING:
@@ -80,6 +81,7 @@ def _write_files(
     progress: Callable[[float], None],
 ) -> list[Path]:
     from automap.io.map_tables import write_coverage
+    from automap.io.signs_table import write_signs
     from pipeline.merge.whole import complete, gather, write_whole
 
     whole = gather(
@@ -87,6 +89,7 @@ def _write_files(
     )
     outcome = replace(outcome, signs=complete(outcome.signs, whole))
     write_whole(out, whole)
+    write_signs(out / names.SIGNS_RAW, outcome.signs)
     _write_sightings(out / SIGHTINGS, outcome.merged, signs)
     write_coverage(out / COVERAGE, coverage_of(outcome.merged.drives))
     progress(0.25)
@@ -103,21 +106,26 @@ def write_files(
     summary: dict[str, Any],
     progress: Callable[[float], None],
 ) -> list[Path]:
-    """Write what a map consists of, once ``run.json``, sightings and coverage are there; returns
-    the files for people. ``summary`` becomes merge.json."""
+    """Write what a map consists of, once ``run.json``, signs, sightings and coverage are there;
+    returns the files for people. ``summary`` becomes merge.json."""
     from automap.export.roads import roads_csv
     from automap.io.clock_json import write_clock
-    from automap.io.signs_table import write_signs
-    from pipeline.export.content import map_content
+    from pipeline.export.content import map_content, stored_content
     from pipeline.export.formats import FORMATS, STANDARD_FORMATS, write_dictionary
     from pipeline.export.roads import tried_on_roads
     from pipeline.merge.report import merge_report
 
-    write_signs(out / names.SIGNS_RAW, outcome.signs)
     write_clock(out / names.SYNC, GPS_CLOCK)
-    content = map_content(out, outcome.name, on_roads=False)
+    # without pictures, roads and decisions of a reviewer signs can be read part by part
+    many = len(outcome.signs) > MOST_PICTURED and outcome.roads is None
+    many = many and not (out / names.REVIEW).exists()
+    content = (
+        stored_content(out, outcome.name)
+        if many
+        else map_content(out, outcome.name, on_roads=False)
+    )
     told = len(content.warnings)
-    rows = tried_on_roads(content, outcome.roads)
+    rows = [] if many else tried_on_roads(content, outcome.roads)
     if rows:
         write_text(out / names.SIGN_ROADS, roads_csv(rows))
     outcome.warnings.extend(content.warnings[told:])

@@ -106,8 +106,9 @@ def _of_the_system(error: BaseException | None) -> OSError | None:
     return None
 
 
-def load_products(out: Path) -> RunProducts:
-    """Read the trajectory, signs, observations, fixes and clock of OUT.
+def load_products(out: Path, signs: bool = True) -> RunProducts:
+    """Read the trajectory, observations, fixes and clock of OUT, and its ``signs`` unless they are
+    read elsewhere.
 
     An adjusted trajectory, where geolocation wrote one, is the one the signs rest on; the map
     shows it. What a review decided about signs is applied to them.
@@ -124,8 +125,9 @@ def load_products(out: Path) -> RunProducts:
             products.trajectory = trajectory
             break
     products.tracks = products.attempt(TRACKS, read_tracks) or {}
-    products.signs = products.attempt(names.SIGNS_RAW, read_signs)
-    _apply_review(products)
+    if signs:
+        products.signs = products.attempt(names.SIGNS_RAW, read_signs)
+        _apply_review(products)
     products.observations = _renamed(products.table(names.OBSERVATIONS), products.renamed)
     fixes = products.attempt(names.FIXES, read_fixes)
     products.fixes = fixes if fixes is not None and len(fixes) else None
