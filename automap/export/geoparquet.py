@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +15,7 @@ from automap.export.layers import point_wkb, times_of_texts
 from automap.export.projected import Plane, projected_wkb
 from automap.export.sign_columns import SignColumns, Signs
 from automap.io.atomic import atomic_path
+from automap.io.tables import write_row_groups
 from automap.records import FloatArray
 
 ROW_GROUP = 65_536
@@ -37,32 +37,15 @@ def write_geoparquet(
     ``epoch`` is the year, with decimals, at
     which the coordinates hold. ``lineage`` stands under the key ``automap``.
     """
-    import pyarrow as pa
-    import pyarrow.parquet as pq
-
     places: tuple[FloatArray, ...] = signs.lon_deg, signs.lat_deg, signs.height_m
     if plane is not None:
         places = plane.points(*places)
     metadata = {"geo": json.dumps(_geo_metadata(signs, places, crs or "OGC:CRS84h", epoch))}
     if lineage:
         metadata["automap"] = json.dumps(lineage, default=str)
-    with atomic_path(path) as temporary, ExitStack() as stack:
-        writer, waiting = None, []
-        for part in signs.parts():
-            table = _geo_table(part, plane)
-            if writer is None:
-                schema = table.schema.with_metadata(metadata)
-                writer = stack.enter_context(
-                    pq.ParquetWriter(temporary, schema, compression="zstd")
-                )
-            waiting.append(table.replace_schema_metadata(metadata))
-            if sum(map(len, waiting)) >= ROW_GROUP:
-                whole = pa.concat_tables(waiting).combine_chunks()
-                full = len(whole) - len(whole) % ROW_GROUP
-                writer.write_table(whole.slice(0, full), row_group_size=ROW_GROUP)
-                waiting = [whole.slice(full)] if len(whole) > full else []
-        if waiting and writer is not None:
-            writer.write_table(pa.concat_tables(waiting).combine_chunks(), ROW_GROUP)
+    tables = (_geo_table(part, plane).replace_schema_metadata(metadata) for part in signs.parts())
+    with atomic_path(path) as temporary:
+        write_row_groups(temporary, tables, ROW_GROUP, compression="zstd")
 
 
 def _geo_table(columns: SignColumns, plane: Plane | None) -> Any:

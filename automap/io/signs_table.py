@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import ExitStack
-from functools import partial
+from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -14,7 +12,7 @@ import numpy as np
 
 from automap.errors import InputError
 from automap.io.atomic import atomic_path
-from automap.io.tables import check_texts
+from automap.io.tables import check_texts, write_row_groups
 from automap.records import Sign
 from automap.records.sign_lists import values_of
 
@@ -64,36 +62,25 @@ def write_signs(path: Path, signs: Sequence[Sign]) -> None:
     rows of ``observations.parquet`` that belong to the sign.
     """
     parts = (signs[k : k + ROW_GROUP] for k in range(0, max(len(signs), 1), ROW_GROUP))
-    _write_parts(path, (partial(_values, part) for part in parts))
+    with atomic_path(path) as temporary:
+        write_row_groups(temporary, map(_table, parts), ROW_GROUP)
 
 
-def _write_parts(path: Path, parts: Iterable[Callable[[str], Any]]) -> None:
-    """The same of parts of up to ``ROW_GROUP`` signs, at least one, each as what gives a column [n]
-    of a field of ``records.Sign``."""
+def _table(signs: Sequence[Sign]) -> Any:
     import pyarrow as pa
-    import pyarrow.parquet as pq
 
-    kinds = {kind: getattr(pa, kind if kind != _REAL else "float64")() for kind in (_TEXT, _REAL,
-             _WHOLE)}  # fmt: skip
+    kinds: dict[str, Any] = {_TEXT: pa.string(), _REAL: pa.float64(), _WHOLE: pa.int64()}
     kinds |= {"texts": pa.list_(kinds[_TEXT]), "wholes": pa.list_(kinds[_WHOLE])}
-    with atomic_path(path) as temporary, ExitStack() as stack:
-        writer = None
-        for values in parts:
-            columns: dict[str, Any] = {}
-            for name, field, kind in _COLUMNS:
-                found = values(field)
-                if kind:
-                    listed = found if isinstance(found, list | np.ndarray) else list(found)
-                    columns[name] = pa.array(listed, kinds[kind])
-                    continue
-                covariance = np.asarray(found, np.float64).reshape(-1, 3, 3)
-                columns |= {
-                    each: pa.array(covariance[:, i, j]) for each, i, j in COVARIANCE_COLUMNS
-                }
-            table = pa.table(columns)
-            if writer is None:
-                writer = stack.enter_context(pq.ParquetWriter(temporary, table.schema))
-            writer.write_table(table)
+    columns: dict[str, Any] = {}
+    for name, field, kind in _COLUMNS:
+        found = _values(signs, field)
+        if kind:
+            listed = found if isinstance(found, list | np.ndarray) else list(found)
+            columns[name] = pa.array(listed, kinds[kind])
+            continue
+        covariance = np.asarray(found, np.float64).reshape(-1, 3, 3)
+        columns |= {each: pa.array(covariance[:, i, j]) for each, i, j in COVARIANCE_COLUMNS}
+    return pa.table(columns)
 
 
 def _values(signs: Sequence[Sign], field: str) -> Any:

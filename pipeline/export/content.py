@@ -101,7 +101,7 @@ def map_content(
 def stored_content(out: Path, name: str) -> MapContent:
     """The content of a merged map whose signs are read part by part; it has no pictures, no roads
     and no review."""
-    products = load_products(out, signs=False)
+    products = load_products(out, whole=False)
     country = country_of(products.json(names.RUN))
     signs = stored_signs(
         out / names.SIGNS_RAW, products.clock, country, geoid=bool(products.tracks)

@@ -261,7 +261,7 @@ def _with_whole(
     folder = store.place.folder
     if len(drives) > MANY_DRIVES or folder is None:
         outcome.warnings.append(left_out(folder is None))
-        whole = gather_tracks(store, cells, entries, drives, order, named)
+        whole = gather_tracks(store, cells, entries, drives, order, named, out)
     else:
         whole = gather(
             [

@@ -113,8 +113,7 @@ def complete(signs: Sequence[Sign], whole: Whole) -> Sequence[Sign]:
 
 def write_whole(out: Path, whole: Whole) -> None:
     """Write tracks, observations and pictures as far as there are any."""
-    if whole.tracks:
-        write_tracks(out / TRACKS, whole.tracks)
+    write_tracks(out / TRACKS, whole.tracks.items())
     if whole.observations:
         import pyarrow as pa
         import pyarrow.parquet as pq
