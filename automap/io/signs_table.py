@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import fields
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -14,7 +16,7 @@ from automap.errors import InputError
 from automap.io.atomic import atomic_path
 from automap.io.tables import check_texts, write_row_groups
 from automap.records import Sign
-from automap.records.sign_lists import values_of
+from automap.records.sign_lists import Names, SignList, joined_names, values_of
 
 COVARIANCE_COLUMNS = (
     ("cov_ee_m2", 0, 0),
@@ -143,18 +145,63 @@ def read_signs(path: Path) -> list[Sign]:
 
     Raises InputError when the file cannot be read, lacks a column or has a sign beyond the Earth.
     """
-    import pyarrow as pa
     import pyarrow.parquet as pq
 
-    try:
-        # where memory is short Arrow waits for threads that never began
-        with pq.ParquetFile(path) as file:
-            table = file.read(use_threads=False)
+    signs: list[Sign] = []
+    names: dict[str, str] = {}
+    # where memory is short Arrow waits for threads that never began
+    with _told(path), pq.ParquetFile(path) as file:
+        table = file.read(use_threads=False)
         check_texts(table)
-        signs: list[Sign] = []
-        names: dict[str, str] = {}
         for piece in table.to_batches(_ROWS):
             signs += [_sign(row, names) for row in piece.to_pylist()]
+    _check_places(path, signs)
+    return signs
+
+
+def read_sign_list(path: Path) -> SignList:
+    """The same of very many signs, without the rows of their detections."""
+    found: dict[str, list[Any]] = {}
+    with _told(path):
+        if next(sign_pieces(path, 1), None) is None:
+            return SignList({f.name: [] for f in fields(Sign)}, np.zeros((0, 3, 3)))
+        for piece in sign_pieces(path, ROW_GROUP):
+            check_texts(piece)
+            for name, field, _ in _COLUMNS:
+                # runs of earlier versions lack some, which a record has by default
+                if field not in (_DETECTIONS, "drives") and name in {"", *piece.schema.names}:
+                    found.setdefault(field, []).append(sign_values(piece, field))
+            found.setdefault("drives", []).append(_names(piece["drives"]))
+        covariance = np.concatenate(found.pop("cov_enu"))
+        columns: dict[str, Any] = {"drives": joined_names(found.pop("drives"))}
+        for field, parts in found.items():
+            many = isinstance(parts[0], list)
+            columns[field] = (
+                [text or "" for part in parts for text in part] if many else np.concatenate(parts)
+            )
+        signs = SignList(columns, covariance)
+        if lacking := signs.lacking():
+            raise KeyError(lacking)
+        strange = (np.abs(columns["lat_rad"]) > 0.5 * math.pi) | (
+            np.abs(columns["lon_rad"]) > 2.0 * math.pi
+        )
+    _check_places(path, [signs[k] for k in np.flatnonzero(strange).tolist()])
+    return signs
+
+
+def _names(column: Any) -> Names:
+    coded = column.values.dictionary_encode()
+    code = np.asarray(coded.indices, np.int64)
+    return Names(coded.dictionary.to_pylist(), code, np.asarray(column.offsets, np.int64))
+
+
+@contextmanager
+def _told(path: Path) -> Iterator[None]:
+    """What is wrong with a table of signs as InputError."""
+    import pyarrow as pa
+
+    try:
+        yield
     except (OSError, pa.ArrowException, UnicodeDecodeError) as error:
         raise InputError(
             f"{path}: the table of signs cannot be read ({error}); run the geolocate stage again."
@@ -163,6 +210,9 @@ def read_signs(path: Path) -> list[Sign]:
         raise InputError(
             f"{path}: the table of signs lacks the column {error}; run the geolocate stage again."
         ) from error
+
+
+def _check_places(path: Path, signs: Sequence[Sign]) -> None:
     for sign in signs:
         # a place that is not known is none
         if abs(sign.lat_rad) > 0.5 * math.pi or abs(sign.lon_rad) > 2.0 * math.pi:
@@ -170,7 +220,6 @@ def read_signs(path: Path) -> list[Sign]:
                 f"{path}: sign {sign.id} lies nowhere on Earth (latitude {sign.lat_rad:.6g}, "
                 f"longitude {sign.lon_rad:.6g} rad); run the geolocate stage again."
             )
-    return signs
 
 
 def _sign(row: dict[str, Any], names: dict[str, str]) -> Sign:

@@ -46,6 +46,20 @@ class Names(Sequence[tuple[str, ...]]):
         return Names(self.names, self.code[np.arange(first[-1]) + shift], first)
 
 
+def joined_names(parts: Sequence[Names]) -> Names:
+    """Those of one part [n] after those of another."""
+    names = list(dict.fromkeys(name for part in parts for name in part.names))
+    number = {name: k for k, name in enumerate(names)}
+    code, first, count = [], [np.zeros(1, np.int64)], 0
+    for part in parts:
+        own = np.array([number[name] for name in part.names], np.int64)
+        lo, hi = int(part.first[0]), int(part.first[-1])
+        code.append(own[part.code[lo:hi]] if hi > lo else part.code[:0])
+        first.append(part.first[1:] - lo + count)
+        count += hi - lo
+    return Names(names, np.concatenate(code), np.concatenate(first))
+
+
 @dataclass(frozen=True)
 class SignList(Sequence[Sign]):
     """Signs [n]: ``columns`` by fields of ``records.Sign``, arrays, lists or Names [n], the others
@@ -69,6 +83,11 @@ class SignList(Sequence[Sign]):
         values = {name: column[k] for name, column in self.columns.items()}
         own = {n: v.item() if isinstance(v, np.generic) else v for n, v in values.items()}
         return Sign(cov_enu=self.cov_enu[k], **own)
+
+    def lacking(self) -> str:
+        """A field that has no default and no column; "" where all are there."""
+        needed = (f.name for f in fields(Sign) if f.name not in _DEFAULTS)
+        return next((name for name in needed if name not in {"cov_enu", *self.columns}), "")
 
     def at(self, rows: IntArray) -> SignList:
         """Those of some rows."""

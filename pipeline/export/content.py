@@ -53,14 +53,19 @@ class MapContent:
 
 
 def map_content(
-    out: Path, name: str, min_confidence: float = 0.0, on_roads: bool = True
+    out: Path,
+    name: str,
+    min_confidence: float = 0.0,
+    on_roads: bool = True,
+    fresh: bool = False,
 ) -> MapContent:
     """Read OUT and prepare its signs and path, with a warning for all that is missing.
 
     Signs of less confidence than ``min_confidence`` are left out, and counted in a warning;
-    ``on_roads`` whether they are where an earlier export put them on roads.
+    ``on_roads`` whether they are where an earlier export put them on roads; ``fresh`` as
+    ``load_products`` has it.
     """
-    products = load_products(out)
+    products = load_products(out, fresh=fresh)
     left_out = _drop_unsure(products, min_confidence)
     country = country_of(products.json(names.RUN))
     signs = sign_columns(products.signs or [], products.clock, country)
@@ -101,7 +106,7 @@ def map_content(
 def stored_content(out: Path, name: str) -> MapContent:
     """The content of a merged map whose signs are read part by part; it has no pictures, no roads
     and no review."""
-    products = load_products(out, whole=False)
+    products = load_products(out, signs=False, fresh=True)
     country = country_of(products.json(names.RUN))
     signs = stored_signs(
         out / names.SIGNS_RAW, products.clock, country, geoid=bool(products.tracks)

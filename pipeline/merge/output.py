@@ -122,7 +122,7 @@ def write_files(
     content = (
         stored_content(out, outcome.name)
         if many
-        else map_content(out, outcome.name, on_roads=False)
+        else map_content(out, outcome.name, on_roads=False, fresh=True)
     )
     told = len(content.warnings)
     rows = [] if many else tried_on_roads(content, outcome.roads)

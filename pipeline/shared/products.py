@@ -106,9 +106,10 @@ def _of_the_system(error: BaseException | None) -> OSError | None:
     return None
 
 
-def load_products(out: Path, whole: bool = True) -> RunProducts:
-    """Read the trajectory, signs, observations, fixes and clock of OUT; unless ``whole`` no signs,
-    and tracks drive by drive where they are looked at.
+def load_products(out: Path, signs: bool = True, fresh: bool = False) -> RunProducts:
+    """Read the trajectory, ``signs`` if they are wanted, observations, fixes and clock of OUT. What
+    is ``fresh``, this process wrote a moment ago: tracks are read drive by drive where they are
+    looked at.
 
     An adjusted trajectory, where geolocation wrote one, is the one the signs rest on; the map
     shows it. What a review decided about signs is applied to them.
@@ -124,9 +125,8 @@ def load_products(out: Path, whole: bool = True) -> RunProducts:
         if trajectory is not None and len(trajectory):
             products.trajectory = trajectory
             break
-    tracks = read_tracks if whole else StoredTracks
-    products.tracks = products.attempt(TRACKS, tracks) or {}
-    if whole:
+    products.tracks = products.attempt(TRACKS, StoredTracks if fresh else read_tracks) or {}
+    if signs:
         products.signs = products.attempt(names.SIGNS_RAW, read_signs)
         _apply_review(products)
     products.observations = _renamed(products.table(names.OBSERVATIONS), products.renamed)
