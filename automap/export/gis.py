@@ -12,7 +12,6 @@ import shutil
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from io import BytesIO
-from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -125,49 +124,47 @@ def write_parts(
     from pyogrio.raw import write_arrow
 
     parts = iter(layer.parts())
-    first = next(parts)
-    own = [*(_arrow(first, name) for name in first.columns), pa.array([], pa.binary())]
-    place = {"ARROW:extension:name": "geoarrow.wkb"}
-    schema = pa.schema([
-        *(pa.field(name, values.type) for name, values in zip(first.columns, own, strict=False)),
-        pa.field(_PLACE, own[-1].type, metadata=place),
-    ])  # fmt: skip
+    first = _batch(next(parts))
     failed: list[BaseException] = []
 
     def batches() -> Iterator[pa.RecordBatch]:
         # GDAL would tell of it, and of an interrupt, as of a failure of its own
         try:
-            for part in chain([first], parts):
-                arrays = [*(_arrow(part, name) for name in part.columns)]
-                arrays.append(pa.array(part.wkb, pa.binary()))
-                yield pa.RecordBatch.from_arrays(arrays, schema=schema)
+            yield first
+            yield from map(_batch, parts)
         except BaseException as error:
             failed.append(error)
             raise
 
+    reader = pa.RecordBatchReader.from_batches(first.schema, batches())
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", "GPKG: bad application_id", RuntimeWarning)
         try:
             write_arrow(
-                pa.RecordBatchReader.from_batches(schema, batches()), path, layer=layer.name,
-                driver=driver, geometry_name=_PLACE, geometry_type=layer.geometry_type, crs=crs,
-                **more,
+                reader, path, layer=layer.name, driver=driver, geometry_name=_PLACE,
+                geometry_type=layer.geometry_type, crs=crs, **more,
             )  # fmt: skip
         finally:
             if failed:
                 raise failed[0]
 
 
-def _arrow(layer: Layer, name: str) -> Any:
-    """A column as Arrow has it: what is missing is null, times are UTC."""
+def _batch(layer: Layer) -> Any:
+    """A layer's features as Arrow has them: what is missing is null, times are UTC."""
     import pyarrow as pa
 
-    values, missing = layer.columns[name], layer.missing.get(name)
-    if values.dtype.kind == "M":
-        return pa.array(values).cast(pa.timestamp("ms", tz="UTC"))
-    if values.dtype.kind == "O":
-        return pa.array(values, pa.string())
-    return pa.array(values, mask=missing, from_pandas=True)
+    arrays: dict[str, Any] = {}
+    for name, values in layer.columns.items():
+        if values.dtype.kind == "M":
+            arrays[name] = pa.array(values).cast(pa.timestamp("ms", tz="UTC"))
+        elif values.dtype.kind == "O":
+            arrays[name] = pa.array(values, pa.string())
+        else:
+            arrays[name] = pa.array(values, mask=layer.missing.get(name), from_pandas=True)
+    fields = [pa.field(name, array.type) for name, array in arrays.items()]
+    fields.append(pa.field(_PLACE, pa.binary(), metadata={"ARROW:extension:name": "geoarrow.wkb"}))
+    places = pa.array(layer.wkb, pa.binary())
+    return pa.RecordBatch.from_arrays([*arrays.values(), places], schema=pa.schema(fields))
 
 
 def failure_of(path: Path, layer: str, error: Exception) -> StageError:

@@ -10,27 +10,25 @@ from typing import Any
 import numpy as np
 
 from automap import __version__
-from automap.earth import metres_per_radian
 from automap.export.clock import iso_texts, utc_of_gps
 from automap.io import names
 from automap.io.atomic import write_json
-from automap.io.map_tables import COVERAGE, SIGHTINGS, write_coverage
+from automap.io.map_tables import COVERAGE, SIGHTINGS
 from automap.io.signs_table import write_signs
-from automap.mapping.cells import quadkey
 from automap.mapping.compare import Comparison, Newer, compare
 from automap.mapping.identity import name_signs
 from automap.mapping.posts import with_supports
-from automap.records import DrivePath, FloatArray, IntArray
+from automap.records import FloatArray, IntArray
 from automap.records.sign_lists import SignList, changed, values_of
+from pipeline.fleet.map_tables import write_looked, write_sightings
 from pipeline.fleet.older import Before, fresh_drives, read_older, shared_with
 from pipeline.fleet.own_names import OwnNames
 from pipeline.fleet.store import Entry, Store
 from pipeline.fleet.tracks import gather_tracks, left_out
 from pipeline.merge.cell_map import StoreMap
 from pipeline.merge.cell_steps import drive_offsets, members
-from pipeline.merge.cell_store import Drives, occupied, read_drives
+from pipeline.merge.cell_store import Drives, read_drives
 from pipeline.merge.command import named_changes
-from pipeline.merge.coverage import cover
 from pipeline.merge.outcome import MapOutcome
 from pipeline.merge.output import SCHEMA, write_files
 from pipeline.merge.whole import MANY_DRIVES, Contribution, complete, gather, write_whole
@@ -53,9 +51,10 @@ def write_fleet_map(
     warnings: list[str],
     progress: Callable[[float], None],
     roads: Path | None = None,
+    workers: int = 1,
 ) -> Comparison | None:
-    """Write the map of the drives ``entries``, by recording, into ``out``; ``roads`` is a layer on
-    which its signs get a place."""
+    """Write the map of the drives ``entries``, by recording, into ``out``, by so many ``workers``;
+    ``roads`` is a layer on which its signs get a place."""
     drives = read_drives(cells)
     signs = found.signs(drives)
     comparison, taken = _compared(
@@ -70,8 +69,8 @@ def write_fleet_map(
     assert isinstance(with_posts, SignList)
     on_map = with_posts.at(np.flatnonzero(likely))
     progress(0.2)
-    counts = _write_sightings(out / SIGHTINGS, cells, found, drives, ids)
-    last_pass = _write_coverage(out / COVERAGE, cells, drives)
+    counts = write_sightings(out / SIGHTINGS, cells, found, drives, ids)
+    last_pass = write_looked(out / COVERAGE, cells, drives)
     progress(0.4)
     countries = {str(e.done["country"]).upper() for e in entries.values() if e.done.get("country")}
     name = Path(store.place.url).name
@@ -98,7 +97,7 @@ def write_fleet_map(
         },
     ]
     summary["last_pass"] = last_pass
-    write_files(out, outcome, summary, lambda done: progress(0.4 + 0.6 * done))
+    write_files(out, outcome, summary, lambda done: progress(0.4 + 0.6 * done), workers)
     return comparison
 
 
@@ -122,75 +121,6 @@ def _compared(
         list(fresh_drives(store, entries, older, drives)),
     )  # fmt: skip
     return compare(older.map, newer, least_existence), set(values_of(older.map.signs, "id"))
-
-
-def _write_sightings(
-    path: Path, cells: Path, found: StoreMap, drives: Drives, ids: Sequence[str]
-) -> IntArray:
-    """Write the sightings cell by cell; of each drive [d, 2] how many there are, and how many are
-    of signs in the map."""
-    import pyarrow as pa
-    import pyarrow.parquet as pq
-
-    counts = np.zeros((len(drives), 2), np.int64)
-    in_map = np.array([bool(name) for name in ids], np.bool_)
-    writer = None
-    try:
-        for cell in members(cells, found.homes):
-            counts[:, 0] += np.bincount(cell.drive, minlength=len(drives))
-            counts[:, 1] += np.bincount(cell.drive[in_map[cell.sign]], minlength=len(drives))
-            who = cell.drive.tolist()
-            keys = [drives.key[k] for k in who]
-            north, east = metres_per_radian(cell.place[:, 0], np.nan_to_num(cell.place[:, 2]))
-            turn = (cell.place[:, 1] - found.lon[cell.sign] + np.pi) % (2 * np.pi) - np.pi
-            residual = np.column_stack([
-                turn * east, (cell.place[:, 0] - found.lat[cell.sign]) * north,
-                cell.place[:, 2] - found.height[cell.sign],
-            ]) - cell.offset  # fmt: skip
-            table = pa.table(
-                {
-                    "key": [f"{key}|{own}" for key, own in zip(keys, cell.id, strict=True)],
-                    "drive": [drives.name[k] for k in who],
-                    "drive_key": keys,
-                    "drive_row": cell.row,
-                    "drive_sign": cell.id,
-                    "class": cell.class_name,
-                    "sign_id": pa.array([ids[k] or None for k in cell.sign.tolist()], pa.string()),
-                    "lat_deg": np.degrees(cell.place[:, 0]),
-                    "lon_deg": np.degrees(cell.place[:, 1]),
-                    "height_m": cell.place[:, 2],
-                    "existence": found.existence[cell.sign],
-                }
-                | {f"offset_{axis}_m": cell.offset[:, k] for k, axis in enumerate("enu")}
-                | {f"residual_{axis}_m": residual[:, k] for k, axis in enumerate("enu")}
-            )
-            if writer is None:
-                writer = pq.ParquetWriter(path, table.schema, compression="zstd")
-            writer.write_table(table)
-    finally:
-        if writer is not None:
-            writer.close()
-    return counts
-
-
-def _write_coverage(path: Path, cells: Path, drives: Drives) -> dict[str, float]:
-    """Write where the cameras looked; when each cell was passed last, in GPS seconds."""
-    parts, last = [], {}
-    for cell in occupied(cells).tolist():
-        looked, passed = cover(cells, drives, cell)
-        parts.append(looked)
-        if np.isfinite(passed):
-            last[quadkey(cell)] = passed
-
-    def column(name: str) -> FloatArray:
-        return np.concatenate([getattr(part, name) for part in parts])
-
-    rows = np.zeros(sum(map(len, parts)))
-    turn = np.zeros((len(rows), 3))
-    write_coverage(
-        path, DrivePath(rows, column("lat_rad"), column("lon_rad"), column("yaw_rad"), turn)
-    )
-    return last
 
 
 def _drive_rows(
