@@ -14,6 +14,7 @@ from automap.export.geojson import longitude_range
 from automap.export.layers import point_wkb, times_of_texts
 from automap.export.projected import Plane, projected_wkb
 from automap.export.sign_columns import SignColumns, Signs
+from automap.export.storable import utf8_texts
 from automap.io.atomic import atomic_path
 from automap.io.tables import write_row_groups
 from automap.records import FloatArray
@@ -61,9 +62,9 @@ def _geo_table(columns: SignColumns, plane: Plane | None) -> Any:
         if field.kind == "time":
             values = times_of_texts(values if columns.utc_known else [None] * len(columns))
         elif field.kind == "text":
-            values = [_utf8(value) for value in values]
+            values = utf8_texts(values)
         elif field.kind == "list":
-            values = [[_utf8(item) for item in value] for value in values]
+            values = [utf8_texts(value) for value in values]
         arrays.append(pa.array(values, kinds[field.kind], from_pandas=True))
         note = {"unit": field.unit, "description": field.meaning}
         fields.append(pa.field(field.name, kinds[field.kind], metadata=note))
@@ -75,10 +76,6 @@ def _geo_table(columns: SignColumns, plane: Plane | None) -> Any:
     arrays += [box, pa.array(points, pa.binary())]
     fields += [pa.field("bbox", box.type), pa.field("geometry", pa.binary())]
     return pa.table(arrays, schema=pa.schema(fields))
-
-
-def _utf8(text: str | None) -> str | None:
-    return None if text is None else text.encode("utf-8", "replace").decode("utf-8")
 
 
 def _box_column(columns: SignColumns, places: Sequence[FloatArray]) -> Any:

@@ -14,6 +14,7 @@ from automap.export.clock import utc_of_stamps
 from automap.export.fields import STAMP_FIELDS
 from automap.export.path import Path
 from automap.export.sign_columns import SignColumns, Signs, ellipse_rings, wrap_degrees
+from automap.export.storable import gdal_texts
 from automap.records import ClockModel, FloatArray, IntArray, Trajectory
 
 if TYPE_CHECKING:
@@ -257,12 +258,5 @@ def _column(column: pa.ChunkedArray) -> tuple[npt.NDArray[Any], npt.NDArray[np.b
 
 def _objects(values: list[Any]) -> npt.NDArray[np.object_]:
     array = np.empty(len(values), object)
-    array[:] = [_storable(value) for value in values]
+    array[:] = gdal_texts(values)
     return array
-
-
-def _storable(text: str | None) -> str | None:
-    # GDAL ends a text at a NUL and cannot encode lone surrogates
-    if text is None:
-        return None
-    return text.replace("\0", "\ufffd").encode("utf-8", "replace").decode("utf-8")
