@@ -22,6 +22,9 @@ from pipeline.export.content import MapContent, geoid_heights, trajectory_of
 from pipeline.shared.pictures import pictures_by_sign
 from pipeline.shared.products import geoid_separation
 
+_LARGE = 1 << 30
+"""Bytes of a document, by an estimate that may be half of it."""
+
 
 def write_geojson(content: MapContent, path: Path) -> None:
     """Write the signs as GeoJSON."""
@@ -70,7 +73,14 @@ def write_kmz(content: MapContent, path: Path) -> None:
         typed=False,
     )
     document = kml.kml_chunks(content.name, content.source, content.path, options)
-    kmz.write_kmz(path, document, files)
+    kmz.write_kmz(path, document, files, large=_document_size(content) > _LARGE)
+
+
+def _document_size(content: MapContent) -> float:
+    """Bytes of a KML document, rather too many: a sign has 3 kB and thrice the names of its drives,
+    a point of the path 250."""
+    points = 0 if content.path is None else len(content.path)
+    return 4e3 * len(content.source) + 2e2 * float(content.source.seen_by().sum()) + 5e2 * points
 
 
 def write_gpkg(content: MapContent, path: Path) -> None:

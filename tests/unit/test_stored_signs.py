@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import sqlite3
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from export_inputs import HOSTILE, write_run
+from export_inputs import HOSTILE, sign, write_run
 
 from automap.errors import InputError
-from automap.export import assemblies, layers, stored_signs
+from automap.export import assemblies, gis, layers, stored_signs
+from automap.export.sign_columns import sign_columns
 from automap.io import map_tables, names
 from automap.io.map_tables import TRACKS, StoredTracks, read_tracks, write_tracks
 from automap.io.signs_table import read_sign_list, read_signs, write_signs
@@ -157,3 +159,17 @@ def test_tracks_are_read_drive_by_drive(
         assert repr(stored[name]) == repr(values)
     write_tracks(tmp_path / "none.parquet", iter(()))
     assert not (tmp_path / "none.parquet").exists()
+
+
+@pytest.mark.parametrize("error", [InputError("the grid ends here"), KeyboardInterrupt()])
+def test_what_goes_wrong_in_a_part_is_told_as_it_is(tmp_path: Path, error: BaseException) -> None:
+    layer = layers.sign_layer(sign_columns([sign(1), sign(2)]))
+
+    def parts() -> Iterator[layers.Layer]:
+        yield layer
+        raise error
+
+    broken = layers.LayerParts("signs", layer.geometry_type, 4, parts)
+    with pytest.raises(type(error)):
+        gis.write_layers(tmp_path / "a.gpkg", [broken])
+    assert list(tmp_path.iterdir()) == []
