@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sqlite3
+import zipfile
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -21,6 +22,7 @@ from automap.io.signs_table import read_sign_list, read_signs, write_signs
 from automap.records import Sign
 from automap.records.sign_lists import Names, SignList, changed, joined_names, values_of
 from pipeline.cli.root import run_command
+from pipeline.export import formats
 from pipeline.export.content import map_content
 from pipeline.merge import output
 
@@ -173,3 +175,21 @@ def test_what_goes_wrong_in_a_part_is_told_as_it_is(tmp_path: Path, error: BaseE
     with pytest.raises(type(error)):
         gis.write_layers(tmp_path / "a.gpkg", [broken])
     assert list(tmp_path.iterdir()) == []
+
+
+def test_an_archive_may_have_a_document_beyond_the_old_limit(
+    runs: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    content = map_content(Path(runs[0]), "monday")
+    document = tmp_path / "a.kml"
+    formats.write_kml(content, document)
+    # the estimate that decides is on the safe side
+    assert document.stat().st_size < formats._document_size(content)
+    monkeypatch.setattr(zipfile, "ZIP64_LIMIT", 1000)
+    with pytest.raises(RuntimeError):
+        formats.write_kmz(content, tmp_path / "a.kmz")
+    monkeypatch.setattr(formats, "_LARGE", 1000)
+    formats.write_kmz(content, tmp_path / "a.kmz")
+    with zipfile.ZipFile(tmp_path / "a.kmz") as archive:
+        assert archive.testzip() is None
+        assert archive.infolist()[0].file_size > 1000
