@@ -30,8 +30,9 @@ from pipeline.merge.cell_steps import drive_offsets, members
 from pipeline.merge.cell_store import Drives, read_drives
 from pipeline.merge.command import named_changes
 from pipeline.merge.outcome import MapOutcome
-from pipeline.merge.output import SCHEMA, write_files
+from pipeline.merge.output import SCHEMA, in_parts, write_files
 from pipeline.merge.whole import MANY_DRIVES, Contribution, complete, gather, write_whole
+from pipeline.shared.freed import give_freed_back
 
 HISTORY = "history"
 CONTRADICTS = 4.9
@@ -55,6 +56,7 @@ def write_fleet_map(
 ) -> Comparison | None:
     """Write the map of the drives ``entries``, by recording, into ``out``, by so many ``workers``;
     ``roads`` is a layer on which its signs get a place."""
+    give_freed_back()
     drives = read_drives(cells)
     signs = found.signs(drives)
     comparison, taken = _compared(
@@ -62,7 +64,8 @@ def write_fleet_map(
     )
     ids = name_signs(found.founder, {} if comparison is None else comparison.names, taken)
     if comparison is not None:
-        comparison = replace(comparison, changes=named_changes(comparison.changes, ids))
+        changes = named_changes(comparison.changes, ids)
+        comparison = replace(comparison, changes=changes, names={})
     likely = found.existence >= least_existence
     ids = [name if there else "" for name, there in zip(ids, likely.tolist(), strict=True)]
     with_posts = with_supports(changed(signs, id=ids), found.columns["own_variance"])
@@ -97,7 +100,10 @@ def write_fleet_map(
         },
     ]
     summary["last_pass"] = last_pass
-    write_files(out, outcome, summary, lambda done: progress(0.4 + 0.6 * done), workers)
+    many = in_parts(outcome, out)
+    if many:
+        outcome = replace(outcome, signs=())
+    write_files(out, outcome, summary, lambda done: progress(0.4 + 0.6 * done), many, workers)
     return comparison
 
 

@@ -96,10 +96,18 @@ def _write_files(
     write_coverage(out / COVERAGE, coverage_of(outcome.merged.drives))
     progress(0.25)
     write_json(out / names.RUN, _run_record(outcome, folders))
-    written = write_files(out, outcome, merge_summary(outcome, signs, folders, previous), progress)
+    summary = merge_summary(outcome, signs, folders, previous)
+    written = write_files(out, outcome, summary, progress, in_parts(outcome, out))
     # with the warnings of what was written
     write_json(out / names.RUN, _run_record(outcome, folders))
     return written
+
+
+def in_parts(outcome: MapOutcome, out: Path) -> bool:
+    """Whether the map's signs are so many that they are read part by part: they have no pictures
+    then, and must have no roads and no decisions of a reviewer either."""
+    many = len(outcome.signs) > MOST_PICTURED and outcome.roads is None
+    return many and not (out / names.REVIEW).exists()
 
 
 def write_files(
@@ -107,10 +115,12 @@ def write_files(
     outcome: MapOutcome,
     summary: dict[str, Any],
     progress: Callable[[float], None],
+    many: bool,
     workers: int = 1,
 ) -> list[Path]:
     """Write what a map consists of, once ``run.json``, signs, sightings and coverage are there;
-    returns the files for people. ``summary`` becomes merge.json."""
+    returns the files for people. ``summary`` becomes merge.json. ``many`` signs are read part by
+    part from their table."""
     from automap.export.roads import roads_csv
     from automap.io.clock_json import write_clock
     from pipeline.export.content import map_content, stored_content
@@ -119,9 +129,6 @@ def write_files(
     from pipeline.merge.report import merge_report
 
     write_clock(out / names.SYNC, GPS_CLOCK)
-    # without pictures, roads and decisions of a reviewer signs can be read part by part
-    many = len(outcome.signs) > MOST_PICTURED and outcome.roads is None
-    many = many and not (out / names.REVIEW).exists()
     content = (
         stored_content(out, outcome.name)
         if many
