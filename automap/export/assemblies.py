@@ -5,15 +5,16 @@ from __future__ import annotations
 import itertools
 import json
 import math
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from automap.export.fields import Field
-from automap.export.layers import Layer, times_of_texts, wkb_of_points
-from automap.export.sign_columns import SignColumns
-from automap.records import FloatArray
+from automap.export.layers import Layer, LayerParts, in_one, times_of_texts, wkb_of_points
+from automap.export.sign_columns import SignColumns, Signs
+from automap.records import FloatArray, IntArray
 
 ASSEMBLY_FIELDS: tuple[Field, ...] = (
     Field("id", "text", "", "post or gantry, as the signs' support"),
@@ -34,6 +35,51 @@ ASSEMBLY_FIELDS: tuple[Field, ...] = (
     Field("last_seen", "time", "UTC", "when any of its signs was seen last"),
 )
 _BACKS = "n_back_views"
+_NEEDED = (
+    "id", "class", "support", "side", "main_sign", "first_seen", "last_seen", _BACKS,
+    "height_above_road_m", "facing_deg", "cov_ee_m2", "cov_nn_m2",
+)  # fmt: skip
+_POSTS = 16_384
+"""At once."""
+
+
+def assembly_parts(signs: Signs) -> LayerParts:
+    """The layer in parts of some posts each; what of the signs goes into it is gathered first, as
+    those of one post may be anywhere among them."""
+    if isinstance(signs, SignColumns):
+        return in_one(assembly_layer(signs))
+    values: dict[str, list[Any]] = {name: [] for name in _NEEDED}
+    known: dict[str, str] = {}
+    utc = False
+    for part in signs.parts():
+        utc = part.utc_known
+        for name in _NEEDED:
+            column = part.values[name]
+            shared = name in ("class", "side")
+            values[name] += [known.setdefault(v, v) for v in column] if shared else list(column)
+    whole = SignColumns(signs.lon_deg, signs.lat_deg, signs.height_m, values, utc)
+    there = [k for k in np.flatnonzero(signs.located).tolist() if values["support"][k]]
+    names, post = np.unique(np.array([values["support"][k] for k in there]), return_inverse=True)
+    at = np.array(there, np.int64)[np.argsort(post, kind="stable")]
+    edges = np.searchsorted(np.sort(post), np.arange(0, len(names) + _POSTS, _POSTS))
+
+    def parts() -> Iterator[Layer]:
+        for lo, hi in itertools.pairwise(edges.tolist()):
+            yield assembly_layer(_rows(whole, np.sort(at[lo:hi])))
+
+    return LayerParts("assemblies", "Unknown", len(names), parts)
+
+
+def _rows(columns: SignColumns, rows: IntArray) -> SignColumns:
+    picked: dict[str, Any] = {
+        name: [column[k] for k in rows] for name, column in columns.values.items()
+    }
+    for name in ("height_above_road_m", "facing_deg", "cov_ee_m2", "cov_nn_m2"):
+        picked[name] = np.array(picked[name], np.float64)
+    return SignColumns(
+        columns.lon_deg[rows], columns.lat_deg[rows], columns.height_m[rows], picked,
+        columns.utc_known,
+    )  # fmt: skip
 
 
 def assembly_layer(columns: SignColumns) -> Layer:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
-from automap.records import Sign
 from automap.signs.vocabulary import load_vocabulary
 
 SUPPLEMENTARY = "complementary--"
@@ -16,6 +16,23 @@ PLATE_GAP_M = 0.3
 plates are fixed right below it, and centres and heights of faces err by a decimetre or two."""
 ONE_SIDE_RAD = 0.5 * math.pi
 """Faces turned from one another by less are read by the same traffic."""
+
+
+class Face(Protocol):
+    """What of a ``records.Sign`` says where it hangs."""
+
+    @property
+    def id(self) -> str: ...
+    @property
+    def class_name(self) -> str: ...
+    @property
+    def height_m(self) -> float: ...
+    @property
+    def size_m(self) -> float: ...
+    @property
+    def facing_rad(self) -> float: ...
+    @property
+    def support(self) -> str: ...
 
 
 @dataclass(frozen=True)
@@ -28,7 +45,7 @@ class OnPost:
     main: list[str | None]
 
 
-def on_post(signs: Sequence[Sign]) -> OnPost:
+def on_post(signs: Sequence[Face]) -> OnPost:
     """Order and relations of the signs that share a ``support``.
 
     A plate belongs to the nearest sign above it that was read and is no plate itself. A rectangle
@@ -51,25 +68,25 @@ def on_post(signs: Sequence[Sign]) -> OnPost:
     return OnPost(order, main)
 
 
-def is_plate(sign: Sign) -> bool:
+def is_plate(sign: Face) -> bool:
     """Whether a sign is a plate that says more of another."""
     return sign.class_name.startswith(SUPPLEMENTARY)
 
 
-def _right_below(sign: Sign, above: Sign) -> bool:
+def _right_below(sign: Face, above: Face) -> bool:
     """Whether a sign is an unread rectangle whose upper edge is at the lower one of another."""
     gap = above.height_m - sign.height_m - 0.5 * (above.size_m + sign.size_m)
     return _unread(sign) and abs(gap) < PLATE_GAP_M
 
 
-def _unread(sign: Sign) -> bool:
+def _unread(sign: Face) -> bool:
     """Whether a sign is a rectangle of which the detector read no more than the colour."""
     vocabulary = load_vocabulary()
     group = str(vocabulary.group_of(sign.class_name))
     return group.endswith("-square") and sign.class_name == vocabulary.groups.get(group)
 
 
-def _same_side(one: Sign, other: Sign) -> bool:
+def _same_side(one: Face, other: Face) -> bool:
     """Whether the same traffic reads both; faces of unknown direction count as such."""
     turn = one.facing_rad - other.facing_rad
     return not (math.isfinite(turn) and math.cos(turn) < math.cos(ONE_SIDE_RAD))

@@ -16,7 +16,7 @@ import numpy as np
 
 from automap.errors import InputError
 from automap.export.fields import Field
-from automap.export.sign_columns import SignColumns
+from automap.export.sign_columns import SignColumns, Signs
 from automap.export.text_columns import (
     TextColumn,
     constant,
@@ -34,7 +34,7 @@ _encode = json.JSONEncoder(ensure_ascii=False).encode
 _SPECIAL = special_characters('"\\')
 
 
-def signs_geojson(columns: SignColumns, lineage: Mapping[str, Any] | None = None) -> str:
+def signs_geojson(columns: Signs, lineage: Mapping[str, Any] | None = None) -> str:
     """The text of the file: one feature a line, in the order of the signs.
 
     A sign without a position has a null geometry (RFC 7946, section 3.2); an unknown value is
@@ -44,22 +44,15 @@ def signs_geojson(columns: SignColumns, lineage: Mapping[str, Any] | None = None
     return geojson_bytes(columns, lineage).decode()
 
 
-def geojson_bytes(columns: SignColumns, lineage: Mapping[str, Any] | None = None) -> bytes:
+def geojson_bytes(columns: Signs, lineage: Mapping[str, Any] | None = None) -> bytes:
     """The same as UTF-8."""
     return b"".join(geojson_chunks(columns, lineage))
 
 
 def geojson_chunks(
-    columns: SignColumns, lineage: Mapping[str, Any] | None = None
+    columns: Signs, lineage: Mapping[str, Any] | None = None
 ) -> Iterator[bytes | memoryview]:
     """The same in parts, to be written one after another."""
-    tokens = {
-        field.name: json_column(field, columns.values[field.name]) for field in columns.fields
-    }
-    feature: list[str | TextColumn] = ['{"type": "Feature", "id": ', tokens["id"], ', "geometry": ']
-    feature += [*_geometry(columns), ', "properties": {']
-    for number, field in enumerate(columns.fields):
-        feature += [f"{', ' if number else ''}{_encode(field.name)}: ", tokens[field.name]]
     head = '{"type": "FeatureCollection",\n'
     if lineage:
         head += f'"automap": {_safe_text(dict(lineage))},\n'
@@ -68,13 +61,25 @@ def geojson_chunks(
         head += f'"bbox": [{", ".join(box)}],\n'
     yield head.encode() + b'"features": [\n'
     last: memoryview | None = None
-    for part in line_chunks([*feature, "}},\n"], len(columns)):
-        if last is not None:
-            yield last
-        last = part
+    for own in columns.parts():
+        for part in line_chunks(_features(own), len(own)):
+            if last is not None:
+                yield last
+            last = part
     # the comma behind the last feature is one too many
     yield from () if last is None else (last[:-2], b"\n")
     yield b"]}\n"
+
+
+def _features(columns: SignColumns) -> list[str | TextColumn]:
+    tokens = {
+        field.name: json_column(field, columns.values[field.name]) for field in columns.fields
+    }
+    feature: list[str | TextColumn] = ['{"type": "Feature", "id": ', tokens["id"], ', "geometry": ']
+    feature += [*_geometry(columns), ', "properties": {']
+    for number, field in enumerate(columns.fields):
+        feature += [f"{', ' if number else ''}{_encode(field.name)}: ", tokens[field.name]]
+    return [*feature, "}},\n"]
 
 
 def json_column(field: Field, values: Any) -> TextColumn:
@@ -118,7 +123,7 @@ def _geometry(columns: SignColumns) -> list[str | TextColumn]:
     ]
 
 
-def bounding_box(columns: SignColumns) -> list[str] | None:
+def bounding_box(columns: Signs) -> list[str] | None:
     """Numbers of the bbox member as texts, west first; None without a located sign.
 
     Six of them when every located sign has a height. West is greater than east when the

@@ -7,7 +7,7 @@ everything is clamped to the ground. Nothing refers to the network.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 from xml.sax.saxutils import quoteattr
@@ -28,7 +28,7 @@ from automap.export.kml_cells import (
 )
 from automap.export.kml_track import SIGMA_COLOURS, TRACK_SCHEMA, track_elements
 from automap.export.path import Path
-from automap.export.sign_columns import SignColumns, ellipse_rings
+from automap.export.sign_columns import SignColumns, Signs, ellipse_rings
 from automap.export.text_columns import (
     TextColumn,
     constant,
@@ -51,7 +51,7 @@ CLASS_COLOURS = ("#d55e00", "#0072b2", "#009e73", "#cc79a7", "#e69f00", "#56b4e9
 """Colours that colour-blind eyes tell apart (Okabe and Ito), handed to classes in turn."""
 
 
-def class_colours(names: list[str]) -> dict[str, str]:
+def class_colours(names: Iterable[str]) -> dict[str, str]:
     """A colour for each class, by the order of the sorted names."""
     return {
         name: CLASS_COLOURS[i % len(CLASS_COLOURS)] for i, name in enumerate(sorted(set(names)))
@@ -80,7 +80,7 @@ class KmlOptions:
 
 def map_kml(
     name: str,
-    columns: SignColumns,
+    columns: Signs,
     path: Path | None,
     sign_geoid_m: FloatArray | None = None,
     path_geoid_m: FloatArray | None = None,
@@ -92,13 +92,13 @@ def map_kml(
     return kml_bytes(name, columns, path, KmlOptions(sign_geoid_m, path_geoid_m)).decode()
 
 
-def kml_bytes(name: str, columns: SignColumns, path: Path | None, options: KmlOptions) -> bytes:
+def kml_bytes(name: str, columns: Signs, path: Path | None, options: KmlOptions) -> bytes:
     """The document as UTF-8."""
     return b"".join(kml_chunks(name, columns, path, options))
 
 
 def kml_chunks(
-    name: str, columns: SignColumns, path: Path | None, options: KmlOptions
+    name: str, columns: Signs, path: Path | None, options: KmlOptions
 ) -> Iterator[bytes | memoryview]:
     """The same in parts, to be written one after another."""
     for part in _document(name, columns, path, options):
@@ -106,9 +106,9 @@ def kml_chunks(
 
 
 def _document(
-    name: str, columns: SignColumns, path: Path | None, options: KmlOptions
+    name: str, columns: Signs, path: Path | None, options: KmlOptions
 ) -> Iterator[str | bytes | memoryview]:
-    colours = class_colours(columns.values["class"])
+    colours = class_colours(columns.classes)
     style_of = {cls: f"class-{number}" for number, cls in enumerate(colours)}
     yield '<?xml version="1.0" encoding="UTF-8"?>'
     yield (
@@ -138,7 +138,7 @@ def _document(
     yield "</Document></kml>"
 
 
-def _look_at(columns: SignColumns, path: Path | None) -> Iterator[str]:
+def _look_at(columns: Signs, path: Path | None) -> Iterator[str]:
     if path is not None and len(path):
         lon, lat = path.lon_deg, path.lat_deg
     else:
@@ -191,19 +191,28 @@ def _altitude(geoid: FloatArray | None, height: FloatArray) -> FloatArray:
     return np.asarray(height - geoid, np.float64)
 
 
-def _signs(
-    columns: SignColumns, style_of: dict[str, str], options: KmlOptions
-) -> Iterator[memoryview]:
-    n = len(columns)
+def _signs(signs: Signs, style_of: dict[str, str], options: KmlOptions) -> Iterator[memoryview]:
+    start = 0
+    for columns in signs.parts():
+        yield from line_chunks(_placemarks(columns, style_of, options, start), len(columns))
+        start += len(columns)
+
+
+def _placemarks(
+    columns: SignColumns, style_of: dict[str, str], options: KmlOptions, start: int
+) -> Pieces:
+    """Those of a part that begins with the sign number ``start``."""
+    geoid = options.sign_geoid_m
+    geoid = None if geoid is None else geoid[start : start + len(columns)]
     classes = columns.values["class"]
     cells = field_cells(columns)
-    pieces: Pieces = [
+    return [
         "<Placemark><name>",
         name_column(columns.values["id"]),
         "</name><snippet/><description><![CDATA[<h3>",
         text_column(classes, lambda cls: html_text(sign_words(cls))),
         "</h3>",
-        _pictures(n, options),
+        _pictures(range(start, start + len(columns)), options),
         "<table>",
         *balloon_cells(cells),
         "</table>]]></description><styleUrl>#",
@@ -211,16 +220,15 @@ def _signs(
         "</styleUrl><ExtendedData>",
         *data_cells(cells, options.typed),
         "</ExtendedData>",
-        *_points(columns, _altitude(options.sign_geoid_m, columns.height_m), options.clamp_signs),
+        *_points(columns, _altitude(geoid, columns.height_m), options.clamp_signs),
         "</Placemark>\n",
     ]
-    return line_chunks(pieces, n)
 
 
-def _pictures(n: int, options: KmlOptions) -> str | TextColumn:
+def _pictures(rows: range, options: KmlOptions) -> str | TextColumn:
     if not options.pictures:
         return ""
-    hrefs = [tuple(options.pictures.get(row, ())) for row in range(n)]
+    hrefs = [tuple(options.pictures.get(row, ())) for row in rows]
     return text_column(hrefs, lambda own: "".join(f'<img src="{html_text(h)}"/> ' for h in own))
 
 
@@ -244,9 +252,17 @@ def _points(columns: SignColumns, altitude: FloatArray, clamp: bool) -> Pieces:
     ]
 
 
-def _ellipses(columns: SignColumns) -> Iterator[bytes | memoryview]:
-    if len(columns) == 0:
-        return
+def _ellipses(signs: Signs) -> Iterator[bytes | memoryview]:
+    cut: list[str] = []
+    for columns in signs.parts():
+        if len(columns):
+            yield from _whole_ellipses(columns, cut)
+    if cut:
+        yield "".join(cut).encode("utf-8", "replace")
+
+
+def _whole_ellipses(columns: SignColumns, cut: list[str]) -> Iterator[memoryview]:
+    """Those in one piece; texts of the others are added to ``cut``."""
     rings = ellipse_rings(columns, _RING_POINTS)
     drawable = columns.located & np.isfinite(rings).all(axis=(1, 2))
     split = drawable & (np.abs(rings[:, :, 0]).max(axis=1) > 180.0)
@@ -259,7 +275,6 @@ def _ellipses(columns: SignColumns) -> Iterator[bytes | memoryview]:
         ring_column(rings[whole]),
         _POLYGON_END + "</MultiGeometry></Placemark>\n",
     ]
-    cut = []
     for row in np.flatnonzero(split).tolist():
         parts = ring_column(np.stack(_cut_at_date_line(rings[row]))).texts()
         polygons = "".join(f"{_POLYGON_HEAD}{part}{_POLYGON_END}" for part in parts)
@@ -267,8 +282,7 @@ def _ellipses(columns: SignColumns) -> Iterator[bytes | memoryview]:
             f"{_ELLIPSE_HEAD}{xml_text(ids[row])}{_ELLIPSE_STYLE}{polygons}"
             "</MultiGeometry></Placemark>\n"
         )
-    yield from line_chunks(pieces, len(whole))
-    yield "".join(cut).encode("utf-8", "replace")
+    return line_chunks(pieces, len(whole))
 
 
 def _cut_at_date_line(ring: FloatArray) -> list[FloatArray]:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,13 +13,16 @@ import numpy.typing as npt
 from automap.export.clock import utc_of_stamps
 from automap.export.fields import STAMP_FIELDS
 from automap.export.path import Path
-from automap.export.sign_columns import SignColumns, ellipse_rings, wrap_degrees
+from automap.export.sign_columns import SignColumns, Signs, ellipse_rings, wrap_degrees
+from automap.export.storable import gdal_texts
 from automap.records import ClockModel, FloatArray, IntArray, Trajectory
 
 if TYPE_CHECKING:
     import pyarrow as pa
 
 WkbArray = npt.NDArray[np.object_]
+_LINES = 65_536
+"""Of a path at once."""
 
 
 @dataclass(frozen=True)
@@ -39,14 +43,52 @@ class Layer:
         return len(self.wkb)
 
 
+@dataclass(frozen=True)
+class LayerParts:
+    """A layer of ``count`` features as parts, at least one, made one after another as often as
+    they are asked for."""
+
+    name: str
+    geometry_type: str
+    count: int
+    parts: Callable[[], Iterable[Layer]]
+
+    def changed(self, change: Callable[[Layer], Layer]) -> LayerParts:
+        """The same with each part changed."""
+        return LayerParts(
+            self.name, self.geometry_type, self.count, lambda: map(change, self.parts())
+        )
+
+
+def in_one(layer: Layer) -> LayerParts:
+    """A layer that is one part."""
+    return LayerParts(layer.name, layer.geometry_type, len(layer), lambda: [layer])
+
+
+def sign_parts(signs: Signs) -> LayerParts:
+    """The layer of signs part by part."""
+    return LayerParts(
+        "signs", sign_geometry(signs), len(signs), lambda: map(sign_layer, signs.parts())
+    )
+
+
+def ellipse_parts(signs: Signs) -> LayerParts:
+    """Their ellipses part by part."""
+    return LayerParts("ellipses", "Polygon", len(signs), lambda: map(ellipse_layer, signs.parts()))
+
+
+def sign_geometry(columns: Signs) -> str:
+    """The type of signs' geometry: points with a height, without one, or both."""
+    heights = np.isfinite(columns.height_m[columns.located])
+    return "Point Z" if heights.all() else "Unknown" if heights.any() else "Point"
+
+
 def sign_layer(columns: SignColumns) -> Layer:
     """Signs as points with ellipsoidal height, all fields of the data dictionary.
 
     The two times are UTC (null without a known clock); the host stamps stand beside them.
     """
-    heights = np.isfinite(columns.height_m[columns.located])
-    geometry_type = "Point Z" if heights.all() else "Unknown" if heights.any() else "Point"
-    return _of_signs("signs", geometry_type, point_wkb(columns), columns)
+    return _of_signs("signs", sign_geometry(columns), point_wkb(columns), columns)
 
 
 def ellipse_layer(columns: SignColumns) -> Layer:
@@ -111,14 +153,32 @@ def path_layer(path: Path) -> Layer:
 
     So that a GIS can colour it by speed or uncertainty, which are those of a line's start.
     """
-    import shapely
+    return _lines(path, _starts(path))
 
-    starts = np.concatenate(
+
+def path_parts(path: Path) -> LayerParts:
+    """The same in parts of some thousand lines."""
+    starts = _starts(path)
+    pieces = [starts[k : k + _LINES] for k in range(0, max(len(starts), 1), _LINES)]
+    lines = partial(_lines, path)
+    return LayerParts("trajectory", "LineString Z", len(starts), lambda: map(lines, pieces))
+
+
+def _starts(path: Path) -> IntArray:
+    return np.concatenate(
         [np.arange(run.start, run.stop - 1) for run in path.runs] or [np.zeros(0, np.int64)]
     ).astype(np.int64)
-    height = np.nan_to_num(path.height_m)
-    points = np.column_stack([path.lon_deg, path.lat_deg, height])
-    lines = shapely.linestrings(np.stack([points[starts], points[starts + 1]], axis=1))
+
+
+def _lines(path: Path, starts: IntArray) -> Layer:
+    """Lines from points ``starts`` of the path to the next ones."""
+    import shapely
+
+    ends = [
+        np.column_stack([path.lon_deg[at], path.lat_deg[at], np.nan_to_num(path.height_m[at])])
+        for at in (starts, starts + 1)
+    ]
+    lines = shapely.linestrings(np.stack(ends, axis=1))
     columns: dict[str, npt.NDArray[Any]] = {
         "t_ns": path.t_ns[starts],
         "utc": path.utc[starts],
@@ -130,8 +190,9 @@ def path_layer(path: Path) -> Layer:
         "sd_d_m": path.sd_d_m[starts],
     }
     if path.drives:
-        names = np.repeat([name for name, _ in path.drives], [n for _, n in path.drives])
-        columns["drive"] = _objects(names[starts].tolist())
+        ends_at = np.cumsum([n for _, n in path.drives])
+        own = np.searchsorted(ends_at, starts, "right").tolist()
+        columns["drive"] = _objects([path.drives[k][0] for k in own])
     wkb = np.asarray(shapely.to_wkb(lines, flavor="iso"), object)
     return Layer("trajectory", "LineString Z", wkb, columns, {})
 
@@ -197,12 +258,5 @@ def _column(column: pa.ChunkedArray) -> tuple[npt.NDArray[Any], npt.NDArray[np.b
 
 def _objects(values: list[Any]) -> npt.NDArray[np.object_]:
     array = np.empty(len(values), object)
-    array[:] = [_storable(value) for value in values]
+    array[:] = gdal_texts(values)
     return array
-
-
-def _storable(text: str | None) -> str | None:
-    # GDAL ends a text at a NUL and cannot encode lone surrogates
-    if text is None:
-        return None
-    return text.replace("\0", "\ufffd").encode("utf-8", "replace").decode("utf-8")

@@ -71,7 +71,7 @@ def write_shapefile(path: Path, columns: SignColumns, crs: str, plane: Plane | N
         try:
             write_layer(shape, layer, "ESRI Shapefile", crs, layer_options={"ENCODING": "UTF-8"})
         except (DataSourceError, DataLayerError) as error:
-            raise failure_of(path, layer, error) from error
+            raise failure_of(path, layer.name, error) from error
         parts = {file.name: file.read_bytes() for file in sorted(Path(folder).iterdir())}
         if not whole(parts, len(layer)):
             raise StageError(

@@ -2,19 +2,50 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
+from functools import lru_cache
+from typing import Any, Protocol
 
 import numpy as np
 
-from automap.export.assembly import on_post
+from automap.export.assembly import OnPost, on_post
 from automap.export.clock import iso_texts, utc_of_stamps
 from automap.export.fields import ROAD_FIELDS, SIGN_FIELDS, Field
 from automap.export.icons import sign_words
 from automap.export.uncertainty import ce95, ellipse_outlines
-from automap.records import NO_TIME, ClockModel, FloatArray, IntArray, Sign
+from automap.records import NO_TIME, BoolArray, ClockModel, FloatArray, IntArray, Sign
 from automap.signs.national import national_code, shown_value
+
+
+class Signs(Protocol):
+    """Signs [n] that files are written of part by part. Whole are only the few columns that say
+    what all have in common; positions as in ``SignColumns``, which are signs of a single part."""
+
+    @property
+    def lon_deg(self) -> FloatArray: ...
+    @property
+    def lat_deg(self) -> FloatArray: ...
+    @property
+    def height_m(self) -> FloatArray: ...
+    @property
+    def classes(self) -> Sequence[str]: ...
+    @property
+    def fields(self) -> tuple[Field, ...]: ...
+    @property
+    def located(self) -> BoolArray: ...
+    def __len__(self) -> int: ...
+    def parts(self) -> Iterator[SignColumns]:
+        """All of them in their order, at least one part."""
+
+    def first(self, count: int) -> SignColumns:
+        """At least the first ``count``, as far as there are so many."""
+
+    def radii_m(self) -> FloatArray:
+        """Radii [n] of the 95 % circles."""
+
+    def seen_by(self) -> IntArray:
+        """How many drives [n] saw each."""
 
 
 @dataclass(frozen=True)
@@ -43,9 +74,35 @@ class SignColumns:
         return (*SIGN_FIELDS, *(f for f in ROAD_FIELDS if f.name in self.values))
 
     @property
-    def located(self) -> np.ndarray:
+    def located(self) -> BoolArray:
         """Which signs [n] have a position that a map can show."""
-        return np.isfinite(self.lon_deg) & np.isfinite(self.lat_deg) & (abs(self.lat_deg) <= 90)
+        return on_map(self.lon_deg, self.lat_deg)
+
+    @property
+    def classes(self) -> Sequence[str]:
+        """The class of each [n]."""
+        return list(self.values["class"])
+
+    def parts(self) -> Iterator[SignColumns]:
+        """These."""
+        yield self
+
+    def first(self, count: int) -> SignColumns:
+        """These."""
+        return self
+
+    def radii_m(self) -> FloatArray:
+        """Radii [n] of the 95 % circles."""
+        return np.asarray(self.values["ce95_m"], np.float64)
+
+    def seen_by(self) -> IntArray:
+        """How many drives [n] saw each."""
+        return np.array([len(drives) for drives in self.values["drives"]], np.int64)
+
+
+def on_map(lon_deg: FloatArray, lat_deg: FloatArray) -> BoolArray:
+    """Which positions [n] a map can show."""
+    return np.isfinite(lon_deg) & np.isfinite(lat_deg) & (abs(lat_deg) <= 90)
 
 
 def sign_columns(
@@ -53,27 +110,46 @@ def sign_columns(
 ) -> SignColumns:
     """Columns of ``signs`` in file units; times become UTC when ``clock`` is given, codes and units
     are those of the ``country`` (ISO 3166 alpha-2)."""
+    covariance = np.array([sign.cov_enu for sign in signs], np.float64).reshape(-1, 3, 3)
+    return columns_of(
+        lambda name: [getattr(sign, name) for sign in signs], covariance, on_post(signs),
+        clock, country,
+    )  # fmt: skip
+
+
+def columns_of(
+    column: Callable[[str], Sequence[Any] | FloatArray],
+    covariance: FloatArray,
+    hung: OnPost,
+    clock: ClockModel | None,
+    country: str | None,
+) -> SignColumns:
+    """The same from a ``column`` [n] of each field of ``records.Sign``, the signs' ``covariance``
+    [n, 3, 3] and where they hang."""
 
     def real(name: str) -> FloatArray:
-        return np.array([getattr(sign, name) for sign in signs], np.float64)
+        return np.asarray(column(name), np.float64)
 
     def stamps(name: str) -> IntArray:
-        return np.array([getattr(sign, name) for sign in signs], np.int64)
+        return np.asarray(column(name), np.int64)
 
-    covariance = np.array([sign.cov_enu for sign in signs], np.float64).reshape(-1, 3, 3)
+    def texts(name: str) -> list[str | None]:
+        return [text or None for text in column(name)]
+
+    classes = list(column("class_name"))
+    n = len(classes)
     cov_ee, cov_en, cov_nn = covariance[:, 0, 0], covariance[:, 0, 1], covariance[:, 1, 1]
     with np.errstate(invalid="ignore"):
         sd_u = np.sqrt(np.where(covariance[:, 2, 2] >= 0, covariance[:, 2, 2], np.nan))
     first, last = stamps("first_seen_ns"), stamps("last_seen_ns")
-    hung = on_post(signs)
-    shown = [shown_value(sign.class_name, country) for sign in signs]
+    told = [_of_class(name, country) for name in classes]
     values: dict[str, Any] = {
-        "id": [sign.id for sign in signs],
-        "class": [sign.class_name for sign in signs],
-        "name": [sign_words(sign.class_name) or None for sign in signs],
-        "code": [national_code(sign.class_name, country) for sign in signs],
-        "value": np.array([np.nan if one is None else one[0] for one in shown], np.float64),
-        "value_unit": [None if one is None else one[1] for one in shown],
+        "id": list(column("id")),
+        "class": classes,
+        "name": [one.words for one in told],
+        "code": [one.code for one in told],
+        "value": np.array([one.value for one in told], np.float64),
+        "value_unit": [one.unit for one in told],
         "confidence": real("confidence"),
         "existence": real("existence"),
         "class_probability": real("class_probability"),
@@ -84,34 +160,34 @@ def sign_columns(
         "height_above_road_m": real("height_above_road_m"),
         "sd_above_road_m": real("sd_above_road_m"),
         # known only with the receiver's geoid, which whoever reads the run fills in
-        "height_msl_m": np.full(len(signs), np.nan),
+        "height_msl_m": np.full(n, np.nan),
         "facing_deg": np.mod(np.degrees(real("facing_rad")), 360.0),
         "facing_sd_deg": np.degrees(real("facing_sd_rad")),
         "size_m": real("size_m"),
-        "side": [sign.side for sign in signs],
+        "side": list(column("side")),
         "path_offset_m": real("path_offset_m"),
-        "support": [sign.support or None for sign in signs],
+        "support": texts("support"),
         "face_order": hung.order,
         "main_sign": hung.main,
         "n_back_views": stamps("n_back_views"),
         "contrast": real("contrast"),
         "contrast_sd": real("contrast_sd"),
-        "contrast_note": [sign.contrast_note or None for sign in signs],
+        "contrast_note": texts("contrast_note"),
         "seen_share": real("seen_share"),
         "n_looked": stamps("n_looked"),
         # known only with the pictures beside the map
-        "picture_file": [None] * len(signs),
-        "street_file": [None] * len(signs),
+        "picture_file": [None] * n,
+        "street_file": [None] * n,
         "cov_ee_m2": cov_ee,
         "cov_en_m2": cov_en,
         "cov_nn_m2": cov_nn,
         "sd_u_m": sd_u,
         "ce95_m": ce95(cov_ee, cov_en, cov_nn),
-        "drives": [list(sign.drives) for sign in signs],
-        "status": [sign.status for sign in signs],
-        "note": [sign.note or None for sign in signs],
-        "reviewer": [sign.reviewer or None for sign in signs],
-        "reviewed": [sign.reviewed or None for sign in signs],
+        "drives": [list(drives) for drives in column("drives")],
+        "status": list(column("status")),
+        "note": texts("note"),
+        "reviewer": texts("reviewer"),
+        "reviewed": texts("reviewed"),
         "first_seen_t_ns": _known(first),
         "last_seen_t_ns": _known(last),
     }
@@ -122,6 +198,22 @@ def sign_columns(
         values=values,
         utc_known=clock is not None,
     )
+
+
+@dataclass(frozen=True)
+class _OfClass:
+    """What a class says of all its signs in a country: words, code, value (NaN) and unit."""
+
+    words: str | None
+    code: str | None
+    value: float
+    unit: str | None
+
+
+@lru_cache(maxsize=4096)
+def _of_class(name: str, country: str | None) -> _OfClass:
+    value, unit = shown_value(name, country) or (np.nan, None)
+    return _OfClass(sign_words(name) or None, national_code(name, country), value, unit)
 
 
 def _known(stamps: IntArray) -> list[int | None]:

@@ -72,7 +72,7 @@ def _cut(path: Path, layer: Layer) -> bytes:
     try:
         write_layer(tiles, layer, "PMTiles", "EPSG:4326", dataset_options=options)
     except (DataSourceError, DataLayerError) as error:
-        raise failure_of(path, layer, error) from error
+        raise failure_of(path, layer.name, error) from error
     return tiles.getvalue()
 
 

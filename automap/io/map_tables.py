@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import fields
-from itertools import pairwise
+from functools import lru_cache
+from itertools import chain, pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from automap.io.atomic import atomic_path
-from automap.io.tables import floats, ints, read_table, write_columns
+from automap.io.tables import floats, ints, read_table, write_columns, write_row_groups
 from automap.io.trajectory_table import COLUMNS, from_columns, to_columns
 from automap.records import DrivePath, Trajectory
 
@@ -19,6 +20,8 @@ SIGHTINGS = "sightings.parquet"
 COVERAGE = "coverage.parquet"
 TRACKS = "tracks.parquet"
 _TEXTS = ("key", "drive", "drive_sign", "sign_id")
+_TRACK_ROWS = 1 << 17
+"""Rows of tracks that are written and read at once, 20 MB, or those of a drive."""
 
 
 def write_sightings(
@@ -51,17 +54,68 @@ def read_members(path: Path) -> dict[str, str]:
     )
 
 
-def write_tracks(path: Path, tracks: Mapping[str, Trajectory]) -> None:
-    """Write the trajectories of several drives, by name, one after another."""
-    import pyarrow as pa
-    import pyarrow.parquet as pq
-
-    parts = []
-    for name, trajectory in tracks.items():
-        columns = {"drive": np.full(len(trajectory), name, object), **to_columns(trajectory)}
-        parts.append(pa.table({key: pa.array(v, from_pandas=True) for key, v in columns.items()}))
+def write_tracks(path: Path, tracks: Iterable[tuple[str, Trajectory]]) -> None:
+    """Write the trajectories of several drives, with their names, one after another; no file where
+    there are none."""
+    tables = map(_track_table, tracks)
+    first = next(tables, None)
+    if first is None:
+        return
     with atomic_path(path) as temporary:
-        pq.write_table(pa.concat_tables(parts), temporary, compression="zstd")
+        write_row_groups(temporary, chain([first], tables), _TRACK_ROWS, compression="zstd")
+
+
+def _track_table(track: tuple[str, Trajectory]) -> Any:
+    import pyarrow as pa
+
+    name, trajectory = track
+    columns = {"drive": np.full(len(trajectory), name, object), **to_columns(trajectory)}
+    return pa.table({key: pa.array(v, from_pandas=True) for key, v in columns.items()})
+
+
+class StoredTracks(Mapping[str, Trajectory]):
+    """What ``write_tracks`` of this version wrote, of which a few drives at a time are in memory.
+    Those next to each other are read together."""
+
+    def __init__(self, path: Path) -> None:
+        import pyarrow.parquet as pq
+
+        self._path = path
+        self._spans: dict[str, list[tuple[int, int, int]]] = {}
+        with pq.ParquetFile(path) as file:
+            for group in range(file.num_row_groups):
+                named = file.read_row_group(group, ["drive"], use_threads=False)["drive"]
+                coded = named.combine_chunks().dictionary_encode()
+                number = np.asarray(coded.indices)
+                cuts = np.flatnonzero(np.diff(number, prepend=-1)).tolist()
+                for lo, hi in pairwise([*cuts, len(number)]):
+                    name = coded.dictionary[int(number[lo])].as_py()
+                    self._spans.setdefault(name, []).append((group, lo, hi))
+        self._read = lru_cache(maxsize=1)(self._group)
+
+    def __len__(self) -> int:
+        return len(self._spans)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._spans)
+
+    def __getitem__(self, name: str) -> Trajectory:
+        parts = []
+        for group, lo, hi in self._spans[name]:
+            whole = vars(self._read(group))
+            parts.append({field: values[lo:hi] for field, values in whole.items()})
+        if len(parts) == 1:
+            return Trajectory(**parts[0])
+        return Trajectory(
+            **{field: np.concatenate([part[field] for part in parts]) for field in parts[0]}
+        )
+
+    def _group(self, group: int) -> Trajectory:
+        import pyarrow.parquet as pq
+
+        with pq.ParquetFile(self._path) as file:
+            table = file.read_row_group(group, list(COLUMNS), use_threads=False)
+        return from_columns(lambda name: floats(table, name), ints(table, "t_ns"))
 
 
 def read_tracks(path: Path) -> dict[str, Trajectory]:

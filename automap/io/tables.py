@@ -7,7 +7,7 @@ bit for bit (radians and SI units, which the column names state).
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -51,6 +51,27 @@ def write_columns(
     starts = range(0, max(n, 1), ROWS)
     pieces = ({k: v[a : a + ROWS] for k, v in columns.items()} for a in starts)
     write_pieces(path, pieces, metadata, split=split)
+
+
+def write_row_groups(path: Path, tables: Iterable[Any], rows: int, **options: Any) -> None:
+    """Write tables that come one after another, one at least, in row groups of so many rows."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    waiting: list[Any] = []
+    with ExitStack() as stack:
+        writer = None
+        for table in tables:
+            if writer is None:
+                writer = stack.enter_context(pq.ParquetWriter(path, table.schema, **options))
+            waiting.append(table)
+            if sum(map(len, waiting)) > rows:
+                whole = pa.concat_tables(waiting).combine_chunks()
+                full = len(whole) - len(whole) % rows
+                writer.write_table(whole.slice(0, full), rows)
+                waiting = [whole.slice(full)]
+        if writer is not None:
+            writer.write_table(pa.concat_tables(waiting).combine_chunks(), rows)
 
 
 def write_pieces(

@@ -14,6 +14,7 @@ from automap.mapping.candidates import facing_evidence
 from automap.mapping.classes import class_evidence
 from automap.mapping.grid import RADIUS_M
 from automap.records import DrivePath, FloatArray, Sign
+from automap.records.sign_lists import values_of
 
 
 @dataclass(frozen=True)
@@ -39,12 +40,14 @@ class Change:
     belief: float
     distance_m: float = float("nan")
     visited_before: bool | None = None
+    place: int = -1
+    """Of ``sign`` among the merged signs, -1 for one that is gone."""
 
 
 def shared_sightings(older: OlderMap, keys: Sequence[Sequence[str]]) -> dict[tuple[int, int], int]:
     """How many sightings a sign, by place among ``keys`` of its sightings, has in common with a
     sign of the older map."""
-    number = {sign.id: k for k, sign in enumerate(older.signs)}
+    number = {name: k for k, name in enumerate(values_of(older.signs, "id"))}
     shared: dict[tuple[int, int], int] = {}
     for place, own in enumerate(keys):
         for key in own:
@@ -115,7 +118,7 @@ def _costs(
 
     if not rows or not older_rows:
         return []
-    names = sorted({s.class_name for s in signs} | {s.class_name for s in older})
+    names = sorted({*values_of(signs, "class_name"), *values_of(older, "class_name")})
     code = {name: k for k, name in enumerate(names)}
     evidence = class_evidence(names)
     now, before = _sphere([signs[k] for k in rows]), _sphere([older[k] for k in older_rows])

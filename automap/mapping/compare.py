@@ -23,6 +23,7 @@ from automap.mapping.merge import Merged
 from automap.mapping.sightings import CameraView
 from automap.mapping.visibility import Passage, head_on, in_view, opportunities
 from automap.records import BoolArray, FloatArray, IntArray, Sign
+from automap.records.sign_lists import values_of
 
 COVERAGE_VIEW = CameraView(0.0, 0.6)
 """Half a sector and more of the directions that a merged map's coverage tells."""
@@ -83,12 +84,13 @@ def compare(
     changes: list[Change] = []
     unchanged = unconfirmed = 0
     gone: dict[int, float] = {}
+    classes, older_classes = (values_of(s, "class_name") for s in (merged.signs, older.signs))
     for place, before in matches.items():
-        now, then = merged.signs[place], older.signs[before]
         belief = float(merged.existence[place])
-        if kept[place] and now.class_name != then.class_name:
+        if kept[place] and classes[place] != older_classes[before]:
+            now, then = merged.signs[place], older.signs[before]
             share = float(merged.class_share[place])
-            changes.append(Change("class", now, then, share, distance_m(now, then)))
+            changes.append(Change("class", now, then, share, distance_m(now, then), place=place))
         elif kept[place]:
             unchanged += 1
         elif belief < limits.GONE_BELOW:
@@ -107,7 +109,7 @@ def compare(
     for place, before in moved.items():
         now, then = merged.signs[place], older.signs[before]
         belief = float(merged.existence[place]) * gone.pop(before)
-        changes.append(Change("moved", now, then, belief, distance_m(now, then)))
+        changes.append(Change("moved", now, then, belief, distance_m(now, then), place=place))
     for before, belief in gone.items():
         changes.append(Change("gone", older.signs[before], older.signs[before], belief))
     seen_before = _seen_before(older, merged.signs, new)
@@ -115,8 +117,9 @@ def compare(
         if place not in moved:
             belief = float(merged.existence[place])
             now = merged.signs[place]
-            changes.append(Change("new", now, None, belief, visited_before=before_too))
-    names = {place: older.signs[before].id for place, before in (matches | moved).items()}
+            changes.append(Change("new", now, None, belief, visited_before=before_too, place=place))
+    ids = values_of(older.signs, "id")
+    names = {place: ids[before] for place, before in (matches | moved).items()}
     return Comparison(names, changes, unchanged, int((~visited).sum()), unconfirmed)
 
 

@@ -24,7 +24,8 @@ from automap.mapping.existence import (
 from automap.mapping.identity import founder_keys, sighting_key
 from automap.mapping.sightings import DriveSigns, Sightings, canonical_order, stack_sightings
 from automap.mapping.visibility import opportunities
-from automap.records import NO_TIME, FloatArray, Sign
+from automap.records import NO_TIME, FloatArray, IntArray, Sign
+from automap.records.sign_lists import SignList
 from automap.signs.backs import NO_BACK
 
 Progress = Callable[[float, str], None]
@@ -92,63 +93,44 @@ def merge_drives(
         keys[sign_of[place]].append(sighting_key(ordered[who], ordered[who].ids[row]))
     return Merged(
         ordered, sightings, found, adjusted, levels, attributes, pairs, rates, belief,
-        map_signs(
+        list(map_signs(
             {
                 **vars(attributes), **vars(adjusted), "class_name": names, "n_back_views": behind,
             },
             belief,
             [tuple(ordered[d].name for d in seen_by) for seen_by in attributes.drives],
-        ),
+        )),
         founder_keys(ordered, sightings, found.sign), keys,
     )  # fmt: skip
 
 
 def map_signs(
     columns: Mapping[str, Any], belief: FloatArray, drives: Sequence[tuple[str, ...]]
-) -> list[Sign]:
+) -> SignList:
     """Signs [m] without names, from ``columns`` [m] of places, classes and attributes, the
     ``belief`` [m] that each stands, and the names of the ``drives`` [m] that saw it."""
-    first, last = _stamps(columns["first_gps_s"]), _stamps(columns["last_gps_s"])
     sure = np.asarray(columns["class_probability"])
     # where no detector tells how sure the class is, what the boxes' scores say
     confidence = belief * np.where(
         np.isfinite(sure), sure, columns["seen"] * columns["class_share"]
     )
-    return [
-        Sign(
-            id="",
-            class_name=str(columns["class_name"][k]),
-            lat_rad=float(columns["lat"][k]),
-            lon_rad=float(columns["lon"][k]),
-            height_m=float(columns["height"][k]),
-            cov_enu=columns["cov_enu"][k],
-            confidence=float(confidence[k]),
-            n_views=int(columns["n_views"][k]),
-            first_seen_ns=first[k],
-            last_seen_ns=last[k],
-            existence=float(belief[k]),
-            class_probability=float(sure[k]),
-            group_probability=float(columns["group_probability"][k]),
-            side=str(columns["side"][k]),
-            status=str(columns["status"][k]),
-            drives=drives[k],
-            height_above_road_m=float(columns["height_above_road_m"][k]),
-            sd_above_road_m=float(columns["sd_above_road_m"][k]),
-            facing_rad=float(columns["facing_rad"][k]),
-            facing_sd_rad=float(columns["facing_sd_rad"][k]),
-            size_m=float(columns["size_m"][k]),
-            contrast=float(columns["contrast"][k]),
-            contrast_sd=float(columns["contrast_sd"][k]),
-            contrast_note=str(columns["contrast_note"][k]),
-            seen_share=float(columns["seen_share"][k]),
-            n_looked=int(columns["n_looked"][k]),
-            n_back_views=int(columns["n_back_views"][k]),
-        )
-        for k in range(len(belief))
-    ]
+    same = (
+        "class_name", "height_m", "n_views", "group_probability", "side", "status",
+        "height_above_road_m", "sd_above_road_m", "facing_rad", "facing_sd_rad", "size_m",
+        "contrast", "contrast_sd", "contrast_note", "seen_share", "n_looked", "n_back_views",
+    )  # fmt: skip
+    called = {"height_m": "height"}
+    found = {name: columns[called.get(name, name)] for name in same}
+    found |= {
+        "id": [""] * len(belief), "lat_rad": columns["lat"], "lon_rad": columns["lon"],
+        "confidence": confidence, "existence": belief, "class_probability": sure,
+        "first_seen_ns": _stamps(columns["first_gps_s"]),
+        "last_seen_ns": _stamps(columns["last_gps_s"]), "drives": drives,
+    }  # fmt: skip
+    return SignList(found, columns["cov_enu"])
 
 
-def _stamps(gps_s: FloatArray) -> list[int]:
+def _stamps(gps_s: FloatArray) -> IntArray:
     known = np.isfinite(gps_s)
     stamps = np.rint(np.where(known, gps_s, 0.0) * 1e9).astype(np.int64)
-    return [int(v) for v in np.where(known, stamps, NO_TIME)]
+    return np.where(known, stamps, NO_TIME)

@@ -13,7 +13,8 @@ from automap.export.path import Path as MapPath
 from automap.export.path import joined_paths, simplified_path
 from automap.export.projected import Plane
 from automap.export.roads import read_roads_csv, set_roads
-from automap.export.sign_columns import SignColumns, sign_columns
+from automap.export.sign_columns import SignColumns, Signs, sign_columns
+from automap.export.stored_signs import stored_signs
 from automap.io import names
 from automap.records import NO_TIME, FloatArray, Trajectory
 from pipeline.export.lineage import lineage
@@ -27,7 +28,7 @@ class MapContent:
     """What goes on the map: signs, the simplified path, and where both came from."""
 
     name: str
-    signs: SignColumns
+    source: Signs
     path: MapPath | None
     products: RunProducts
     warnings: list[str] = field(default_factory=list)
@@ -41,32 +42,34 @@ class MapContent:
     """Coordinate system of the positions where it is not WGS-84."""
     plane: Plane | None = None
     """How the formats that can hold projected coordinates get them, where those are asked for."""
+    geoid_m: FloatArray | None = None
+    """Heights of the geoid at signs that are read part by part."""
+
+    @property
+    def signs(self) -> SignColumns:
+        """The signs for what takes them all at once."""
+        assert isinstance(self.source, SignColumns), "these signs are read part by part"
+        return self.source
 
 
 def map_content(
-    out: Path, name: str, min_confidence: float = 0.0, on_roads: bool = True
+    out: Path,
+    name: str,
+    min_confidence: float = 0.0,
+    on_roads: bool = True,
+    fresh: bool = False,
 ) -> MapContent:
     """Read OUT and prepare its signs and path, with a warning for all that is missing.
 
     Signs of less confidence than ``min_confidence`` are left out, and counted in a warning;
-    ``on_roads`` whether they are where an earlier export put them on roads.
+    ``on_roads`` whether they are where an earlier export put them on roads; ``fresh`` as
+    ``load_products`` has it.
     """
-    products = load_products(out)
+    products = load_products(out, fresh=fresh)
     left_out = _drop_unsure(products, min_confidence)
-    record = products.json(names.RUN)
-    country = country_of(record)
+    country = country_of(products.json(names.RUN))
     signs = sign_columns(products.signs or [], products.clock, country)
-    paths = {name: simplified_path(track) for name, track in products.trajectories.items()}
-    path = joined_paths(paths) if products.tracks else paths.get("")
-    content = MapContent(
-        name,
-        signs,
-        path,
-        products,
-        list(products.problems),
-        lineage=lineage(record, name, products.trajectory),
-        country=country,
-    )
+    content = _content(name, signs, products)
     rows = (products.attempt(names.SIGN_ROADS, read_roads_csv) or []) if on_roads else []
     moved = set_roads(signs, rows, country)
     if moved:
@@ -83,7 +86,7 @@ def map_content(
             f"{left_out} of {left_out + len(signs)} signs are less sure than {min_confidence:g}; "
             "they were left out."
         )
-    if path is None or not len(path):
+    if content.path is None or not len(content.path):
         content.warnings.append("There is no trajectory, so the map shows no path.")
     if products.signs is None:
         content.warnings.append("No signs were located, so the map has none.")
@@ -98,6 +101,29 @@ def map_content(
             "stamps in nanoseconds."
         )
     return content
+
+
+def stored_content(out: Path, name: str) -> MapContent:
+    """The content of a merged map whose signs are read part by part; it has no pictures, no roads
+    and no review."""
+    products = load_products(out, signs=False, fresh=True)
+    country = country_of(products.json(names.RUN))
+    signs = stored_signs(
+        out / names.SIGNS_RAW, products.clock, country, geoid=bool(products.tracks)
+    )
+    content = _content(name, signs, products)
+    content.geoid_m = signs.geoid_m if products.tracks else None
+    return content
+
+
+def _content(name: str, signs: Signs, products: RunProducts) -> MapContent:
+    record = products.json(names.RUN)
+    paths = {name: simplified_path(track) for name, track in products.trajectories.items()}
+    path = joined_paths(paths) if products.tracks else paths.get("")
+    return MapContent(
+        name, signs, path, products, list(products.problems),
+        lineage=lineage(record, name, products.trajectory), country=country_of(record),
+    )  # fmt: skip
 
 
 def set_pictures(content: MapContent, pictures: list[Picture]) -> None:
@@ -124,6 +150,10 @@ def _drop_unsure(products: RunProducts, least: float) -> int:
 
 def geoid_heights(content: MapContent) -> tuple[FloatArray | None, FloatArray | None]:
     """Height of the geoid above the ellipsoid at the signs and along the path."""
+    track = content.path
+    track_geoid = None if track is None else geoid_separation(content.products, track.t_ns)
+    if not isinstance(content.source, SignColumns):
+        return content.geoid_m, track_geoid
     values = content.signs.values
     seen = [
         NO_TIME if first is None else (first if last is None else first + (last - first) // 2)
@@ -136,8 +166,6 @@ def geoid_heights(content: MapContent) -> tuple[FloatArray | None, FloatArray | 
     elif content.products.tracks:
         told = [sign.geoid_m for sign in content.products.signs or []]
         sign_geoid = np.array(told, np.float64)
-    track = content.path
-    track_geoid = None if track is None else geoid_separation(content.products, track.t_ns)
     return sign_geoid, track_geoid
 
 

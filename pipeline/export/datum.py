@@ -43,7 +43,9 @@ def in_datum(content: MapContent, text: str) -> MapContent:
     warnings = [*content.warnings, *told.warnings, *_corrections_warning(content.products, datum)]
     return replace(
         content,
-        signs=replace(signs, lon_deg=moved.lon_deg, lat_deg=moved.lat_deg, height_m=moved.height_m),
+        source=replace(
+            signs, lon_deg=moved.lon_deg, lat_deg=moved.lat_deg, height_m=moved.height_m
+        ),
         path=path,
         products=_products(content.products, datum, recorded),
         warnings=warnings,

@@ -22,10 +22,13 @@ from pipeline.export.content import MapContent, geoid_heights, trajectory_of
 from pipeline.shared.pictures import pictures_by_sign
 from pipeline.shared.products import geoid_separation
 
+_LARGE = 1 << 30
+"""Bytes of a document, by an estimate that may be half of it."""
+
 
 def write_geojson(content: MapContent, path: Path) -> None:
     """Write the signs as GeoJSON."""
-    write_chunks(path, geojson.geojson_chunks(content.signs, content.lineage))
+    write_chunks(path, geojson.geojson_chunks(content.source, content.lineage))
 
 
 def write_rejected(content: MapContent, path: Path) -> None:
@@ -38,7 +41,7 @@ def write_rejected(content: MapContent, path: Path) -> None:
 def write_kml(content: MapContent, path: Path) -> None:
     """Write signs and track as KML, in one file without pictures."""
     options = KmlOptions(*geoid_heights(content), lineage=content.lineage)
-    write_chunks(path, kml.kml_chunks(content.name, content.signs, content.path, options))
+    write_chunks(path, kml.kml_chunks(content.name, content.source, content.path, options))
 
 
 def write_kmz(content: MapContent, path: Path) -> None:
@@ -46,12 +49,12 @@ def write_kmz(content: MapContent, path: Path) -> None:
     from automap.export import kmz
 
     icons, files = {}, {}
-    for number, name in enumerate(sorted(set(content.signs.values["class"]))):
+    for number, name in enumerate(sorted(set(content.source.classes))):
         icons[name] = f"files/class-{number}.png"
         files[icons[name]] = class_icon(name)
     pictures: dict[int, list[str]] = {}
     by_sign = pictures_by_sign(content.pictures)
-    for row, sign_id in enumerate(content.signs.values["id"]):
+    for row, sign_id in enumerate(content.signs.values["id"] if by_sign else ()):
         for picture in by_sign.get(sign_id, ()):
             href = f"files/{picture.view.file}"
             files[href] = picture.jpeg
@@ -69,36 +72,43 @@ def write_kmz(content: MapContent, path: Path) -> None:
         clamp_signs=True,
         typed=False,
     )
-    document = kml.kml_chunks(content.name, content.signs, content.path, options)
-    kmz.write_kmz(path, document, files)
+    document = kml.kml_chunks(content.name, content.source, content.path, options)
+    kmz.write_kmz(path, document, files, large=_document_size(content) > _LARGE)
+
+
+def _document_size(content: MapContent) -> float:
+    """Bytes of a KML document, rather too many: a sign has 3 kB and thrice the names of its drives,
+    a point of the path 250."""
+    points = 0 if content.path is None else len(content.path)
+    return 4e3 * len(content.source) + 2e2 * float(content.source.seen_by().sum()) + 5e2 * points
 
 
 def write_gpkg(content: MapContent, path: Path) -> None:
     """Write the layers signs, observations, trajectory and ellipses as GeoPackage."""
     from automap.export import gis, layers, qgis_style
-    from automap.export.assemblies import assembly_layer
+    from automap.export.assemblies import assembly_parts
     from automap.export.uncertainty import sigma_classes, sigma_limits
 
-    products = content.products
-    classes = content.signs.values["class"]
-    colours = kml.class_colours(classes)
+    products, signs = content.products, content.source
+    colours = kml.class_colours(signs.classes)
     icons = {name: class_icon(name) for name in colours}
-    built = [layers.sign_layer(content.signs)]
-    styles = [qgis_style.sign_style(icons, colours, content.signs.fields)]
+    built = [layers.sign_parts(signs)]
+    styles = [qgis_style.sign_style(icons, colours, signs.fields)]
     if products.observations is not None:
-        built.append(
-            layers.observation_layer(products.observations, products.trajectories, products.clock)
+        seen = layers.observation_layer(
+            products.observations, products.trajectories, products.clock
         )
+        built.append(layers.in_one(seen))
         styles.append(qgis_style.observation_style())
     if content.path is not None and len(content.path) > 1:
-        built.append(layers.path_layer(content.path))
+        built.append(layers.path_parts(content.path))
         sigma = content.path.sd_h_m
         styles.append(qgis_style.track_style(sigma_limits(sigma), sigma_classes(sigma)[1]))
-    built.append(assembly_layer(content.signs))
+    built.append(assembly_parts(signs))
     styles.append(qgis_style.assembly_style())
-    built.append(layers.ellipse_layer(content.signs))
+    built.append(layers.ellipse_parts(signs))
     styles.append(qgis_style.ellipse_style())
-    built = [_placed(content, layer) for layer in built]
+    built = [layer.changed(lambda part: _placed(content, part)) for layer in built]
     crs = content.crs or WGS84_3D
     gis.write_layers(
         path, built, lineage=content.lineage, crs=crs, styles=styles, epoch=_epoch(content)
@@ -121,11 +131,11 @@ def _placed(content: MapContent, layer: Layer) -> Layer:
 
 def write_geoparquet(content: MapContent, path: Path) -> None:
     """Write the signs as GeoParquet."""
-    from automap.export import gis
+    from automap.export import geoparquet
 
-    gis.write_geoparquet(
+    geoparquet.write_geoparquet(
         path,
-        content.signs,
+        content.source,
         content.lineage,
         crs=content.crs,
         epoch=_epoch(content),

@@ -98,7 +98,7 @@ def merge(
             with new_map(store) as (out, number):
                 comparison = write_fleet_map(
                     out, store, cells, drives, found, before, least_existence, made_of, warnings,
-                    lambda done: progress(0.8 + 0.2 * done, "writing"), roads,
+                    lambda done: progress(0.8 + 0.2 * done, "writing"), roads, workers,
                 )  # fmt: skip
                 _keep_changes(store, out, number)
                 summary = _summary(out)

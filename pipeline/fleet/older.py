@@ -11,11 +11,12 @@ import numpy as np
 
 from automap.io import names
 from automap.io.map_tables import COVERAGE, SIGHTINGS, read_coverage
-from automap.io.signs_table import read_signs
+from automap.io.signs_table import read_sign_list
 from automap.io.tables import column_by_column
 from automap.mapping.changes import OlderMap
 from automap.mapping.visibility import Passage
 from automap.records import IntArray
+from automap.records.sign_lists import values_of
 from pipeline.fleet.contents import result_folder
 from pipeline.fleet.store import Entry, Store
 from pipeline.merge.cell_map import StoreMap
@@ -50,9 +51,9 @@ class Older:
 
 def read_older(before: Before, drives: Drives) -> Older:
     """The older map; its drives' numbers may have been others."""
-    signs = read_signs(before.folder / names.SIGNS_RAW)
+    signs = read_sign_list(before.folder / names.SIGNS_RAW)
     number = {key: k for k, key in enumerate(drives.key)}
-    place = {sign.id: k for k, sign in enumerate(signs)}
+    place = {name: k for k, name in enumerate(values_of(signs, "id"))}
     columns = ("drive_key", "drive_row", "sign_id")
     # of ten million sightings no two columns of texts at once
     with column_by_column(before.folder / SIGHTINGS, columns) as (_, column):

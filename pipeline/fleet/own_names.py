@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
-from automap.records import IntArray, Sign
+from automap.records import IntArray
 from pipeline.merge.cell_steps import Members
 
 
@@ -14,11 +14,11 @@ class OwnNames:
     """Of each drive its signs' ids in the map by their own. Ten million sightings are some twenty
     bytes each until a drive's are asked for; as texts of their own they would be gigabytes."""
 
-    def __init__(self, cells: Iterable[Members], signs: Sequence[Sign]) -> None:
-        self._signs = signs
+    def __init__(self, cells: Iterable[Members], ids: Sequence[str]) -> None:
+        self._ids = ids
         none = np.zeros(0, np.int64)
         drive, sign, own = [none], [none.astype(np.int32)], [np.zeros(0, np.bytes_)]
-        in_map = np.array([bool(sign.id) for sign in signs], np.bool_)
+        in_map = np.array([bool(name) for name in ids], np.bool_)
         for cell in cells:
             rows = np.flatnonzero(in_map[cell.sign])
             drive.append(cell.drive[rows])
@@ -35,4 +35,4 @@ class OwnNames:
         """Ids in the map by the drive's own."""
         at = slice(*np.searchsorted(self._drive, [drive, drive + 1]).tolist())
         pairs = zip(self._own[at].tolist(), self._sign[at].tolist(), strict=True)
-        return {own.decode(): self._signs[sign].id for own, sign in pairs}
+        return {own.decode(): self._ids[sign] for own, sign in pairs}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -10,28 +10,29 @@ from typing import Any
 import numpy as np
 
 from automap import __version__
-from automap.earth import metres_per_radian
 from automap.export.clock import iso_texts, utc_of_gps
 from automap.io import names
 from automap.io.atomic import write_json
-from automap.io.map_tables import COVERAGE, SIGHTINGS, write_coverage
-from automap.mapping.cells import quadkey
+from automap.io.map_tables import COVERAGE, SIGHTINGS
+from automap.io.signs_table import write_signs
 from automap.mapping.compare import Comparison, Newer, compare
 from automap.mapping.identity import name_signs
 from automap.mapping.posts import with_supports
-from automap.records import DrivePath, FloatArray, IntArray, Sign
+from automap.records import FloatArray, IntArray
+from automap.records.sign_lists import SignList, changed, values_of
+from pipeline.fleet.map_tables import write_looked, write_sightings
 from pipeline.fleet.older import Before, fresh_drives, read_older, shared_with
 from pipeline.fleet.own_names import OwnNames
 from pipeline.fleet.store import Entry, Store
 from pipeline.fleet.tracks import gather_tracks, left_out
 from pipeline.merge.cell_map import StoreMap
 from pipeline.merge.cell_steps import drive_offsets, members
-from pipeline.merge.cell_store import Drives, occupied, read_drives
+from pipeline.merge.cell_store import Drives, read_drives
 from pipeline.merge.command import named_changes
-from pipeline.merge.coverage import cover
 from pipeline.merge.outcome import MapOutcome
-from pipeline.merge.output import SCHEMA, write_files
+from pipeline.merge.output import SCHEMA, in_parts, write_files
 from pipeline.merge.whole import MANY_DRIVES, Contribution, complete, gather, write_whole
+from pipeline.shared.freed import give_freed_back
 
 HISTORY = "history"
 CONTRADICTS = 4.9
@@ -51,9 +52,11 @@ def write_fleet_map(
     warnings: list[str],
     progress: Callable[[float], None],
     roads: Path | None = None,
+    workers: int = 1,
 ) -> Comparison | None:
-    """Write the map of the drives ``entries``, by recording, into ``out``; ``roads`` is a layer on
-    which its signs get a place."""
+    """Write the map of the drives ``entries``, by recording, into ``out``, by so many ``workers``;
+    ``roads`` is a layer on which its signs get a place."""
+    give_freed_back()
     drives = read_drives(cells)
     signs = found.signs(drives)
     comparison, taken = _compared(
@@ -61,27 +64,29 @@ def write_fleet_map(
     )
     ids = name_signs(found.founder, {} if comparison is None else comparison.names, taken)
     if comparison is not None:
-        named = named_changes(comparison.changes, dict(zip(map(id, signs), ids, strict=True)))
-        comparison = replace(comparison, changes=named)
-    for k, likely in enumerate(found.existence >= least_existence):
-        # half a million signs are a gigabyte: one by one
-        signs[k] = replace(signs[k], id=ids[k] if likely else "")
-    signs = with_supports(signs, found.columns["own_variance"])
+        changes = named_changes(comparison.changes, ids)
+        comparison = replace(comparison, changes=changes, names={})
+    likely = found.existence >= least_existence
+    ids = [name if there else "" for name, there in zip(ids, likely.tolist(), strict=True)]
+    with_posts = with_supports(changed(signs, id=ids), found.columns["own_variance"])
+    assert isinstance(with_posts, SignList)
+    on_map = with_posts.at(np.flatnonzero(likely))
     progress(0.2)
-    counts = _write_sightings(out / SIGHTINGS, cells, found, drives, signs)
-    last_pass = _write_coverage(out / COVERAGE, cells, drives)
+    counts = write_sightings(out / SIGHTINGS, cells, found, drives, ids)
+    last_pass = write_looked(out / COVERAGE, cells, drives)
     progress(0.4)
     countries = {str(e.done["country"]).upper() for e in entries.values() if e.done.get("country")}
     name = Path(store.place.url).name
     outcome = MapOutcome(
-        name=name, signs=[s for s in signs if s.id], comparison=comparison, warnings=warnings,
+        name=name, signs=on_map, comparison=comparison, warnings=warnings,
         country=countries.pop() if len(countries) == 1 else None, roads=roads,
     )  # fmt: skip
     rows = _drive_rows(store, cells, entries, found, drives, counts, warnings)
-    outcome = _with_whole(out, outcome, store, cells, entries, found, drives, signs)
+    outcome = _with_whole(out, outcome, store, cells, entries, found, drives, ids)
     # what is written now needs the room
-    del signs
+    del signs, with_posts, on_map, ids
     found.columns.clear()
+    write_signs(out / names.SIGNS_RAW, outcome.signs)
     write_json(out / names.RUN, _run_record(store, outcome, rows))
     summary = _summary(outcome, found, rows, counts, before, made_of)
     summary["cells"] = found.cells
@@ -95,7 +100,10 @@ def write_fleet_map(
         },
     ]
     summary["last_pass"] = last_pass
-    write_files(out, outcome, summary, lambda done: progress(0.4 + 0.6 * done))
+    many = in_parts(outcome, out)
+    if many:
+        outcome = replace(outcome, signs=())
+    write_files(out, outcome, summary, lambda done: progress(0.4 + 0.6 * done), many, workers)
     return comparison
 
 
@@ -105,7 +113,7 @@ def _compared(
     entries: Mapping[str, Entry],
     drives: Drives,
     found: StoreMap,
-    signs: list[Sign],
+    signs: SignList,
     before: Before | None,
     least_existence: float,
 ) -> tuple[Comparison | None, set[str]]:
@@ -118,76 +126,7 @@ def _compared(
         shared_with(older, cells, found), found.rates,
         list(fresh_drives(store, entries, older, drives)),
     )  # fmt: skip
-    return compare(older.map, newer, least_existence), {sign.id for sign in older.map.signs}
-
-
-def _write_sightings(
-    path: Path, cells: Path, found: StoreMap, drives: Drives, signs: list[Sign]
-) -> IntArray:
-    """Write the sightings cell by cell; of each drive [d, 2] how many there are, and how many are
-    of signs in the map."""
-    import pyarrow as pa
-    import pyarrow.parquet as pq
-
-    counts = np.zeros((len(drives), 2), np.int64)
-    in_map = np.array([bool(sign.id) for sign in signs], np.bool_)
-    writer = None
-    try:
-        for cell in members(cells, found.homes):
-            counts[:, 0] += np.bincount(cell.drive, minlength=len(drives))
-            counts[:, 1] += np.bincount(cell.drive[in_map[cell.sign]], minlength=len(drives))
-            who = cell.drive.tolist()
-            keys = [drives.key[k] for k in who]
-            north, east = metres_per_radian(cell.place[:, 0], np.nan_to_num(cell.place[:, 2]))
-            turn = (cell.place[:, 1] - found.lon[cell.sign] + np.pi) % (2 * np.pi) - np.pi
-            residual = np.column_stack([
-                turn * east, (cell.place[:, 0] - found.lat[cell.sign]) * north,
-                cell.place[:, 2] - found.height[cell.sign],
-            ]) - cell.offset  # fmt: skip
-            table = pa.table(
-                {
-                    "key": [f"{key}|{own}" for key, own in zip(keys, cell.id, strict=True)],
-                    "drive": [drives.name[k] for k in who],
-                    "drive_key": keys,
-                    "drive_row": cell.row,
-                    "drive_sign": cell.id,
-                    "class": cell.class_name,
-                    "sign_id": pa.array([signs[k].id or None for k in cell.sign], pa.string()),
-                    "lat_deg": np.degrees(cell.place[:, 0]),
-                    "lon_deg": np.degrees(cell.place[:, 1]),
-                    "height_m": cell.place[:, 2],
-                    "existence": found.existence[cell.sign],
-                }
-                | {f"offset_{axis}_m": cell.offset[:, k] for k, axis in enumerate("enu")}
-                | {f"residual_{axis}_m": residual[:, k] for k, axis in enumerate("enu")}
-            )
-            if writer is None:
-                writer = pq.ParquetWriter(path, table.schema, compression="zstd")
-            writer.write_table(table)
-    finally:
-        if writer is not None:
-            writer.close()
-    return counts
-
-
-def _write_coverage(path: Path, cells: Path, drives: Drives) -> dict[str, float]:
-    """Write where the cameras looked; when each cell was passed last, in GPS seconds."""
-    parts, last = [], {}
-    for cell in occupied(cells).tolist():
-        looked, passed = cover(cells, drives, cell)
-        parts.append(looked)
-        if np.isfinite(passed):
-            last[quadkey(cell)] = passed
-
-    def column(name: str) -> FloatArray:
-        return np.concatenate([getattr(part, name) for part in parts])
-
-    rows = np.zeros(sum(map(len, parts)))
-    turn = np.zeros((len(rows), 3))
-    write_coverage(
-        path, DrivePath(rows, column("lat_rad"), column("lon_rad"), column("yaw_rad"), turn)
-    )
-    return last
+    return compare(older.map, newer, least_existence), set(values_of(older.map.signs, "id"))
 
 
 def _drive_rows(
@@ -249,16 +188,16 @@ def _with_whole(
     entries: Mapping[str, Entry],
     found: StoreMap,
     drives: Drives,
-    signs: list[Sign],
+    ids: Sequence[str],
 ) -> MapOutcome:
     """Tracks and heights above the sea; of a map of not too many drives pictures and observations
     too."""
-    named = OwnNames(members(cells, found.homes), signs)
+    named = OwnNames(members(cells, found.homes), ids)
     order = np.argsort(drives.rank).tolist()
     folder = store.place.folder
     if len(drives) > MANY_DRIVES or folder is None:
         outcome.warnings.append(left_out(folder is None))
-        whole = gather_tracks(store, cells, entries, drives, order, named)
+        whole = gather_tracks(store, cells, entries, drives, order, named, out)
     else:
         whole = gather(
             [

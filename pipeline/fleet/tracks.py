@@ -7,7 +7,7 @@ any size takes over is kept beside the cells, a small file a drive, read from it
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
 
@@ -16,6 +16,7 @@ import numpy as np
 from automap.io import names
 from automap.io.atomic import atomic_path
 from automap.io.json_text import parse_json
+from automap.io.map_tables import TRACKS, write_tracks
 from automap.records import Trajectory
 from pipeline.fleet.contents import result_folder, version
 from pipeline.fleet.own_names import OwnNames
@@ -48,22 +49,28 @@ def gather_tracks(
     drives: Drives,
     order: Sequence[int],
     named: OwnNames,
+    out: Path,
 ) -> Whole:
-    """Tracks, of ``MOST_ROWS`` rows in all, and heights of the geoid at the map's signs.
+    """Heights of the geoid at the map's signs; tracks, of ``MOST_ROWS`` rows in all, go into the
+    map ``out`` as they are read.
 
     Drives in ``order``.
     """
     whole = Whole()
     files = {k: _up_to_date(store, cells, drives.key[k], entries[drives.key[k]]) for k in order}
     every = -(-sum(map(_rows, files.values())) // MOST_ROWS)
-    for k in order:
-        each = _read(files[k])
-        if each.track is not None:
-            whole.tracks[drives.name[k]] = _every(each.track, every)
-        in_map = named.of(k)
-        for own, height in each.geoid_m.items():
-            if own in in_map:
-                whole.geoid_m.setdefault(in_map[own], []).append(height)
+
+    def tracks() -> Iterator[tuple[str, Trajectory]]:
+        for k in order:
+            each = _read(files[k])
+            in_map = named.of(k) if each.geoid_m else {}
+            for own, height in each.geoid_m.items():
+                if own in in_map:
+                    whole.geoid_m.setdefault(in_map[own], []).append(height)
+            if each.track is not None:
+                yield drives.name[k], _every(each.track, every)
+
+    write_tracks(out / TRACKS, tracks())
     return whole
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import json
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ProcessPoolExecutor
@@ -18,7 +17,8 @@ from automap.mapping.adjustment import ErrorLevels
 from automap.mapping.backs import map_backs, with_backs
 from automap.mapping.existence import Chances, DetectionRates, detection_rates, existence
 from automap.mapping.merge import map_signs
-from automap.records import FloatArray, Sign
+from automap.records import FloatArray
+from automap.records.sign_lists import Names, SignList
 from automap.signs.backs import NO_BACK
 from pipeline.merge.cell_steps import (
     digest_of_groups,
@@ -59,11 +59,10 @@ class StoreMap:
     placed: int
     cells: int
 
-    def signs(self, drives: Drives) -> list[Sign]:
+    def signs(self, drives: Drives) -> SignList:
         """The signs [m], still without names."""
-        seen_by = [drives.name[k] for k in self.columns["seen_by"].tolist()]
-        edges = np.concatenate([[0], np.cumsum(self.columns["n_drives"])]).tolist()
-        who = [tuple(seen_by[lo:hi]) for lo, hi in itertools.pairwise(edges)]
+        edges = np.concatenate([[0], np.cumsum(self.columns["n_drives"])])
+        who = Names(drives.name, self.columns["seen_by"], edges)
         return map_signs(self.columns, self.existence, who)
 
 

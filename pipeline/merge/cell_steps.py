@@ -8,6 +8,7 @@ digest is as it was: after new drives only cells change that have something new 
 from __future__ import annotations
 
 import hashlib
+import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -175,7 +176,7 @@ def placed_cells(folder: Path, cells: Sequence[int]) -> tuple[dict[str, Any], Ch
         path = _file(folder, PLACED, cell)
         with np.load(path, allow_pickle=False) as file:
             for name in wanted:
-                found[name].append(file[name])
+                found[name].append(_short(file[name]))
             for column, name in zip(pairs, told, strict=True):
                 column.append(file[name] + count if name == "pair_sign" else file[name])
             count += len(found["lat"][-1])
@@ -235,6 +236,13 @@ def drive_offsets(
 
 def _texts(values: Iterable[Any]) -> np.ndarray:
     return np.array([str(value) for value in values], np.str_)
+
+
+def _short(column: np.ndarray) -> np.ndarray:
+    """Texts, which very many signs have in common, as one object each; numbers as they are."""
+    if column.dtype.kind != "U":
+        return column
+    return np.array([*map(sys.intern, column.tolist()), None], object)[:-1]
 
 
 def _grouped(

@@ -61,10 +61,10 @@ def merge_runs(
     if older is not None:
         comparison = compare_maps(older, merged, least_existence)
     progress(0.82, "writing")
-    signs, named = _named(merged, comparison, older, least_existence)
+    signs, ids = _named(merged, comparison, older, least_existence)
     if comparison is not None:
-        comparison = replace(comparison, changes=named_changes(comparison.changes, named))
-    signs = with_supports(signs, own_variance(merged.sightings, merged.association.sign))
+        comparison = replace(comparison, changes=named_changes(comparison.changes, ids))
+    signs = list(with_supports(signs, own_variance(merged.sightings, merged.association.sign)))
     countries = {run.country.upper() for run in runs if run.country}
     outcome = MergeOutcome(
         name=out.resolve().name,
@@ -187,8 +187,9 @@ def _named(
     comparison: Comparison | None,
     older: OlderMap | None,
     least_existence: float,
-) -> tuple[list[Sign], dict[int, str]]:
-    """All merged signs, those of the map with their names, the unlikely ones with ""."""
+) -> tuple[list[Sign], list[str]]:
+    """All merged signs, those of the map with their names, the unlikely ones with ""; and the names
+    of all."""
     from automap.mapping.identity import name_signs
 
     taken = {s.id for s in older.signs} if older is not None else set()
@@ -198,13 +199,15 @@ def _named(
     ids = name_signs(merged.founders, kept, taken)
     likely = merged.existence >= least_existence
     signs = [replace(sign, id=ids[k] if likely[k] else "") for k, sign in enumerate(merged.signs)]
-    return signs, {id(merged.signs[k]): ids[k] for k in range(len(ids))}
+    return signs, ids
 
 
-def named_changes(changes: Sequence[Change], named: dict[int, str]) -> list[Change]:
-    """The changes with the signs' names, in the order of kind and name."""
+def named_changes(changes: Sequence[Change], ids: Sequence[str]) -> list[Change]:
+    """The changes with the names of all merged signs, in the order of kind and name."""
     result = [
-        replace(change, sign=replace(change.sign, id=named.get(id(change.sign), change.sign.id)))
+        replace(change, sign=replace(change.sign, id=ids[change.place]))
+        if change.place >= 0
+        else change
         for change in changes
     ]
     order = {"new": 0, "gone": 1, "class": 2, "moved": 3}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -19,7 +20,7 @@ class MapOutcome:
     none, or several), a layer of ``roads`` and a ``background`` of the report (None without)."""
 
     name: str
-    signs: list[Sign]
+    signs: Sequence[Sign]
     comparison: Comparison | None
     warnings: list[str]
     country: str | None = None

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-import json
 import shutil
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import suppress
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import ExitStack, suppress
 from dataclasses import replace
+from functools import partial
+from multiprocessing import get_context
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,12 +20,13 @@ from automap.errors import StageError
 from automap.io import names
 from automap.io.atomic import make_folder, put_in_place, write_json, write_text
 from automap.io.map_tables import COVERAGE, SIGHTINGS, TRACKS
+from pipeline.merge.changes_file import changes_geojson
 from pipeline.merge.coverage import coverage_of
 from pipeline.merge.signs import GPS_CLOCK
+from pipeline.merge.whole import MOST_PICTURED
 from pipeline.shared.lock import locked
 
 if TYPE_CHECKING:
-    from automap.mapping.changes import Change
     from automap.mapping.merge import Merged
     from automap.records import Sign
     from pipeline.merge.outcome import MapOutcome, MergeOutcome
@@ -80,6 +83,7 @@ def _write_files(
     progress: Callable[[float], None],
 ) -> list[Path]:
     from automap.io.map_tables import write_coverage
+    from automap.io.signs_table import write_signs
     from pipeline.merge.whole import complete, gather, write_whole
 
     whole = gather(
@@ -87,14 +91,23 @@ def _write_files(
     )
     outcome = replace(outcome, signs=complete(outcome.signs, whole))
     write_whole(out, whole)
+    write_signs(out / names.SIGNS_RAW, outcome.signs)
     _write_sightings(out / SIGHTINGS, outcome.merged, signs)
     write_coverage(out / COVERAGE, coverage_of(outcome.merged.drives))
     progress(0.25)
     write_json(out / names.RUN, _run_record(outcome, folders))
-    written = write_files(out, outcome, merge_summary(outcome, signs, folders, previous), progress)
+    summary = merge_summary(outcome, signs, folders, previous)
+    written = write_files(out, outcome, summary, progress, in_parts(outcome, out))
     # with the warnings of what was written
     write_json(out / names.RUN, _run_record(outcome, folders))
     return written
+
+
+def in_parts(outcome: MapOutcome, out: Path) -> bool:
+    """Whether the map's signs are so many that they are read part by part: they have no pictures
+    then, and must have no roads and no decisions of a reviewer either."""
+    many = len(outcome.signs) > MOST_PICTURED and outcome.roads is None
+    return many and not (out / names.REVIEW).exists()
 
 
 def write_files(
@@ -102,31 +115,40 @@ def write_files(
     outcome: MapOutcome,
     summary: dict[str, Any],
     progress: Callable[[float], None],
+    many: bool,
+    workers: int = 1,
 ) -> list[Path]:
-    """Write what a map consists of, once ``run.json``, sightings and coverage are there; returns
-    the files for people. ``summary`` becomes merge.json."""
+    """Write what a map consists of, once ``run.json``, signs, sightings and coverage are there;
+    returns the files for people. ``summary`` becomes merge.json. ``many`` signs are read part by
+    part from their table."""
     from automap.export.roads import roads_csv
     from automap.io.clock_json import write_clock
-    from automap.io.signs_table import write_signs
-    from pipeline.export.content import map_content
+    from pipeline.export.content import map_content, stored_content
     from pipeline.export.formats import FORMATS, STANDARD_FORMATS, write_dictionary
     from pipeline.export.roads import tried_on_roads
     from pipeline.merge.report import merge_report
 
-    write_signs(out / names.SIGNS_RAW, outcome.signs)
     write_clock(out / names.SYNC, GPS_CLOCK)
-    content = map_content(out, outcome.name, on_roads=False)
+    content = (
+        stored_content(out, outcome.name)
+        if many
+        else map_content(out, outcome.name, on_roads=False, fresh=True)
+    )
     told = len(content.warnings)
-    rows = tried_on_roads(content, outcome.roads)
+    rows = [] if many else tried_on_roads(content, outcome.roads)
     if rows:
         write_text(out / names.SIGN_ROADS, roads_csv(rows))
     outcome.warnings.extend(content.warnings[told:])
-    files = []
-    for number, fmt in enumerate(STANDARD_FORMATS):
-        name, write = FORMATS[fmt]
-        write(content, out / name)
-        files.append(out / name)
-        progress(0.3 + 0.6 * (number + 1) / len(STANDARD_FORMATS))
+    files = [out / FORMATS[fmt][0] for fmt in STANDARD_FORMATS]
+    with ExitStack() as stack:
+        # the archive takes longest and begins first
+        order = sorted(STANDARD_FORMATS, key=lambda fmt: fmt != "kmz")
+        written: Iterator[None] = (FORMATS[fmt][1](content, out / FORMATS[fmt][0]) for fmt in order)
+        if many and workers > 1:
+            pool = stack.enter_context(ProcessPoolExecutor(workers, get_context("spawn")))
+            written = pool.map(partial(write_stored, out, outcome.name), order)
+        for number, _ in enumerate(written):
+            progress(0.3 + 0.6 * (number + 1) / len(STANDARD_FORMATS))
     write_dictionary(out / names.DICTIONARY)
     changes = outcome.comparison.changes if outcome.comparison is not None else None
     if changes is not None:
@@ -135,6 +157,15 @@ def write_files(
     write_text(out / names.REPORT, merge_report(outcome, summary, content))
     write_json(out / names.MERGE, summary)
     return [*files, out / names.REPORT, out / names.MERGE]
+
+
+def write_stored(out: Path, name: str, fmt: str) -> None:
+    """Write a format of a map whose signs are read part by part, in a process of its own."""
+    from pipeline.export.content import stored_content
+    from pipeline.export.formats import FORMATS
+
+    file, write = FORMATS[fmt]
+    write(stored_content(out, name), out / file)
 
 
 def _run_record(outcome: MergeOutcome, folders: Sequence[Path]) -> dict[str, Any]:
@@ -263,36 +294,3 @@ def contributions(
         mine = range(int(first[number]), int(first[number + 1]))
         named = {drive.ids[int(row[k])]: signs[merged.association.sign[k]].id for k in mine}
         yield Contribution(drive.name, folder, {own: name for own, name in named.items() if name})
-
-
-def changes_geojson(changes: Sequence[Change]) -> str:
-    """The changes as a collection of points (RFC 7946, WGS-84); for "gone" where it was."""
-    features = [json.dumps(_feature(change), ensure_ascii=False) for change in changes]
-    text = '{"type": "FeatureCollection",\n"features": [\n' + ",\n".join(features) + "\n]}\n"
-    return text.encode("utf-8", "replace").decode("utf-8")
-
-
-def _feature(change: Change) -> dict[str, Any]:
-    sign, older = change.sign, change.older
-    coordinates = [
-        round(float(np.degrees(sign.lon_rad)), 7),
-        round(float(np.degrees(sign.lat_rad)), 7),
-    ]
-    if np.isfinite(sign.height_m):
-        coordinates.append(round(sign.height_m, 3))
-    properties: dict[str, Any] = {
-        "change": change.kind,
-        "id": sign.id,
-        "class": sign.class_name,
-        "previous_class": None if older is None else older.class_name,
-        "belief": round(change.belief, 3),
-        "moved_m": round(change.distance_m, 2) if change.kind == "moved" else None,
-        "visited_before": change.visited_before,
-        "drives": list(sign.drives),
-    }
-    return {
-        "type": "Feature",
-        "id": sign.id,
-        "geometry": {"type": "Point", "coordinates": coordinates},
-        "properties": properties,
-    }

@@ -4,19 +4,24 @@ from __future__ import annotations
 
 import re
 from collections import Counter
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from automap import __version__
 from automap.export.icons import sign_words
-from automap.export.uncertainty import ce95
+from automap.export.sign_columns import SignColumns, Signs
+from automap.io import names
+from automap.io.signs_table import first_signs
+from automap.records import FloatArray, IntArray
 from pipeline.pages.render import sections_page
 from pipeline.pages.section import Figure, Section
 
 if TYPE_CHECKING:
     from pipeline.export.content import MapContent
     from pipeline.merge.outcome import MapOutcome
+    from pipeline.shared.products import RunProducts
 
 _ROWS = 500
 _PART = r"[^/\\:;,'\"()\s](?:[^/\\:;,'\"()]*[^/\\:;,'\"()\s])?"
@@ -38,33 +43,40 @@ def merge_report(outcome: MapOutcome, summary: dict[str, Any], content: MapConte
             background = open_background(outcome.background)
         except InputError as error:
             outcome.warnings.append(f"The report's map has no background: {error}")
-    parts = [("How often signs were seen", _seen_section(outcome))]
+    signs = content.source
+    radius = signs.radii_m()
+    parts = [("How often signs were seen", _seen_section(signs.seen_by(), radius))]
     if outcome.comparison is not None:
         parts.append(("Changes", changes_section(outcome, summary)))
     parts += [
         ("Drives", _drives_section(summary)),
-        ("Errors", _error_section(outcome, summary)),
-        ("Classes", _class_section(outcome)),
+        ("Errors", _error_section(summary)),
+        ("Classes", _class_section(content.source)),
     ]
     previous = _FOLDERS.sub("", str(summary.get("previous", "none")))
     facts = [("version", __version__), ("previous map", previous)]
-    figures = _figures(outcome, summary)
+    figures = _figures(radius, summary)
     return sections_page(
         "Merged map", outcome.name, figures, parts,
         # where files lie is this computer's business
         [_FOLDERS.sub("", text) for text in outcome.warnings], facts,
-        map=map_data(content.products, content.signs, content.pictures, background),
-        sign_table=sign_list(content.signs),
+        map=map_data(_with_first(content), signs, content.pictures, background),
+        sign_table=sign_list(signs),
     )  # fmt: skip
 
 
-def _radius(outcome: MapOutcome) -> np.ndarray[Any, np.dtype[np.float64]]:
-    cov = np.array([s.cov_enu for s in outcome.signs], np.float64).reshape(-1, 3, 3)
-    return ce95(cov[:, 0, 0], cov[:, 0, 1], cov[:, 1, 1])
+def _with_first(content: MapContent) -> RunProducts:
+    """The products with the signs that the map shows, where signs are read part by part."""
+    from pipeline.report.map_data import SIGN_LIMIT
+
+    if isinstance(content.source, SignColumns):
+        return content.products
+    shown = np.flatnonzero(content.source.located)[:SIGN_LIMIT]
+    path = content.products.out / names.SIGNS_RAW
+    return replace(content.products, signs=first_signs(path, int(shown.max(initial=-1)) + 1))
 
 
-def _figures(outcome: MapOutcome, summary: dict[str, Any]) -> list[Figure]:
-    radius = _radius(outcome)
+def _figures(radius: FloatArray, summary: dict[str, Any]) -> list[Figure]:
     one = len(summary["drives"]) == 1
     figures = [
         Figure(str(summary["signs"]), "signs", f"from {summary['sightings']} sightings"),
@@ -82,14 +94,12 @@ def _figures(outcome: MapOutcome, summary: dict[str, Any]) -> list[Figure]:
     return figures
 
 
-def _seen_section(outcome: MapOutcome) -> Section:
+def _seen_section(seen_by: IntArray, radius: FloatArray) -> Section:
     section = Section(header=("drives that saw a sign", "signs", "95 % radius, median, m"))
-    if not outcome.signs:
+    if not len(seen_by):
         section.absent = "The drives saw no signs."
         return section
-    counts = Counter(len(s.drives) for s in outcome.signs)
-    radius = _radius(outcome)
-    seen_by = np.array([len(s.drives) for s in outcome.signs])
+    counts = Counter(seen_by.tolist())
     for number in sorted(counts)[:30]:
         text = f"{np.median(radius[seen_by == number]):.2f}"
         section.rows.append((str(number), str(counts[number]), text))
@@ -165,7 +175,7 @@ def _with_sd(value: float, sd: float) -> str:
     return f"{value:+.2f} ± {sd:.2f}" if np.isfinite(value) and np.isfinite(sd) else ""
 
 
-def _error_section(outcome: MapOutcome, summary: dict[str, Any]) -> Section:
+def _error_section(summary: dict[str, Any]) -> Section:
     levels = summary["error_levels"]
     section = Section()
     if len(summary["drives"]) == 1:
@@ -188,8 +198,8 @@ def _error_section(outcome: MapOutcome, summary: dict[str, Any]) -> Section:
     return section
 
 
-def _class_section(outcome: MapOutcome) -> Section:
-    counts = Counter(sign.class_name for sign in outcome.signs)
+def _class_section(signs: Signs) -> Section:
+    counts = Counter(signs.classes)
     return Section(
         header=("class", "signs"),
         rows=[(sign_words(name), str(n)) for name, n in counts.most_common()],

@@ -13,6 +13,7 @@ import numpy as np
 from automap.io import names
 from automap.io.map_tables import TRACKS, write_tracks
 from automap.records import ClockModel, FloatArray, IntArray, Sign, Trajectory
+from automap.records.sign_lists import changed, values_of
 from pipeline.shared.pictures import Picture, read_pictures, write_pictures
 from pipeline.shared.products import RunProducts, geoid_separation, load_products
 
@@ -95,24 +96,24 @@ def gather(drives: Iterable[Contribution], number_of_signs: int, warnings: list[
     return whole
 
 
-def complete(signs: Sequence[Sign], whole: Whole) -> list[Sign]:
+def complete(signs: Sequence[Sign], whole: Whole) -> Sequence[Sign]:
     """The signs with heights of the geoid, notes, and who decided about them last in a drive."""
-    return [
-        replace(
-            sign,
-            geoid_m=float(np.mean(told)) if (told := whole.geoid_m.get(sign.id)) else np.nan,
-            note="; ".join([*([sign.note] if sign.note else []), *whole.notes.get(sign.id, [])]),
-            reviewed=max(whole.reviews.get(sign.id, []), default=("", ""))[0],
-            reviewer=max(whole.reviews.get(sign.id, []), default=("", ""))[1],
-        )
-        for sign in signs
-    ]
+    ids, noted = values_of(signs, "id"), values_of(signs, "note")
+    notes = [[*([note] if note else []), *whole.notes.get(name, [])] for name, note in
+             zip(ids, noted, strict=True)]  # fmt: skip
+    last = [max(whole.reviews.get(name, []), default=("", "")) for name in ids]
+    return changed(
+        signs,
+        geoid_m=[float(np.mean(t)) if (t := whole.geoid_m.get(name)) else np.nan for name in ids],
+        note=["; ".join(each) for each in notes],
+        reviewed=[when for when, _ in last],
+        reviewer=[who for _, who in last],
+    )
 
 
 def write_whole(out: Path, whole: Whole) -> None:
     """Write tracks, observations and pictures as far as there are any."""
-    if whole.tracks:
-        write_tracks(out / TRACKS, whole.tracks)
+    write_tracks(out / TRACKS, whole.tracks.items())
     if whole.observations:
         import pyarrow as pa
         import pyarrow.parquet as pq

@@ -11,7 +11,7 @@ import numpy as np
 from automap.export.icons import class_icon
 from automap.export.kml import class_colours
 from automap.export.path import simplified_path
-from automap.export.sign_columns import SignColumns
+from automap.export.sign_columns import Signs
 from automap.export.uncertainty import principal_axes
 from automap.gates import OUTSIDE_95, gate
 from automap.io.web_tiles import Background
@@ -31,7 +31,7 @@ FACE_LIMIT = 200
 
 def map_data(
     products: RunProducts,
-    signs: SignColumns,
+    signs: Signs,
     pictures: Sequence[Picture] = (),
     background: Background | None = None,
 ) -> dict[str, Any] | None:
@@ -54,7 +54,7 @@ def map_data(
         "tracks": _tracks(products, origin),
         "fixes": _fixes(products, origin, notes),
         "signs": _signs(products, signs, origin, notes, list(pictures)),
-        "faces": sign_faces({str(name) for name in signs.values["class"]}),
+        "faces": sign_faces({str(name) for name in signs.classes}),
     }
     data["background"] = below = cut_below(data, background) if background is not None else None
     if background is not None and below is None:
@@ -71,7 +71,7 @@ def sign_faces(classes: set[str]) -> dict[str, str]:
     }
 
 
-def _origin(products: RunProducts, signs: SignColumns) -> tuple[float, float] | None:
+def _origin(products: RunProducts, signs: Signs) -> tuple[float, float] | None:
     trajectory, fixes = products.trajectory, products.fixes
     candidates: list[tuple[FloatArray, FloatArray]] = []
     if trajectory is not None:
@@ -149,23 +149,24 @@ def _fixes(products: RunProducts, origin: tuple[float, float], notes: list[str])
 
 def _signs(
     products: RunProducts,
-    columns: SignColumns,
+    signs: Signs,
     origin: tuple[float, float],
     notes: list[str],
     pictures: list[Picture],
 ) -> Any:
-    rows = np.flatnonzero(columns.located)
+    rows = np.flatnonzero(signs.located)
     if len(rows) > SIGN_LIMIT:
         notes.append(
             f"The first {SIGN_LIMIT} of {len(rows)} signs are drawn; signs.geojson has all."
         )
         rows = rows[:SIGN_LIMIT]
+    columns = signs.first(int(rows.max(initial=-1)) + 1)
     values = columns.values
     major, minor, azimuth = principal_axes(
         values["cov_ee_m2"][rows], values["cov_en_m2"][rows], values["cov_nn_m2"][rows]
     )
     scale = float(np.sqrt(gate(OUTSIDE_95, 2)))
-    colours = class_colours(values["class"])
+    colours = class_colours(signs.classes)
     return {
         "xy": _pairs(_metres(columns.lat_deg[rows], columns.lon_deg[rows], origin)),
         "lonlat": np.round(

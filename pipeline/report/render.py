@@ -8,7 +8,7 @@ from automap import __version__
 from automap.export.clock import iso_texts, utc_of_gps
 from automap.export.icons import sign_words
 from automap.export.roads import read_roads_csv, set_roads
-from automap.export.sign_columns import SignColumns, sign_columns
+from automap.export.sign_columns import Signs, sign_columns
 from automap.io import names
 from automap.io.web_tiles import Background
 from pipeline.pages.render import render
@@ -165,16 +165,17 @@ def _facts(products: RunProducts, record: dict[str, Any]) -> list[tuple[str, str
     return [(key, value) for key, value in rows if len(value) < 400]
 
 
-def sign_list(signs: SignColumns) -> dict[str, Any]:
+def sign_list(signs: Signs) -> dict[str, Any]:
     """The table of the signs: heads, rows, and how many are left out."""
     shown = {"id", "class", "confidence", "n_views", "ce95_m", "side", "height_above_road_m",
              "size_m", "facing_deg", "road_name", "chainage_m", "road_check", "status"}  # fmt: skip
     fields = [field for field in signs.fields if field.name in shown]
     rows = []
+    shown_values = signs.first(TABLE_LIMIT).values
     for row in range(min(len(signs), TABLE_LIMIT)):
         cells = []
         for field in fields:
-            value = signs.values[field.name][row]
+            value = shown_values[field.name][row]
             if field.kind == "real":
                 value = "" if value != value else f"{value:.{field.decimals}f}"
             elif field.name == "class":

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -38,14 +38,14 @@ class RunProducts:
     """Signs that a review took off the map."""
     renamed: Renamed = field(default_factory=Renamed)
     """Views that a review gave to other signs."""
-    tracks: dict[str, Trajectory] = field(default_factory=dict)
+    tracks: Mapping[str, Trajectory] = field(default_factory=dict)
     """Trajectories of the drives of a merged map, by name, thinned."""
     problems: list[str] = field(default_factory=list)
     refused: list[str] = field(default_factory=list)
     """Of these, the files that the system did not let be read: they may be sound."""
 
     @property
-    def trajectories(self) -> dict[str, Trajectory]:
+    def trajectories(self) -> Mapping[str, Trajectory]:
         """That of the run under the name "", or those of a merged map's drives."""
         return self.tracks if self.trajectory is None else {"": self.trajectory}
 
@@ -106,13 +106,15 @@ def _of_the_system(error: BaseException | None) -> OSError | None:
     return None
 
 
-def load_products(out: Path) -> RunProducts:
-    """Read the trajectory, signs, observations, fixes and clock of OUT.
+def load_products(out: Path, signs: bool = True, fresh: bool = False) -> RunProducts:
+    """Read the trajectory, ``signs`` if they are wanted, observations, fixes and clock of OUT. What
+    is ``fresh``, this process wrote a moment ago: tracks are read drive by drive where they are
+    looked at.
 
     An adjusted trajectory, where geolocation wrote one, is the one the signs rest on; the map
     shows it. What a review decided about signs is applied to them.
     """
-    from automap.io.map_tables import TRACKS, read_tracks
+    from automap.io.map_tables import TRACKS, StoredTracks, read_tracks
     from automap.io.signs_table import read_signs
     from automap.io.tables import read_fixes
     from automap.io.trajectory_table import read_trajectory
@@ -123,9 +125,10 @@ def load_products(out: Path) -> RunProducts:
         if trajectory is not None and len(trajectory):
             products.trajectory = trajectory
             break
-    products.tracks = products.attempt(TRACKS, read_tracks) or {}
-    products.signs = products.attempt(names.SIGNS_RAW, read_signs)
-    _apply_review(products)
+    products.tracks = products.attempt(TRACKS, StoredTracks if fresh else read_tracks) or {}
+    if signs:
+        products.signs = products.attempt(names.SIGNS_RAW, read_signs)
+        _apply_review(products)
     products.observations = _renamed(products.table(names.OBSERVATIONS), products.renamed)
     fixes = products.attempt(names.FIXES, read_fixes)
     products.fixes = fixes if fixes is not None and len(fixes) else None

@@ -20,7 +20,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "unit"))
 
 from export_inputs import CLOCK, sign
 
-from automap.export import gis, kml, layers
+from automap.export import geoparquet, gis, kml, layers
 from automap.export.geojson import geojson_bytes
 from automap.export.sign_columns import sign_columns
 from automap.io.atomic import write_bytes, write_chunks
@@ -49,7 +49,7 @@ def main() -> None:
             "columns": lambda: sign_columns(signs, CLOCK),
             "geojson": lambda: write_bytes(out / "a.geojson", geojson_bytes(columns)),
             "kml": lambda: write_chunks(out / "a.kml", kml.kml_chunks("a", columns, None, options)),
-            "parquet": lambda: gis.write_geoparquet(out / "a.parquet", columns),
+            "parquet": lambda: geoparquet.write_geoparquet(out / "a.parquet", columns),
             "gpkg": lambda: gis.write_layers(out / "a.gpkg", [layers.sign_layer(columns)]),
         }
         print(f"{count} signs; GDAL's GeoJSON writer: {count / peer:,.0f} signs/s")

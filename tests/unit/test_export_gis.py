@@ -18,7 +18,7 @@ import pytest
 from export_inputs import CLOCK, HOSTILE, sign, trajectory
 
 from automap.errors import StageError
-from automap.export import gis, layers
+from automap.export import geoparquet, gis, layers
 from automap.export.fields import SIGN_FIELDS
 from automap.export.geopackage import complete_geopackage, lost_of
 from automap.export.path import simplified_path
@@ -38,7 +38,7 @@ def test_geoparquet_metadata_and_values(tmp_path: Path) -> None:
     import shapely
 
     path = tmp_path / "signs.parquet"
-    gis.write_geoparquet(path, columns())
+    geoparquet.write_geoparquet(path, columns())
     table = pq.read_table(path)
     geo = json.loads(table.schema.metadata[b"geo"])
     assert geo["version"] == "1.1.0"
@@ -65,7 +65,7 @@ def test_geoparquet_metadata_and_values(tmp_path: Path) -> None:
 def test_geopandas_reads_the_geoparquet(tmp_path: Path) -> None:
     geopandas = pytest.importorskip("geopandas")
     path = tmp_path / "signs.parquet"
-    gis.write_geoparquet(path, columns())
+    geoparquet.write_geoparquet(path, columns())
     frame = geopandas.read_parquet(path)
     assert len(frame) == 7
     west = np.degrees(sign(1).lon_rad)
@@ -119,7 +119,7 @@ def test_geopackage_layers(tmp_path: Path) -> None:
 
 def test_times_are_null_without_a_clock(tmp_path: Path) -> None:
     path = tmp_path / "signs.parquet"
-    gis.write_geoparquet(path, columns(clock=False))
+    geoparquet.write_geoparquet(path, columns(clock=False))
     table = pq.read_table(path)
     assert table.column("first_seen").null_count == 7
     assert table.column("first_seen_t_ns")[0].as_py() == sign(1).first_seen_ns
@@ -129,7 +129,7 @@ def test_empty_map_in_every_format(tmp_path: Path) -> None:
     from pyogrio import read_info
 
     empty = sign_columns([])
-    gis.write_geoparquet(tmp_path / "a.parquet", empty)
+    geoparquet.write_geoparquet(tmp_path / "a.parquet", empty)
     gis.write_layers(tmp_path / "a.gpkg", [layers.sign_layer(empty), layers.ellipse_layer(empty)])
     assert read_info(tmp_path / "a.gpkg", layer="ellipses")["features"] == 0
     assert pq.read_table(tmp_path / "a.parquet").num_rows == 0
