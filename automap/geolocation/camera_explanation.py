@@ -16,7 +16,7 @@ from automap.geolocation.camera_doubt import (
     misfit,
     unexplained,
 )
-from automap.geolocation.camera_hypotheses import Hypothesis, better_explanations
+from automap.geolocation.camera_hypotheses import Hypothesis, better_explanations, in_turned_picture
 from automap.geolocation.result import GeolocationResult
 from automap.geolocation.rules import GeolocationRules
 from automap.records import Camera, Detections, Trajectory
@@ -65,6 +65,7 @@ def explain_doubted(
         and (
             beyond_stated(found.corrections[record.camera], stated.cameras[record.camera], focal_sd)
             or _unfit(found, stated.rows(record.camera))
+            or in_turned_picture(trajectory, record, stated.cameras[record.camera])
         )
     ]
     for name in names:

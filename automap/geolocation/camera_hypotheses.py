@@ -122,6 +122,19 @@ def better_explanations(
     return [tried[k] for k in order if gains[k] > least]
 
 
+def in_turned_picture(trajectory: Trajectory, found: Detections, camera: Camera) -> bool:
+    """Whether the boxes of a camera fit so much better in a mirrored or turned picture than in its
+    own as chance makes no more than once in a million cameras: such boxes may well be linked to
+    signs, only elsewhere and to more of them."""
+    judge = _Judge(trajectory, map_origin(trajectory), focal_length(camera))
+    plain = Hypothesis("", found, as_unknown(camera))
+    start = judge.loss(plain)
+    if not np.isfinite(start):
+        return False
+    gain = max(start - judge.loss(one) for one in _pictures(plain)) * len(found)
+    return gain > gate(limits.MISFIT_PROBABILITY, 4)
+
+
 def _pictures(plain: Hypothesis) -> Iterator[Hypothesis]:
     """The boxes as they are if the picture is mirrored or turned."""
     wide, high = plain.camera.width - 1.0, plain.camera.height - 1.0

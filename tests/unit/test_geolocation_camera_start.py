@@ -9,7 +9,7 @@ import pytest
 from geolocation_scene import ORIGIN, boxes, camera, drive_path, roadside
 
 from automap.frames import matrix_to_rpy, rpy_to_matrix
-from automap.geolocation.camera_hypotheses import better_explanations
+from automap.geolocation.camera_hypotheses import better_explanations, in_turned_picture
 from automap.geolocation.epipolar import first_correction
 from automap.geolocation.locate import locate_signs
 from automap.geolocation.supports import support_numbers
@@ -126,6 +126,16 @@ def test_the_best_explanation_of_a_mirrored_picture(winding) -> None:
         "the picture is upside down",
     )
     assert better_explanations(winding, found, view) == []
+
+
+def test_a_mirrored_picture_is_doubted_whatever_its_boxes_are_linked_to(winding) -> None:
+    view = camera(mount_sd=np.radians(0.5), time_offset_sd=0.02)
+    found, _ = boxes(winding, roadside(winding, every_s=20.0), view, np.random.default_rng(1))
+    left, top, right, bottom = found.box.T
+    wide = view.width - 1
+    mirrored = replace(found, box=np.column_stack([wide - right, top, wide - left, bottom]))
+    assert in_turned_picture(winding, mirrored, view)
+    assert not in_turned_picture(winding, found, view)
 
 
 @pytest.mark.slow
