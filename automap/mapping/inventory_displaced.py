@@ -29,6 +29,8 @@ _APART = 6.3
 """Path errors of two places differ by a root of two times their sigma; among twenty places more
 than 4.45 of these are one chance in a thousand. What is nearer may be the map's own."""
 _MOST_PARTS = 5
+_MOST_WAYS = 100_000
+"""By which modes are looked for: some seconds."""
 NEAREST = 5
 """Entries about one that say whether it belongs to a part: an odd number, as many as a post or a
 page has. Chosen."""
@@ -77,51 +79,79 @@ def displaced_parts(signs: Sequence[Sign], inventory: Inventory) -> Parts:
     whole = Parts(np.full(m, 0, np.int64), np.zeros((1, 2)))
     if not signs or not m:
         return whole
-    sign, listed, ways = _ways(signs, inventory)
     own = np.array([0.5 * np.trace(s.cov_enu[:2, :2]) for s in signs])
     own = own[np.isfinite(own)]
     sd = float(np.sqrt(np.median(own))) if len(own) else USUAL_SD_M
     radius, least = _CIRCLE * sd, _APART * sd
+    street = _Street(signs, inventory)
+    sign, listed, ways = street.ways(street.some(), np.zeros(2), REACH_M)
     modes: list[FloatArray] = []
+    members: list[IntArray] = []
     left = np.ones(len(listed), np.bool_)
     while len(modes) < _MOST_PARTS:
         mode = _mode(listed[left], ways[left], radius)
         if mode is None:
             break
         modes.append(mode)
+        claimed, own_listed, _ = street.ways(np.arange(m), mode, radius)
+        members.append(own_listed)
         # an entry is of one part, and a sign is one entry
-        far = np.hypot(*(ways - mode).T)
-        of_it = far < radius
-        left &= ~np.isin(listed, listed[of_it]) & ~np.isin(sign, sign[of_it]) & (far > least)
+        left &= ~np.isin(listed, own_listed) & ~np.isin(sign, claimed)
+        left &= np.hypot(*(ways - mode).T) > least
     if len(modes) < 2:
         return whole
-    modes.sort(key=lambda way: float(np.hypot(*way)))
+    order = sorted(range(len(modes)), key=lambda k: float(np.hypot(*modes[k])))
     part = np.full(m, -1, np.int64)
     for k in range(len(modes) - 1, -1, -1):
-        part[listed[np.hypot(*(ways - modes[k]).T) < radius]] = k
-    return Parts(part, np.array(modes) - modes[0])
+        part[members[order[k]]] = k
+    return Parts(part, np.array([modes[k] for k in order]) - modes[order[0]])
 
 
-def _ways(signs: Sequence[Sign], inventory: Inventory) -> tuple[IntArray, IntArray, FloatArray]:
-    """Signs [k], listed ones of their class and direction, and the ways [k, 2] from there, m."""
-    from scipy.spatial import cKDTree
+class _Street:
+    """A map's signs and a list's by place, class and direction."""
 
-    lat, lon = np.array([s.lat_rad for s in signs]), np.array([s.lon_rad for s in signs])
-    ours = cKDTree(ecef(lat, lon, np.zeros(len(lat))))
-    theirs = ecef(inventory.lat_rad, inventory.lon_rad, np.zeros(len(inventory)))
-    near: Any = ours.query_ball_point(theirs, REACH_M)
-    j = np.repeat(np.arange(len(inventory)), [len(k) for k in near])
-    i = np.array([k for one in near for k in one], np.int64)
-    facing = np.array([s.facing_rad for s in signs], np.float64)
-    turn = facing[i] - inventory.facing_rad[j]
-    turn = np.abs((turn + np.pi) % (2.0 * np.pi) - np.pi)
-    both = zip(i.tolist(), j.tolist(), strict=True)
-    alike = [same_face(signs[a].class_name, inventory.class_name[b]) is not False for a, b in both]
-    keep = np.array(alike, np.bool_) & ~(turn > FACING_LIMIT)
-    i, j = i[keep], j[keep]
-    north, east = metres_per_radian(lat[i], 0.0)
-    across = (lon[i] - inventory.lon_rad[j] + np.pi) % (2.0 * np.pi) - np.pi
-    return i, j, np.column_stack([across * east, (lat[i] - inventory.lat_rad[j]) * north])
+    def __init__(self, signs: Sequence[Sign], inventory: Inventory) -> None:
+        from scipy.spatial import cKDTree
+
+        self.inventory = inventory
+        self.lat = np.array([s.lat_rad for s in signs])
+        self.lon = np.array([s.lon_rad for s in signs])
+        self.facing = np.array([s.facing_rad for s in signs], np.float64)
+        self.tree = cKDTree(ecef(self.lat, self.lon, np.zeros(len(self.lat))))
+        ours, self.our_class = np.unique([s.class_name for s in signs], return_inverse=True)
+        named, self.their_class = np.unique(list(inventory.class_name), return_inverse=True)
+        self.alike = np.array([
+            [same_face(a, b) is not False for b in named.tolist()] for a in ours.tolist()
+        ])  # fmt: skip
+
+    def some(self) -> IntArray:
+        """Entries by which modes are looked for: all, of a crowded list a part."""
+        one = self.inventory
+        theirs = ecef(one.lat_rad, one.lon_rad, np.zeros(len(one)))
+        crowd: Any = self.tree.query_ball_point(theirs, REACH_M, return_length=True)
+        order = np.random.default_rng(0).permutation(len(one))
+        within = np.cumsum(crowd[order]) <= _MOST_WAYS
+        return np.sort(order[within])
+
+    def ways(
+        self, rows: IntArray, way: FloatArray, reach_m: float
+    ) -> tuple[IntArray, IntArray, FloatArray]:
+        """Signs [k], entries of ``rows`` of their class and direction, and the ways [k, 2] from
+        there, m: those that are within ``reach_m`` of ``way``."""
+        one = self.inventory
+        lat, lon = one.lat_rad[rows], one.lon_rad[rows]
+        north, east = metres_per_radian(lat, 0.0)
+        there = ecef(lat + way[1] / north, lon + way[0] / east, np.zeros(len(rows)))
+        near: Any = self.tree.query_ball_point(there, reach_m)
+        j = np.repeat(rows, [len(k) for k in near])
+        i = np.concatenate([np.zeros(0, np.int64), *(np.array(k, np.int64) for k in near)])
+        turn = self.facing[i] - one.facing_rad[j]
+        turn = np.abs((turn + np.pi) % (2.0 * np.pi) - np.pi)
+        keep = self.alike[self.our_class[i], self.their_class[j]] & ~(turn > FACING_LIMIT)
+        i, j = i[keep], j[keep]
+        north, east = metres_per_radian(self.lat[i], 0.0)
+        across = (self.lon[i] - one.lon_rad[j] + np.pi) % (2.0 * np.pi) - np.pi
+        return i, j, np.column_stack([across * east, (self.lat[i] - one.lat_rad[j]) * north])
 
 
 def _mode(listed: IntArray, ways: FloatArray, radius: float) -> FloatArray | None:

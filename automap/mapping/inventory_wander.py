@@ -31,6 +31,8 @@ _TAILS = 0.5 * (_FREEDOM + 2.0)
 """Of Student's t; the usual choice for errors with outliers (K. L. Lange and others, Journal of the
 American Statistical Association 84, 1989)."""
 _EXCLUDED = 1e9
+_AT_ONCE = 4096
+"""Pairs: some 50 MB."""
 
 
 @dataclass(frozen=True)
@@ -77,8 +79,13 @@ def common_errors(
                 best, chosen = loss, (share, reach)
     if chosen is None or chosen[0] == 0.0:
         return none
-    around = _around(place, anchors, sign, listed)
-    return _predicted(place, look, anchors, sign, around, *chosen, level)
+    parts = []
+    for start in range(0, len(sign), _AT_ONCE):
+        one = slice(start, start + _AT_ONCE)
+        around = _around(place, anchors, sign[one], listed[one])
+        parts.append(_predicted(place, look, anchors, sign[one], around, *chosen, level))
+    mean, variance = (np.concatenate([part[k] for part in parts]) for k in range(2))
+    return mean, variance
 
 
 def _around(
