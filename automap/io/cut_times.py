@@ -67,7 +67,8 @@ def uncut(t: FloatArray, lat_rad: FloatArray, lon_rad: FloatArray) -> tuple[Floa
     if many < 2 or cut is None or np.mean(inner == many) < _USUAL_SHARE:
         return None
     off = np.abs(t / cut - np.rint(t / cut)) * cut
-    if off.max() > _EXACT_S or not _goes_on_evenly(lat_rad, lon_rad, starts[1:-1], many):
+    full = starts[1:-1][inner == many]
+    if off.max() > _EXACT_S or not _goes_on_evenly(lat_rad, lon_rad, full, many):
         return None
     place = np.arange(len(t)) - np.repeat(starts, size)
     # of the first time the early ones are missing, of others any
@@ -81,7 +82,7 @@ def uncut(t: FloatArray, lat_rad: FloatArray, lon_rad: FloatArray) -> tuple[Floa
 
 def _goes_on_evenly(lat_rad: FloatArray, lon_rad: FloatArray, starts: IntArray, many: int) -> bool:
     """Whether the way between the fixes of one time is what it is between any two, of the groups of
-    ``many`` that begin at ``starts``."""
+    ``many`` that begin at ``starts`` and are followed by another."""
     lon = np.unwrap(lon_rad) * np.cos(lat_rad[0])
     place = np.column_stack([lat_rad, lon]) * MEAN_RADIUS
     first, last, after = place[starts], place[starts + many - 1], place[starts + many]

@@ -38,6 +38,16 @@ def test_fixes_that_share_whole_seconds_are_spread_over_them(rate: float) -> Non
     assert f"cut to 1 s, and {rate:g} fixes share each" in said
 
 
+@pytest.mark.parametrize("lost", [[], [-2], [-2, -3], [-2, -3, -12]])
+def test_seconds_that_lack_a_fix_at_the_end_of_a_log_are_spread_too(lost: list[int]) -> None:
+    fixes = logged(5.0)
+    part = _rows(fixes, np.delete(np.arange(len(fixes)), lost))
+    mended, said = uncut_times(cut(part))
+    assert said is not None
+    # what is lost of a second is not told: the others may be a fix early
+    assert np.abs(mended.gps_s - part.gps_s).max() < 0.2 * max(len(lost), 1) + 1e-6
+
+
 def _unchanged(fixes: Fixes) -> None:
     mended, said = uncut_times(fixes)
     np.testing.assert_array_equal(mended.gps_s, fixes.gps_s)
