@@ -22,6 +22,7 @@ from automap.mapping.limits import MOVED_M
 from automap.records import FloatArray, IntArray
 
 _STEP_M = 0.5
+"""Of distances: about what one drive's map errs by, finer ones are not told apart."""
 _REACH_M = 1.25 * MOVED_M
 """What stands a little further off than candidates do may be found among them."""
 _TURNS = 24

@@ -27,10 +27,11 @@ _NEIGHBOURS = 16
 _MOST_TRIED = 1000
 """Signs by which share and reach are told: that many tell them to some percent."""
 _FREEDOM = 4.0
-_TAILS = 0.5 * (_FREEDOM + 2.0)
 """Of Student's t; the usual choice for errors with outliers (K. L. Lange and others, Journal of the
 American Statistical Association 84, 1989)."""
+_TAILS = 0.5 * (_FREEDOM + 2.0)
 _EXCLUDED = 1e9
+"""A variance in m^2 that tells nothing."""
 _AT_ONCE = 4096
 """Pairs: some 50 MB."""
 
