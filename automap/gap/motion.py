@@ -177,7 +177,8 @@ def linear_in_delays(
     first_order = vel - old * acc
     change = _late_change(motion, changing, delays)
     if change is not None:
-        first_order -= old * at_times(motion, change, t)
+        constant = delays.all_s + delays.velocity_s + delays.lag_s
+        first_order -= constant * at_times(motion, change, t)
     if delays.course_s != 0.0 or delays.course_m != 0.0:
         speed = np.maximum(np.hypot(seen[:, 0], seen[:, 1]), COURSE_SPEED)
         behind = delays.course_s + delays.course_m / speed
@@ -196,8 +197,7 @@ def _late_change(motion: Motion, acc: FloatArray, delays: Delays) -> FloatArray 
     where they are not late. A low-pass changes with its time constant by the acceleration passed
     through it twice: y = v / (1 + s tau), dy / dtau = -s v / (1 + s tau)^2."""
     late = delays.all_s + delays.velocity_s
-    grown = abs(delays.skew) * float(motion.t[-1])
-    if max(abs(late), delays.lag_s, grown) < LEAST_S:
+    if abs(late) < LEAST_S and delays.lag_s < LEAST_S:
         return None
     then = acc
     for _ in range(2 if delays.lag_s > 0.0 else 0):
