@@ -155,4 +155,4 @@ def _rounded(value: float, sd: float) -> float:
 
 def from_json(stored: Mapping[str, Any]) -> Figures:
     """What ``to_json`` wrote; raises TypeError or ValueError for anything else."""
-    return {str(name): (float(pair[0]), float(pair[1])) for name, pair in stored.items()}
+    return {str(name): (float(value), float(sd)) for name, (value, sd) in stored.items()}
