@@ -126,20 +126,24 @@ def cli(debug: bool) -> None:
 
 def main(args: Sequence[str] | None = None) -> NoReturn:
     """Run the command line and leave the process with the contract's exit code."""
-    _interruptible()
-    outlast_readers()
     words = list(sys.argv[1:] if args is None else args)
-    code = 4
+    code, begun, done = 4, False, False
     # the first that is registered is the last that is called
     atexit.register(lambda: _leave(code))
     try:
+        _interruptible()
+        outlast_readers()
+        begun = True
         code = run_command(words)
+        done = True
+        _uninterruptible()
     except KeyboardInterrupt:
-        # another one, while the first was told of
-        code = 130
-    # all is done, and Python takes a moment to end: what comes now must not become the exit code
-    for number in (signal.SIGTERM, signal.SIGINT):
-        signal.signal(number, signal.SIG_IGN)
+        _uninterruptible()
+        if not begun:
+            code = _end_interrupted(words)
+        elif not done:
+            # another one, while the first was told of
+            code = 130
     sys.exit(code)
 
 
@@ -169,6 +173,12 @@ def _interruptible() -> None:
     # ignored is what a shell makes it for what runs in the background
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         signal.signal(signal.SIGINT, _interrupt)
+
+
+def _uninterruptible() -> None:
+    """All is done, and Python takes a moment to end: what comes now is not to be the exit code."""
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, signal.SIG_IGN)
 
 
 def _end_interrupted(words: list[str]) -> int:

@@ -94,6 +94,36 @@ def test_a_compiled_librarys_thread_cannot_abort_the_end() -> None:
     assert (done.returncode, done.stdout, done.stderr) == (3, "done", "")
 
 
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupt_before_the_command_has_begun_is_told(number: signal.Signals) -> None:
+    program = (
+        "import os\n"
+        "from pipeline.cli import root\n"
+        f"root.outlast_readers = lambda: os.kill(os.getpid(), {int(number)})\n"
+        "root.main(['run', 'nothing'])\n"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    assert (done.returncode, done.stdout) == (130, "")
+    assert done.stderr == "interrupted; the same command resumes\n"
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupt_when_the_command_is_done_is_not_the_exit_code(number: signal.Signals) -> None:
+    program = (
+        "import os\n"
+        "from pipeline.cli import root\n"
+        "end = root._uninterruptible\n"
+        "def late():\n"
+        "    root._uninterruptible = end\n"
+        f"    os.kill(os.getpid(), {int(number)})\n"
+        "root._uninterruptible = late\n"
+        "root.run_command = lambda words: 3\n"
+        "root.main(['--version'])\n"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (3, "")
+
+
 def test_a_second_interrupt_ends_like_the_first() -> None:
     program = (
         "from pipeline.cli import root\n"
