@@ -47,6 +47,8 @@ SHORT = {
 LONGEST_NAME, LONGEST_TEXT = 10, 254
 LEGEND = "signs_columns.csv"
 _DATE = (1980, 1, 1, 0, 0, 0)
+_OPTIONS = {"ENCODING": "UTF-8", "DBF_DATE_LAST_UPDATE": "1980-01-01"}
+"""The same signs give the same bytes on another day."""
 _HEAD = 100
 """Bytes of the header of .shp and .shx."""
 
@@ -69,7 +71,7 @@ def write_shapefile(path: Path, columns: SignColumns, crs: str, plane: Plane | N
     with tempfile.TemporaryDirectory() as folder:
         shape = Path(folder) / "signs.shp"
         try:
-            write_layer(shape, layer, "ESRI Shapefile", crs, layer_options={"ENCODING": "UTF-8"})
+            write_layer(shape, layer, "ESRI Shapefile", crs, layer_options=_OPTIONS)
         except (DataSourceError, DataLayerError) as error:
             raise failure_of(path, layer.name, error) from error
         parts = {file.name: file.read_bytes() for file in sorted(Path(folder).iterdir())}
