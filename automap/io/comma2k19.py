@@ -146,7 +146,15 @@ def _array(path: Path, columns: int | None = None) -> FloatArray:
             warnings.simplefilter("ignore", UserWarning)
             values: Any = np.load(candidate, allow_pickle=False)
         values = np.asarray(values, np.float64)
-    except (ValueError, OSError, EOFError, SyntaxError, MemoryError, TokenError) as error:
+    except (
+        ValueError,
+        OSError,
+        EOFError,
+        ArithmeticError,
+        SyntaxError,
+        MemoryError,
+        TokenError,
+    ) as error:
         raise InputError(f"{candidate} is not a NumPy array ({error}); copy it again.") from error
     wanted = (len(values),) if columns is None and values.ndim else (len(values), columns)
     if values.ndim == 2 and values.shape[1] == 1 and columns is None:
