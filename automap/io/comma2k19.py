@@ -20,6 +20,8 @@ from automap.errors import InputError
 from automap.io.nmea_writer import Positions, nmea_positions, unknown
 from automap.records import FloatArray, IntArray
 
+_NO_ARRAY = (ValueError, OSError, EOFError, OverflowError, SyntaxError, MemoryError, TokenError)
+"""What NumPy raises for files that are none of its."""
 _LOG = "processed_log"
 _POSE = "global_pose"
 _MOST_S = 9.0e9
@@ -146,15 +148,7 @@ def _array(path: Path, columns: int | None = None) -> FloatArray:
             warnings.simplefilter("ignore", UserWarning)
             values: Any = np.load(candidate, allow_pickle=False)
         values = np.asarray(values, np.float64)
-    except (
-        ValueError,
-        OSError,
-        EOFError,
-        ArithmeticError,
-        SyntaxError,
-        MemoryError,
-        TokenError,
-    ) as error:
+    except _NO_ARRAY as error:
         raise InputError(f"{candidate} is not a NumPy array ({error}); copy it again.") from error
     wanted = (len(values),) if columns is None and values.ndim else (len(values), columns)
     if values.ndim == 2 and values.shape[1] == 1 and columns is None:

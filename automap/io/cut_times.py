@@ -40,11 +40,14 @@ def uncut_stamps(
     t_ns: IntArray, lat_rad: FloatArray, lon_rad: FloatArray
 ) -> tuple[IntArray, list[str]]:
     """As ``uncut_times``, of the stamps [n] of a table's rows."""
+    rows = np.flatnonzero(np.isfinite(lat_rad) & np.isfinite(lon_rad))
     whole = int(t_ns[0]) // 10**9 * 10**9 if len(t_ns) else 0
-    found = uncut(np.asarray((t_ns - whole) * 1e-9), lat_rad, lon_rad)
+    found = uncut(np.asarray((t_ns[rows] - whole) * 1e-9), lat_rad[rows], lon_rad[rows])
     if found is None:
         return t_ns, []
-    return whole + np.rint(found[0] * 1e9).astype(np.int64), [found[1]]
+    spread = t_ns.copy()
+    spread[rows] = whole + np.rint(found[0] * 1e9).astype(np.int64)
+    return spread, [found[1]]
 
 
 def uncut(t: FloatArray, lat_rad: FloatArray, lon_rad: FloatArray) -> tuple[FloatArray, str] | None:

@@ -22,8 +22,6 @@ _FAR_SD = 6.0
 axes happen to be equal a shock of that size costs one reading."""
 _LEAST = 16
 """Fewer readings have no usual distance."""
-
-
 _SHORT = 5
 """A gyro's zeros that last longer may be a band in which it shows none. Chosen: drivers retry."""
 

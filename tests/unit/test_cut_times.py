@@ -70,14 +70,21 @@ def test_rows_that_stand_twice_and_two_receivers_keep_their_times() -> None:
     _unchanged(replace(twice, lat_rad=aside))
 
 
-def test_rows_of_a_table_that_share_whole_seconds_are_no_held_fixes(tmp_path: Path) -> None:
+@pytest.mark.parametrize("blank", [0, 7])
+def test_rows_of_a_table_that_share_whole_seconds_are_no_held_fixes(
+    blank: int, tmp_path: Path
+) -> None:
+    """Before the first fix there may be rows without a position."""
     fixes = logged(5.0)
     path = tmp_path / "fixes.csv"
     rows = zip(cut(fixes).gps_s, np.degrees(fixes.lat_rad), np.degrees(fixes.lon_rad), strict=True)
-    path.write_text("t_s,lat,lon\n" + "".join(f"{t:.0f},{a:.8f},{o:.8f}\n" for t, a, o in rows))
+    none = "".join(f"{fixes.gps_s[0] - 9.0 + k // 5:.0f},,\n" for k in range(blank))
+    lines = "".join(f"{t:.0f},{a:.8f},{o:.8f}\n" for t, a, o in rows)
+    path.write_text("t_s,lat,lon\n" + none + lines)
     table = read_fix_table(path, TableForm(time_format="gps_s"))
-    np.testing.assert_allclose(table.fixes.gps_s, fixes.gps_s, atol=1e-6)
-    assert table.held == 0
+    known = np.isfinite(table.fixes.lat_rad)
+    np.testing.assert_allclose(table.fixes.gps_s[known], fixes.gps_s, atol=1e-6)
+    assert table.held <= blank
     assert any("5 fixes share each" in text for text in table.warnings)
 
 
