@@ -10,6 +10,7 @@ from scipy.stats import beta
 from automap.calibration.plausible import _refuse
 from automap.earth import from_local_ned
 from automap.errors import InputError
+from automap.fusion.doubts.path import Misses, contradicted
 from automap.fusion.limits import ROAD_ACCELERATION_PSD
 from automap.fusion.steady_rate import steady_rate
 from automap.fusion.wheel_limits import WHEELS_GAP_S
@@ -215,6 +216,21 @@ def test_what_two_paths_may_part_by_is_the_integral_of_its_errors() -> None:
     # of both ends, less what the wander has in common
     ends = 2.0 * (limits.POSITION_NOISE_M**2 + wander**2 * (1.0 - np.exp(-t / limits.WANDER_TAU_S)))
     np.testing.assert_allclose(plausible_sd(path, over) ** 2, ends + expected, rtol=1e-4)
+
+
+def test_a_figure_of_the_height_is_none_of_a_place() -> None:
+    fixes = simulated_fixes(2, Receiver(rate_hz=2.0), 20.0)
+    fixes.sd_pos_ned[:] = 1.0, 2.0, 9.0
+    assert (receiver_path(fixes).sd == 2.0).all()
+
+
+def test_three_fixes_make_a_stretch_and_two_make_none() -> None:
+    """Three that are 5 m off by 0.5 m are off together, of two nothing is said."""
+
+    for count in (2, 3):
+        miss, var = np.tile([3.0, 4.0, 0.0], (count, 1)), np.full((count, 3), 0.25)
+        off = contradicted(Misses(np.arange(float(count)), miss, var, 0.0 * var), 60.0)
+        assert off.tolist() == [count == 3] * count
 
 
 def test_sightings_a_few_millimetres_apart_are_of_one_camera() -> None:

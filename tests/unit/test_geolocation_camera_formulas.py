@@ -384,7 +384,11 @@ def test_what_moves_along_is_likelier_by_the_gate_in_sigmas_that_its_boxes_show(
     # where its size puts it in the nearest view, and every part of the way that it comes near by
     wanted = [0.3, -0.1, np.log(0.9) + 2.0, np.log(0.9)]
     assert asked[0][0] == pytest.approx(wanted)
-    assert [float(b[0, 0]) for _, b in asked] == pytest.approx(list(limits.CARRIER_CLOSING))
+    parts = list(limits.CARRIER_CLOSING)
+    assert [float(b[0, 0]) for _, b in asked] == pytest.approx(parts)
+    # as fast as the camera, and nearer and away alike
+    assert 0.0 in parts
+    assert parts == sorted(parts) == [-part for part in reversed(parts)]
 
 
 def test_refining_is_one_step_from_the_values_before(monkeypatch: pytest.MonkeyPatch) -> None:

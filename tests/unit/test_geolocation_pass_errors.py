@@ -94,6 +94,22 @@ def test_an_error_of_the_pass_is_found_within_its_sigma(approach) -> None:
     assert np.linalg.eigvalsh(settled.pass_covariance).min() > -1e-9
 
 
+def test_what_scatters_more_than_stated_widens_by_the_degrees_of_freedom(approach) -> None:
+    """Three measurements a view and the size's prior, less the four that a sign has."""
+    views, landmark, _ = approach
+    rng = np.random.default_rng(5)
+    wild = replace(
+        views, measured=views.measured + 4.0 * views.sd * rng.normal(size=(len(views), 3))
+    )
+    few = landmark.rows[:: max(len(landmark.rows) // 4, 1)][:4]
+    settled = solve_with_pass_errors(wild, fit_landmark(wild, few, PRIOR), PRIOR)
+    at = settled.parameters, settled.pass_bias
+    own, _, _, _, _, chi2 = equations(wild, settled, *at, PRIOR)
+    assert chi2 > 3 * len(few)
+    expected = np.linalg.inv(own) * chi2 / (3 * len(few) - 3)
+    np.testing.assert_allclose(settled.covariance, expected, rtol=1e-6)
+
+
 def test_a_sure_trajectory_leaves_the_sign_alone(approach) -> None:
     views, landmark, _ = approach
     nothing = np.zeros_like(views.velocity_sd)

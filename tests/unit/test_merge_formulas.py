@@ -16,13 +16,20 @@ from automap.mapping.candidates import (
     B_E,
     B_N,
     B_U,
+    CELL_M,
+    CLASS_SLOTS,
+    HEIGHT,
+    LAT,
+    LON,
+    PLACES,
     STATE,
     facing_evidence,
+    find_candidates,
     match_gain,
     mean_of,
 )
 from automap.mapping.grid import delta, filled_table, neighbours
-from automap.mapping.limits import FACING_LIMIT, NEW_PER_M, NEW_PER_M2
+from automap.mapping.limits import FACING_LIMIT, MOST, NEW_PER_M, NEW_PER_M2
 from automap.mapping.sightings import stack_sightings
 
 
@@ -106,3 +113,23 @@ def test_of_no_drives_there_are_no_sightings() -> None:
     none = stack_sightings([])
     columns = {f.name: getattr(none, f.name) for f in fields(none)}
     assert {name: len(values) for name, values in columns.items() if len(values)} == {"first": 1}
+
+
+def test_a_sighting_beyond_the_gate_is_no_candidate_whichever_way_it_lies() -> None:
+    """Gates are of the distance in plan: 3 m are near and 9 m are far, 1 m being one sigma."""
+    away = np.array([[3.0, 0.0], [0.0, 3.0], [9.0, 0.0], [0.0, 9.0], [6.5, 6.5], [0.0, -20.0]])
+    n, per_lat, per_lon = len(away), 6.37e6, 4.44e6
+    state = np.zeros((1, STATE))
+    state[0, [LAT, LON, HEIGHT]] = 0.8, 0.2, 100.0
+    state[0, [A_EE, A_NN, A_U]] = 2.0
+    lat, lon = 0.8 + away[:, 1] / per_lat, 0.2 + away[:, 0] / per_lon
+    index, values = np.full((n, MOST), -1, np.int64), np.zeros((n, MOST, PLACES))
+    table = filled_table(state[:, LAT], state[:, LON], CELL_M)
+    find_candidates(
+        *(0, n, lat, lon, np.full(n, 100.0), np.full(n, per_lat), np.full(n, per_lon)),
+        *(np.tile([0.5, 0.0, 0.5], (n, 1)), np.full(n, 0.5), np.zeros((n, 3))),
+        *(np.full(n, np.nan), np.zeros(n, np.int64), np.zeros((1, 1))),
+        *(*table, state, np.zeros((1, CLASS_SLOTS), np.int64), np.zeros((1, CLASS_SLOTS))),
+        *(np.ones(1, np.bool_), index, values),
+    )
+    assert (index[:, 0] == 0).tolist() == [True, True, False, False, False, False]
