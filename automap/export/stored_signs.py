@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from automap import __version__
 from automap.export.assembly import OnPost, on_post
 from automap.export.fields import SIGN_FIELDS, Field
+from automap.export.pieces import SignPiece, edges_of
 from automap.export.sign_columns import SignColumns, columns_of, on_map, wrap_degrees
 from automap.export.uncertainty import ce95
-from automap.io.signs_table import sign_pieces, sign_values
+from automap.io.signs_table import SignRows, sign_pieces, sign_values
 from automap.records import BoolArray, ClockModel, FloatArray, IntArray
 
 ROWS = 16_384
@@ -47,6 +52,9 @@ class StoredSigns:
     clock: ClockModel | None
     country: str | None
     utc_known: bool
+    edges: Sequence[int]
+    """Where ``pieces`` are cut."""
+    keys: Sequence[str] = ()
 
     def __len__(self) -> int:
         return len(self.lon_deg)
@@ -68,6 +76,28 @@ class StoredSigns:
             yield self._columns(piece, start)
             start += len(piece)
 
+    def pieces(self) -> Iterator[SignPiece]:
+        """All of them, cut; their rows are read only where they are wanted."""
+        rows = SignRows(self.path)
+        keys = self.keys or [""] * (len(self.edges) - 1)
+        for (lo, hi), key in zip(pairwise(self.edges), keys, strict=True):
+            yield SignPiece(lo, hi - lo, partial(self._rows, rows, lo, hi), key)
+
+    def _rows(self, rows: SignRows, lo: int, hi: int) -> SignColumns:
+        return self._columns(rows.between(lo, hi), lo)
+
+    def keyed(self) -> StoredSigns:
+        """The same whose pieces are named by all that is in them."""
+        rows, known = SignRows(self.path), (__version__, repr(self.clock), self.country)
+        keys = []
+        for lo, hi in pairwise(self.edges):
+            hung = self.hung.order[lo:hi], self.hung.main[lo:hi]
+            whole = hashlib.blake2b(repr((known, hung)).encode(), digest_size=16)
+            whole.update(self.geoid_m[lo:hi].tobytes())
+            whole.update(_bytes_of(rows.between(lo, hi)))
+            keys.append(whole.hexdigest())
+        return replace(self, keys=keys)
+
     def first(self, count: int) -> SignColumns:
         """The first ``count``."""
         return self._columns(next(sign_pieces(self.path, max(count, 1))), 0)
@@ -88,6 +118,17 @@ class StoredSigns:
         )  # fmt: skip
         found.values["height_msl_m"] = found.height_m - self.geoid_m[own]
         return found
+
+
+def _bytes_of(table: Any) -> Any:
+    """All values of a table, the same for the same values wherever it was cut from."""
+    import pyarrow as pa
+
+    stream = pa.BufferOutputStream()
+    whole = table.combine_chunks()
+    with pa.ipc.new_stream(stream, whole.schema) as writer:
+        writer.write_table(whole)
+    return stream.getvalue()
 
 
 def stored_signs(
@@ -120,6 +161,7 @@ def stored_signs(
         whole["height_m"], whole["geoid_m"] if geoid else np.full(len(cov), np.nan),
         np.column_stack([cov[:, 0, 0], cov[:, 0, 1], cov[:, 1, 1]]), whole["class_name"],
         whole["drives"], _hung(whole), clock, country, clock is not None,
+        edges_of(whole["id"]),
     )  # fmt: skip
 
 

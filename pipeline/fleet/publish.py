@@ -11,6 +11,7 @@ import numpy as np
 
 from automap import __version__
 from automap.export.clock import iso_texts, utc_of_gps
+from automap.export.pieces import Kept
 from automap.io import names
 from automap.io.atomic import write_json
 from automap.io.map_tables import COVERAGE, SIGHTINGS
@@ -103,7 +104,8 @@ def write_fleet_map(
     many = in_parts(outcome, out)
     if many:
         outcome = replace(outcome, signs=())
-    write_files(out, outcome, summary, lambda done: progress(0.4 + 0.6 * done), many, workers)
+    kept = Kept(None if before is None else before.folder)
+    write_files(out, outcome, summary, lambda done: progress(0.4 + 0.6 * done), many, workers, kept)
     return comparison
 
 

@@ -20,6 +20,7 @@ from automap.mapping.merge import map_signs
 from automap.records import FloatArray
 from automap.records.sign_lists import Names, SignList
 from automap.signs.backs import NO_BACK
+from pipeline.merge.cell_belief import KEPT_LEVEL, kept_belief
 from pipeline.merge.cell_steps import (
     digest_of_groups,
     estimate,
@@ -32,9 +33,6 @@ from pipeline.merge.cell_steps import (
 from pipeline.merge.cell_store import Drives, read_drives
 
 LEVELS = "levels.json"
-KEPT_LEVEL = 0.01
-"""Levels that differ by less than this part from those of before are left as they were: a weight
-that is wrong by a hundredth moves no place by a hundredth of its sigma, and all cells stay."""
 
 
 @dataclass(frozen=True)
@@ -123,10 +121,10 @@ def _whole(
     folder: Path, cells: list[int], levels: ErrorLevels, done: tuple[int, int, int]
 ) -> StoreMap:
     drives = read_drives(folder)
-    columns, pairs = placed_cells(folder, cells)
+    columns, pairs, homes = placed_cells(folder, cells)
     m = len(columns["lat"])
     rates = detection_rates(pairs, m, len(drives))
-    belief = existence(pairs, rates, m, drives.start_gps_s)
+    belief = kept_belief(folder, homes, existence(pairs, rates, m, drives.start_gps_s))
     place = (columns["lat"], columns["lon"], columns["height"], columns["cov_enu"])
     fronts = map_backs(columns["class_name"], place[0], place[1], columns["facing_rad"], place[3])
     keys = [

@@ -8,7 +8,6 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import ExitStack, suppress
 from dataclasses import replace
-from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -27,6 +26,7 @@ from pipeline.merge.whole import MOST_PICTURED
 from pipeline.shared.lock import locked
 
 if TYPE_CHECKING:
+    from automap.export.pieces import Kept
     from automap.mapping.merge import Merged
     from automap.records import Sign
     from pipeline.merge.outcome import MapOutcome, MergeOutcome
@@ -117,10 +117,11 @@ def write_files(
     progress: Callable[[float], None],
     many: bool,
     workers: int = 1,
+    kept: Kept | None = None,
 ) -> list[Path]:
     """Write what a map consists of, once ``run.json``, signs, sightings and coverage are there;
     returns the files for people. ``summary`` becomes merge.json. ``many`` signs are read part by
-    part from their table."""
+    part from their table, and pieces of their files ``kept``."""
     from automap.export.roads import roads_csv
     from automap.io.clock_json import write_clock
     from pipeline.export.content import map_content, stored_content
@@ -129,32 +130,37 @@ def write_files(
     from pipeline.merge.report import merge_report
 
     write_clock(out / names.SYNC, GPS_CLOCK)
-    content = (
-        stored_content(out, outcome.name)
-        if many
-        else map_content(out, outcome.name, on_roads=False, fresh=True)
-    )
-    told = len(content.warnings)
-    rows = [] if many else tried_on_roads(content, outcome.roads)
-    if rows:
-        write_text(out / names.SIGN_ROADS, roads_csv(rows))
-    outcome.warnings.extend(content.warnings[told:])
-    files = [out / FORMATS[fmt][0] for fmt in STANDARD_FORMATS]
+    formats = list(STANDARD_FORMATS)
+    files = [out / FORMATS[fmt][0] for fmt in formats]
     with ExitStack() as stack:
-        # the archive takes longest and begins first
-        order = sorted(STANDARD_FORMATS, key=lambda fmt: fmt != "kmz")
-        written: Iterator[None] = (FORMATS[fmt][1](content, out / FORMATS[fmt][0]) for fmt in order)
+        beside = None
         if many and workers > 1:
-            pool = stack.enter_context(ProcessPoolExecutor(workers, get_context("spawn")))
-            written = pool.map(partial(write_stored, out, outcome.name), order)
-        for number, _ in enumerate(written):
-            progress(0.3 + 0.6 * (number + 1) / len(STANDARD_FORMATS))
+            # what takes longest is written beside all others
+            formats.remove("gpkg")
+            pool = stack.enter_context(ProcessPoolExecutor(1, get_context("spawn")))
+            beside = pool.submit(write_stored, out, outcome.name, "gpkg")
+        content = (
+            stored_content(out, outcome.name, kept)
+            if many
+            else map_content(out, outcome.name, on_roads=False, fresh=True)
+        )
+        told = len(content.warnings)
+        rows = [] if many else tried_on_roads(content, outcome.roads)
+        if rows:
+            write_text(out / names.SIGN_ROADS, roads_csv(rows))
+        outcome.warnings.extend(content.warnings[told:])
+        for number, fmt in enumerate(formats):
+            FORMATS[fmt][1](content, out / FORMATS[fmt][0])
+            progress(0.3 + 0.6 * (number + 1) / len(files))
+        report = merge_report(outcome, summary, content)
+        if beside is not None:
+            beside.result()
     write_dictionary(out / names.DICTIONARY)
     changes = outcome.comparison.changes if outcome.comparison is not None else None
     if changes is not None:
         write_text(out / CHANGES, changes_geojson(changes))
         files.append(out / CHANGES)
-    write_text(out / names.REPORT, merge_report(outcome, summary, content))
+    write_text(out / names.REPORT, report)
     write_json(out / names.MERGE, summary)
     return [*files, out / names.REPORT, out / names.MERGE]
 
