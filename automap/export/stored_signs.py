@@ -94,7 +94,8 @@ class StoredSigns:
             hung = self.hung.order[lo:hi], self.hung.main[lo:hi]
             whole = hashlib.blake2b(repr((known, hung)).encode(), digest_size=16)
             whole.update(self.geoid_m[lo:hi].tobytes())
-            whole.update(_bytes_of(rows.between(lo, hi)))
+            for column in rows.between(lo, hi).combine_chunks().columns:
+                _update(whole, column.chunk(0))
             keys.append(whole.hexdigest())
         return replace(self, keys=keys)
 
@@ -120,15 +121,22 @@ class StoredSigns:
         return found
 
 
-def _bytes_of(table: Any) -> Any:
-    """All values of a table, the same for the same values wherever it was cut from."""
+def _update(digest: Any, column: Any) -> None:
+    """Add all values of an Arrow array, and no byte that lies between or behind them."""
     import pyarrow as pa
+    import pyarrow.compute as pc
 
-    stream = pa.BufferOutputStream()
-    whole = table.combine_chunks()
-    with pa.ipc.new_stream(stream, whole.schema) as writer:
-        writer.write_table(whole)
-    return stream.getvalue()
+    if pa.types.is_list(column.type):
+        digest.update(pc.list_value_length(column).fill_null(-1).to_numpy())
+        _update(digest, column.flatten())
+    elif pa.types.is_string(column.type):
+        digest.update(pc.binary_length(column).fill_null(-1).to_numpy())
+        _, edges, texts = column.buffers()
+        if len(column) and texts is not None:
+            own = np.frombuffer(edges, np.int32)[column.offset : column.offset + len(column) + 1]
+            digest.update(memoryview(texts)[own[0] : own[-1]])
+    else:
+        digest.update(np.ascontiguousarray(column.to_numpy(zero_copy_only=False)))
 
 
 def stored_signs(
