@@ -17,8 +17,8 @@ import numpy as np
 
 from automap.errors import InputError
 from automap.export.fields import Field
-from automap.export.pieces import SignPiece, Text, TextPiece, flat
-from automap.export.sign_columns import SignColumns, Signs
+from automap.export.pieces import Text, TextPiece, flat
+from automap.export.sign_columns import SignColumns, SignPiece, Signs
 from automap.export.text_columns import (
     TextColumn,
     constant,

@@ -31,8 +31,8 @@ from automap.export.kml_cells import (
 from automap.export.kml_ellipses import ellipse_texts
 from automap.export.kml_track import SIGMA_COLOURS, TRACK_SCHEMA, track_elements
 from automap.export.path import Path
-from automap.export.pieces import SignPiece, Text, TextPiece, flat
-from automap.export.sign_columns import SignColumns, Signs
+from automap.export.pieces import Text, TextPiece, flat
+from automap.export.sign_columns import SignColumns, SignPiece, Signs
 from automap.export.text_columns import (
     TextColumn,
     constant,
@@ -189,7 +189,7 @@ def _signs(signs: Signs, style_of: dict[str, str], options: KmlOptions) -> Itera
     for piece in signs.pieces():
         own = told.copy()
         if options.sign_geoid_m is not None:
-            own.update(options.sign_geoid_m[piece.start : piece.start + piece.count].tobytes())
+            own.update(options.sign_geoid_m[piece.start : piece.stop].tobytes())
         kept = piece.key and not options.pictures
         key = f"{piece.key} {own.hexdigest()[:16]}" if kept else ""
         yield TextPiece(key, partial(_sign_text, piece, style_of, options))

@@ -8,8 +8,8 @@ from functools import partial
 import numpy as np
 
 from automap.export.kml_cells import Pieces, name_column, xml_text
-from automap.export.pieces import SignPiece, TextPiece
-from automap.export.sign_columns import Signs, ellipse_rings
+from automap.export.pieces import TextPiece
+from automap.export.sign_columns import SignPiece, Signs, ellipse_rings
 from automap.export.text_columns import line_chunks, ring_column
 from automap.records import BoolArray, FloatArray
 
@@ -29,7 +29,7 @@ def ellipse_texts(signs: Signs) -> Iterator[bytes | TextPiece]:
     far = _far_from_date_line(signs)
     for piece in signs.pieces():
         # what is added to ``cut`` would be lost with a piece that is taken over
-        whole = far[piece.start : piece.start + piece.count].all()
+        whole = far[piece.start : piece.stop].all()
         key = f"{piece.key} ellipses" if piece.key and whole else ""
         yield TextPiece(key, partial(_whole_ellipses, piece, cut))
     if cut:

@@ -13,26 +13,13 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 from automap.io.atomic import atomic_path, write_json
-
-if TYPE_CHECKING:
-    from automap.export.sign_columns import SignColumns
 
 USUAL, _MOST = 2048, 16_384
 """Signs of a piece: on average, and at most. A few MB of text, and one in some hundred pieces of
 a map that an index pays for."""
-
-
-class SignPiece(NamedTuple):
-    """``count`` signs from number ``start`` on; ``key`` tells all that is in their ``columns``, ""
-    where that is not known."""
-
-    start: int
-    count: int
-    columns: Callable[[], SignColumns]
-    key: str = ""
 
 
 class TextPiece(NamedTuple):

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache, partial
 from itertools import pairwise
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -14,10 +14,20 @@ from automap.export.assembly import OnPost, on_post
 from automap.export.clock import iso_texts, utc_of_stamps
 from automap.export.fields import ROAD_FIELDS, SIGN_FIELDS, Field
 from automap.export.icons import sign_words
-from automap.export.pieces import SignPiece, edges_of
+from automap.export.pieces import edges_of
 from automap.export.uncertainty import ce95, ellipse_outlines
 from automap.records import NO_TIME, BoolArray, ClockModel, FloatArray, IntArray, Sign
 from automap.signs.national import national_code, shown_value
+
+
+class SignPiece(NamedTuple):
+    """Signs from number ``start`` on, before ``stop``; ``key`` tells all that is in their
+    ``columns``, "" where that is not known."""
+
+    start: int
+    stop: int
+    columns: Callable[[], SignColumns]
+    key: str = ""
 
 
 class Signs(Protocol):
@@ -95,7 +105,7 @@ class SignColumns:
     def pieces(self) -> Iterator[SignPiece]:
         """These, cut."""
         for lo, hi in pairwise(edges_of(self.values["id"])):
-            yield SignPiece(lo, hi - lo, partial(self._between, slice(lo, hi)))
+            yield SignPiece(lo, hi, partial(self._between, slice(lo, hi)))
 
     def _between(self, rows: slice) -> SignColumns:
         values = {name: column[rows] for name, column in self.values.items()}

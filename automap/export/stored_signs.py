@@ -15,8 +15,8 @@ import numpy as np
 from automap import __version__
 from automap.export.assembly import OnPost, on_post
 from automap.export.fields import SIGN_FIELDS, Field
-from automap.export.pieces import SignPiece, edges_of
-from automap.export.sign_columns import SignColumns, columns_of, on_map, wrap_degrees
+from automap.export.pieces import edges_of
+from automap.export.sign_columns import SignColumns, SignPiece, columns_of, on_map, wrap_degrees
 from automap.export.uncertainty import ce95
 from automap.io.signs_table import SignRows, sign_pieces, sign_values
 from automap.records import BoolArray, ClockModel, FloatArray, IntArray
@@ -81,7 +81,7 @@ class StoredSigns:
         rows = SignRows(self.path)
         keys = self.keys or [""] * (len(self.edges) - 1)
         for (lo, hi), key in zip(pairwise(self.edges), keys, strict=True):
-            yield SignPiece(lo, hi - lo, partial(self._rows, rows, lo, hi), key)
+            yield SignPiece(lo, hi, partial(self._rows, rows, lo, hi), key)
 
     def _rows(self, rows: SignRows, lo: int, hi: int) -> SignColumns:
         return self._columns(rows.between(lo, hi), lo)

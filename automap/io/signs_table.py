@@ -133,7 +133,8 @@ class SignRows:
     """Rows of a file that this version wrote, a row group of which is in memory at a time."""
 
     def __init__(self, path: Path) -> None:
-        self._path, self._at, self._group = path, (0, 0), None
+        self._path, self._at = path, (0, 0)
+        self._group: Any = None
 
     def between(self, lo: int, hi: int) -> Any:
         """The table of rows ``lo`` to ``hi``, one at least."""
@@ -144,7 +145,6 @@ class SignRows:
             if not self._at[0] <= lo < self._at[1]:
                 self._load(lo // ROW_GROUP)
             first, stop = self._at
-            assert self._group is not None
             parts.append(self._group.slice(lo - first, min(hi, stop) - lo))
             lo = min(hi, stop)
         return pa.concat_tables(parts)

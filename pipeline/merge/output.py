@@ -5,10 +5,8 @@ from __future__ import annotations
 import shutil
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from contextlib import ExitStack, suppress
+from contextlib import suppress
 from dataclasses import replace
-from multiprocessing import get_context
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -23,6 +21,7 @@ from pipeline.merge.changes_file import changes_geojson
 from pipeline.merge.coverage import coverage_of
 from pipeline.merge.signs import GPS_CLOCK
 from pipeline.merge.whole import MOST_PICTURED
+from pipeline.shared.beside import Begin, later
 from pipeline.shared.lock import locked
 
 if TYPE_CHECKING:
@@ -116,12 +115,12 @@ def write_files(
     summary: dict[str, Any],
     progress: Callable[[float], None],
     many: bool,
-    workers: int = 1,
+    begin: Begin = later,
     kept: Kept | None = None,
 ) -> list[Path]:
     """Write what a map consists of, once ``run.json``, signs, sightings and coverage are there;
     returns the files for people. ``summary`` becomes merge.json. ``many`` signs are read part by
-    part from their table, and pieces of their files ``kept``."""
+    part from their table, one format as ``begin`` has it, and pieces of their files ``kept``."""
     from automap.export.roads import roads_csv
     from automap.io.clock_json import write_clock
     from pipeline.export.content import map_content, stored_content
@@ -132,29 +131,27 @@ def write_files(
     write_clock(out / names.SYNC, GPS_CLOCK)
     formats = list(STANDARD_FORMATS)
     files = [out / FORMATS[fmt][0] for fmt in formats]
-    with ExitStack() as stack:
-        beside = None
-        if many and workers > 1:
-            # what takes longest is written beside all others
-            formats.remove("gpkg")
-            pool = stack.enter_context(ProcessPoolExecutor(1, get_context("spawn")))
-            beside = pool.submit(write_stored, out, outcome.name, "gpkg")
-        content = (
-            stored_content(out, outcome.name, kept)
-            if many
-            else map_content(out, outcome.name, on_roads=False, fresh=True)
-        )
-        told = len(content.warnings)
-        rows = [] if many else tried_on_roads(content, outcome.roads)
-        if rows:
-            write_text(out / names.SIGN_ROADS, roads_csv(rows))
-        outcome.warnings.extend(content.warnings[told:])
-        for number, fmt in enumerate(formats):
-            FORMATS[fmt][1](content, out / FORMATS[fmt][0])
-            progress(0.3 + 0.6 * (number + 1) / len(files))
-        report = merge_report(outcome, summary, content)
-        if beside is not None:
-            beside.result()
+    beside = None
+    if many:
+        # what takes longest is written beside all others
+        formats.remove("gpkg")
+        beside = begin(write_stored, out, outcome.name, "gpkg")
+    content = (
+        stored_content(out, outcome.name, kept)
+        if many
+        else map_content(out, outcome.name, on_roads=False, fresh=True)
+    )
+    told = len(content.warnings)
+    rows = [] if many else tried_on_roads(content, outcome.roads)
+    if rows:
+        write_text(out / names.SIGN_ROADS, roads_csv(rows))
+    outcome.warnings.extend(content.warnings[told:])
+    for number, fmt in enumerate(formats):
+        FORMATS[fmt][1](content, out / FORMATS[fmt][0])
+        progress(0.3 + 0.6 * (number + 1) / len(files))
+    report = merge_report(outcome, summary, content)
+    if beside is not None:
+        beside()
     write_dictionary(out / names.DICTIONARY)
     changes = outcome.comparison.changes if outcome.comparison is not None else None
     if changes is not None:
