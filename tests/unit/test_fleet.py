@@ -18,6 +18,7 @@ from fleet_scene import ORDER, make_drives, make_store, map_bytes, publish_made,
 from merge_scene import to_geodetic
 
 from automap.errors import ConfigError, InputError, StageError
+from automap.export import pieces
 from automap.io.map_tables import TRACKS, read_tracks
 from automap.io.signs_table import read_signs
 from automap.mapping.merge import merge_drives
@@ -34,6 +35,7 @@ from pipeline.fleet.retry import retry
 from pipeline.fleet.status import metrics, status, summary_lines, write_status
 from pipeline.fleet.store import ASIDE, DONE, Store
 from pipeline.fleet.versions import current
+from pipeline.merge import output
 from pipeline.merge.whole import drive_essentials
 from pipeline.run.registry import load_stages
 
@@ -153,6 +155,42 @@ def test_a_merge_that_is_ended_anywhere_goes_on_to_the_same_map(
         assert not (tmp_path / "store" / "map").exists()
         merge(store)
         assert map_bytes(store) == whole
+
+
+def test_a_map_takes_over_what_is_as_it_was_in_the_one_before(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(output, "MOST_PICTURED", 1)
+    monkeypatch.setattr(pieces, "USUAL", 2)
+    monkeypatch.setattr(publishing, "MANY_DRIVES", 1)
+    taken: list[bool] = []
+    take = pieces.Index.take
+
+    def told(self: pieces.Index, key: str) -> object:
+        found = take(self, key)
+        taken.extend([found is not None] if key else [])
+        return found
+
+    monkeypatch.setattr(pieces.Index, "take", told)
+    store = make_store(tmp_path, range(4))
+    run_all(store)
+    merge(store)
+    assert len(taken) > 20
+    assert not any(taken)
+    taken.clear()
+    # the same signs, asked for in other words
+    merge(store, least_existence=0.4999)
+    assert all(taken)
+    again = map_bytes(store)
+    # as often, but from nothing
+    root = tmp_path / "store"
+    shutil.rmtree(root / "maps" / "000002")
+    (root / "map").unlink()
+    (root / "map").symlink_to(Path("maps") / "000001")
+    for index in (root / "maps" / "000001").glob(".*.pieces"):
+        index.unlink()
+    merge(store, least_existence=0.4999)
+    assert map_bytes(store) == again
 
 
 def ended(*words: object) -> None:
