@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterable, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +29,7 @@ from pipeline.merge.cell_steps import (
     turns,
 )
 from pipeline.merge.cell_store import Drives, read_drives
+from pipeline.shared.beside import processes
 
 LEVELS = "levels.json"
 
@@ -71,8 +70,7 @@ def merge_store(
 ) -> StoreMap:
     """Do what of the merge is not done yet; the same map whatever the number of processes."""
     if workers > 1:
-        # threads and locks of this process are no business of the others
-        with ProcessPoolExecutor(workers, get_context("spawn")) as pool:
+        with processes(workers) as pool:
             return _merge(folder, pool.map, progress)
     return _merge(folder, map, progress)
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import ctypes
+import os
+import signal
 from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
@@ -10,6 +13,8 @@ from multiprocessing import get_context
 from typing import Protocol, TypeVar
 
 T = TypeVar("T")
+_SET_DEATH_SIGNAL = 1
+"""``PR_SET_PDEATHSIG`` of Linux' prctl.h."""
 
 
 class Begin(Protocol):
@@ -23,12 +28,28 @@ def later(call: Callable[..., T], /, *words: object) -> Callable[[], T]:
     return partial(call, *words)
 
 
+def processes(count: int) -> ProcessPoolExecutor:
+    """So many processes, which end with this one however it ends: what they wrote after that would
+    come into the files of the next attempt."""
+    # threads and locks of this process are no business of the others
+    return ProcessPoolExecutor(count, get_context("spawn"), _end_with, (os.getpid(),))
+
+
+def _end_with(parent: int) -> None:
+    try:
+        ctypes.CDLL(None).prctl(_SET_DEATH_SIGNAL, signal.SIGKILL)
+    except (AttributeError, OSError):
+        # other systems have no such call
+        return
+    if os.getppid() != parent:
+        os._exit(1)
+
+
 @contextmanager
 def beside(workers: int) -> Iterator[Begin]:
     """With two workers a process that makes one call after another; with one ``later``."""
     if workers < 2:
         yield later
         return
-    # threads and locks of this process are no business of the other
-    with ProcessPoolExecutor(1, get_context("spawn")) as pool:
+    with processes(1) as pool:
         yield lambda call, /, *words: pool.submit(call, *words).result
