@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from export_inputs import sign, write_run
 
-from automap.export import pieces
+from automap.export import pieces, stored_signs
 from automap.export.kmz import DOCUMENT, joined_crc, write_kmz
 from automap.export.pieces import Kept, TextPiece, edges_of, index_file
 from automap.io import names
@@ -105,6 +105,19 @@ def test_an_older_map_that_is_damaged_is_not_taken_from(
         else:
             index_file(path).write_text("{" if harm == "index" else '{"a": 3}')
     assert written(run, signs, tmp_path / "new", Kept(tmp_path / "old")) == nothing
+
+
+def test_what_another_version_wrote_is_written_again(
+    run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    signs = many(9)
+    monkeypatch.setattr(stored_signs, "_code", lambda: "older")
+    written(run, signs, tmp_path / "old", Kept())
+    monkeypatch.undo()
+    content = stored_content(tmp_path / "old", "town", Kept(tmp_path / "old"))
+    index = pieces.index_of(tmp_path / "new" / names.KML, content.kept)
+    assert index.known
+    assert all(piece.key not in " ".join(index.known) for piece in content.source.pieces())
 
 
 def test_ellipses_that_the_date_line_cuts_are_never_lost(run: Path, tmp_path: Path) -> None:
