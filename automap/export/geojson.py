@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterator, Mapping
 from datetime import datetime
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,8 @@ import numpy as np
 
 from automap.errors import InputError
 from automap.export.fields import Field
-from automap.export.sign_columns import SignColumns, Signs
+from automap.export.pieces import Text, TextPiece, flat
+from automap.export.sign_columns import SignColumns, SignPiece, Signs
 from automap.export.text_columns import (
     TextColumn,
     constant,
@@ -46,12 +48,10 @@ def signs_geojson(columns: Signs, lineage: Mapping[str, Any] | None = None) -> s
 
 def geojson_bytes(columns: Signs, lineage: Mapping[str, Any] | None = None) -> bytes:
     """The same as UTF-8."""
-    return b"".join(geojson_chunks(columns, lineage))
+    return b"".join(flat(geojson_texts(columns, lineage)))
 
 
-def geojson_chunks(
-    columns: Signs, lineage: Mapping[str, Any] | None = None
-) -> Iterator[bytes | memoryview]:
+def geojson_texts(columns: Signs, lineage: Mapping[str, Any] | None = None) -> Iterator[Text]:
     """The same in parts, to be written one after another."""
     head = '{"type": "FeatureCollection",\n'
     if lineage:
@@ -59,27 +59,29 @@ def geojson_chunks(
     box = bounding_box(columns)
     if box is not None:
         head += f'"bbox": [{", ".join(box)}],\n'
-    yield head.encode() + b'"features": [\n'
-    last: memoryview | None = None
-    for own in columns.parts():
-        for part in line_chunks(_features(own), len(own)):
-            if last is not None:
-                yield last
-            last = part
-    # the comma behind the last feature is one too many
-    yield from () if last is None else (last[:-2], b"\n")
-    yield b"]}\n"
+    yield head.encode() + b'"features": ['
+    for piece in columns.pieces():
+        yield b",\n" if piece.start else b"\n"
+        yield TextPiece(piece.key, partial(_text, piece))
+    yield b"\n]}\n"
+
+
+def _text(piece: SignPiece) -> Iterator[memoryview]:
+    columns = piece.columns()
+    for number, part in enumerate(line_chunks(_features(columns), len(columns))):
+        # the comma before the first feature is one too many
+        yield part[2:] if number == 0 else part
 
 
 def _features(columns: SignColumns) -> list[str | TextColumn]:
     tokens = {
         field.name: json_column(field, columns.values[field.name]) for field in columns.fields
     }
-    feature: list[str | TextColumn] = ['{"type": "Feature", "id": ', tokens["id"], ', "geometry": ']
-    feature += [*_geometry(columns), ', "properties": {']
+    feature: list[str | TextColumn] = [',\n{"type": "Feature", "id": ', tokens["id"]]
+    feature += [', "geometry": ', *_geometry(columns), ', "properties": {']
     for number, field in enumerate(columns.fields):
         feature += [f"{', ' if number else ''}{_encode(field.name)}: ", tokens[field.name]]
-    return [*feature, "}},\n"]
+    return [*feature, "}}"]
 
 
 def json_column(field: Field, values: Any) -> TextColumn:

@@ -7,8 +7,10 @@ everything is clamped to the ground. Nothing refers to the network.
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 from xml.sax.saxutils import quoteattr
 
@@ -26,26 +28,19 @@ from automap.export.kml_cells import (
     sign_schema,
     xml_text,
 )
+from automap.export.kml_ellipses import ellipse_texts
 from automap.export.kml_track import SIGMA_COLOURS, TRACK_SCHEMA, track_elements
 from automap.export.path import Path
-from automap.export.sign_columns import SignColumns, Signs, ellipse_rings
+from automap.export.pieces import Text, TextPiece, flat
+from automap.export.sign_columns import SignColumns, SignPiece, Signs
 from automap.export.text_columns import (
     TextColumn,
     constant,
     fixed_column,
     line_chunks,
-    ring_column,
     text_column,
 )
 from automap.records import FloatArray
-
-_RING_POINTS = 20
-_ELLIPSE_HEAD = "<Placemark><name>"
-_ELLIPSE_STYLE = "</name><visibility>0</visibility><styleUrl>#ellipse</styleUrl><MultiGeometry>"
-_POLYGON_HEAD = (
-    "<Polygon><altitudeMode>clampToGround</altitudeMode><outerBoundaryIs><LinearRing><coordinates>"
-)
-_POLYGON_END = "</coordinates></LinearRing></outerBoundaryIs></Polygon>"
 
 CLASS_COLOURS = ("#d55e00", "#0072b2", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#6a3d9a")
 """Colours that colour-blind eyes tell apart (Okabe and Ito), handed to classes in turn."""
@@ -94,12 +89,10 @@ def map_kml(
 
 def kml_bytes(name: str, columns: Signs, path: Path | None, options: KmlOptions) -> bytes:
     """The document as UTF-8."""
-    return b"".join(kml_chunks(name, columns, path, options))
+    return b"".join(flat(kml_texts(name, columns, path, options)))
 
 
-def kml_chunks(
-    name: str, columns: Signs, path: Path | None, options: KmlOptions
-) -> Iterator[bytes | memoryview]:
+def kml_texts(name: str, columns: Signs, path: Path | None, options: KmlOptions) -> Iterator[Text]:
     """The same in parts, to be written one after another."""
     for part in _document(name, columns, path, options):
         yield f"{part}\n".encode("utf-8", "replace") if isinstance(part, str) else part
@@ -107,7 +100,7 @@ def kml_chunks(
 
 def _document(
     name: str, columns: Signs, path: Path | None, options: KmlOptions
-) -> Iterator[str | bytes | memoryview]:
+) -> Iterator[str | Text]:
     colours = class_colours(columns.classes)
     style_of = {cls: f"class-{number}" for number, cls in enumerate(colours)}
     yield '<?xml version="1.0" encoding="UTF-8"?>'
@@ -131,7 +124,7 @@ def _document(
     yield from _signs(columns, style_of, options)
     yield "</Folder>"
     yield "<Folder><name>95 % ellipses</name><visibility>0</visibility>"
-    yield from _ellipses(columns)
+    yield from ellipse_texts(columns)
     yield "</Folder>"
     if path is not None and len(path):
         yield from track_elements(path, _altitude(options.path_geoid_m, path.height_m))
@@ -191,11 +184,22 @@ def _altitude(geoid: FloatArray | None, height: FloatArray) -> FloatArray:
     return np.asarray(height - geoid, np.float64)
 
 
-def _signs(signs: Signs, style_of: dict[str, str], options: KmlOptions) -> Iterator[memoryview]:
-    start = 0
-    for columns in signs.parts():
-        yield from line_chunks(_placemarks(columns, style_of, options, start), len(columns))
-        start += len(columns)
+def _signs(signs: Signs, style_of: dict[str, str], options: KmlOptions) -> Iterator[TextPiece]:
+    told = hashlib.sha256(repr((style_of, options.typed, options.clamp_signs)).encode())
+    for piece in signs.pieces():
+        own = told.copy()
+        if options.sign_geoid_m is not None:
+            own.update(options.sign_geoid_m[piece.start : piece.stop].tobytes())
+        kept = piece.key and not options.pictures
+        key = f"{piece.key} {own.hexdigest()[:16]}" if kept else ""
+        yield TextPiece(key, partial(_sign_text, piece, style_of, options))
+
+
+def _sign_text(
+    piece: SignPiece, style_of: dict[str, str], options: KmlOptions
+) -> Iterator[memoryview]:
+    columns = piece.columns()
+    yield from line_chunks(_placemarks(columns, style_of, options, piece.start), len(columns))
 
 
 def _placemarks(
@@ -250,46 +254,3 @@ def _points(columns: SignColumns, altitude: FloatArray, clamp: bool) -> Pieces:
         fixed_column(altitude, 2).where(high),
         constant("</coordinates></Point>", n).where(there),
     ]
-
-
-def _ellipses(signs: Signs) -> Iterator[bytes | memoryview]:
-    cut: list[str] = []
-    for columns in signs.parts():
-        if len(columns):
-            yield from _whole_ellipses(columns, cut)
-    if cut:
-        yield "".join(cut).encode("utf-8", "replace")
-
-
-def _whole_ellipses(columns: SignColumns, cut: list[str]) -> Iterator[memoryview]:
-    """Those in one piece; texts of the others are added to ``cut``."""
-    rings = ellipse_rings(columns, _RING_POINTS)
-    drawable = columns.located & np.isfinite(rings).all(axis=(1, 2))
-    split = drawable & (np.abs(rings[:, :, 0]).max(axis=1) > 180.0)
-    whole = np.flatnonzero(drawable & ~split)
-    ids = columns.values["id"]
-    pieces: Pieces = [
-        _ELLIPSE_HEAD,
-        name_column([ids[row] for row in whole.tolist()]),
-        _ELLIPSE_STYLE + _POLYGON_HEAD,
-        ring_column(rings[whole]),
-        _POLYGON_END + "</MultiGeometry></Placemark>\n",
-    ]
-    for row in np.flatnonzero(split).tolist():
-        parts = ring_column(np.stack(_cut_at_date_line(rings[row]))).texts()
-        polygons = "".join(f"{_POLYGON_HEAD}{part}{_POLYGON_END}" for part in parts)
-        cut.append(
-            f"{_ELLIPSE_HEAD}{xml_text(ids[row])}{_ELLIPSE_STYLE}{polygons}"
-            "</MultiGeometry></Placemark>\n"
-        )
-    return line_chunks(pieces, len(whole))
-
-
-def _cut_at_date_line(ring: FloatArray) -> list[FloatArray]:
-    # longitudes must stay in -180..180, so a ring on the date line becomes two
-    parts = []
-    for turn in (-360.0, 0.0, 360.0):
-        lon = np.clip(ring[:, 0] + turn, -180.0, 180.0)
-        if lon.min() < lon.max():
-            parts.append(np.column_stack([lon, ring[:, 1]]))
-    return parts

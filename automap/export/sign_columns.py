@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
-from typing import Any, Protocol
+from functools import lru_cache, partial
+from itertools import pairwise
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -13,9 +14,20 @@ from automap.export.assembly import OnPost, on_post
 from automap.export.clock import iso_texts, utc_of_stamps
 from automap.export.fields import ROAD_FIELDS, SIGN_FIELDS, Field
 from automap.export.icons import sign_words
+from automap.export.pieces import edges_of
 from automap.export.uncertainty import ce95, ellipse_outlines
 from automap.records import NO_TIME, BoolArray, ClockModel, FloatArray, IntArray, Sign
 from automap.signs.national import national_code, shown_value
+
+
+class SignPiece(NamedTuple):
+    """Signs from number ``start`` on, before ``stop``; ``key`` tells all that is in their
+    ``columns``, "" where that is not known."""
+
+    start: int
+    stop: int
+    columns: Callable[[], SignColumns]
+    key: str = ""
 
 
 class Signs(Protocol):
@@ -37,6 +49,9 @@ class Signs(Protocol):
     def __len__(self) -> int: ...
     def parts(self) -> Iterator[SignColumns]:
         """All of them in their order, at least one part."""
+
+    def pieces(self) -> Iterator[SignPiece]:
+        """All of them in their order, as ``pieces`` cuts them."""
 
     def first(self, count: int) -> SignColumns:
         """At least the first ``count``, as far as there are so many."""
@@ -86,6 +101,16 @@ class SignColumns:
     def parts(self) -> Iterator[SignColumns]:
         """These."""
         yield self
+
+    def pieces(self) -> Iterator[SignPiece]:
+        """These, cut."""
+        for lo, hi in pairwise(edges_of(self.values["id"])):
+            yield SignPiece(lo, hi, partial(self._between, slice(lo, hi)))
+
+    def _between(self, rows: slice) -> SignColumns:
+        values = {name: column[rows] for name, column in self.values.items()}
+        places = self.lon_deg[rows], self.lat_deg[rows], self.height_m[rows]
+        return SignColumns(*places, values, self.utc_known)
 
     def first(self, count: int) -> SignColumns:
         """These."""

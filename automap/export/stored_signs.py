@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cache, partial
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from automap import __version__
 from automap.export.assembly import OnPost, on_post
 from automap.export.fields import SIGN_FIELDS, Field
-from automap.export.sign_columns import SignColumns, columns_of, on_map, wrap_degrees
+from automap.export.pieces import edges_of
+from automap.export.sign_columns import SignColumns, SignPiece, columns_of, on_map, wrap_degrees
 from automap.export.uncertainty import ce95
-from automap.io.signs_table import sign_pieces, sign_values
+from automap.io.signs_table import SignRows, sign_pieces, sign_values
 from automap.records import BoolArray, ClockModel, FloatArray, IntArray
 
 ROWS = 16_384
@@ -47,6 +52,9 @@ class StoredSigns:
     clock: ClockModel | None
     country: str | None
     utc_known: bool
+    edges: Sequence[int]
+    """Where ``pieces`` are cut."""
+    keys: Sequence[str] = ()
 
     def __len__(self) -> int:
         return len(self.lon_deg)
@@ -68,6 +76,29 @@ class StoredSigns:
             yield self._columns(piece, start)
             start += len(piece)
 
+    def pieces(self) -> Iterator[SignPiece]:
+        """All of them, cut; their rows are read only where they are wanted."""
+        rows = SignRows(self.path)
+        keys = self.keys or [""] * (len(self.edges) - 1)
+        for (lo, hi), key in zip(pairwise(self.edges), keys, strict=True):
+            yield SignPiece(lo, hi, partial(self._rows, rows, lo, hi), key)
+
+    def _rows(self, rows: SignRows, lo: int, hi: int) -> SignColumns:
+        return self._columns(rows.between(lo, hi), lo)
+
+    def keyed(self) -> StoredSigns:
+        """The same whose pieces are named by all that is in them."""
+        rows, known = SignRows(self.path), (_code(), repr(self.clock), self.country)
+        keys = []
+        for lo, hi in pairwise(self.edges):
+            hung = self.hung.order[lo:hi], self.hung.main[lo:hi]
+            whole = hashlib.blake2b(repr((known, hung)).encode(), digest_size=16)
+            whole.update(self.geoid_m[lo:hi].tobytes())
+            for column in rows.between(lo, hi).combine_chunks().columns:
+                _update(whole, column.chunk(0))
+            keys.append(whole.hexdigest())
+        return replace(self, keys=keys)
+
     def first(self, count: int) -> SignColumns:
         """The first ``count``."""
         return self._columns(next(sign_pieces(self.path, max(count, 1))), 0)
@@ -88,6 +119,34 @@ class StoredSigns:
         )  # fmt: skip
         found.values["height_msl_m"] = found.height_m - self.geoid_m[own]
         return found
+
+
+@cache
+def _code() -> str:
+    """What writes signs and says what their classes mean: another version may do it otherwise."""
+    root, whole = Path(__file__).resolve().parents[1], hashlib.sha256(__version__.encode())
+    for path in sorted(p for name in ("export", "signs") for p in (root / name).rglob("*")):
+        if path.is_file() and "__pycache__" not in path.parts:
+            whole.update(path.read_bytes())
+    return whole.hexdigest()
+
+
+def _update(digest: Any, column: Any) -> None:
+    """Add all values of an Arrow array, and no byte that lies between or behind them."""
+    import pyarrow as pa
+    import pyarrow.compute as pc
+
+    if pa.types.is_list(column.type):
+        digest.update(pc.list_value_length(column).fill_null(-1).to_numpy())
+        _update(digest, column.flatten())
+    elif pa.types.is_string(column.type):
+        digest.update(pc.binary_length(column).fill_null(-1).to_numpy())
+        _, edges, texts = column.buffers()
+        if len(column) and texts is not None:
+            own = np.frombuffer(edges, np.int32)[column.offset : column.offset + len(column) + 1]
+            digest.update(memoryview(texts)[own[0] : own[-1]])
+    else:
+        digest.update(np.ascontiguousarray(column.to_numpy(zero_copy_only=False)))
 
 
 def stored_signs(
@@ -120,6 +179,7 @@ def stored_signs(
         whole["height_m"], whole["geoid_m"] if geoid else np.full(len(cov), np.nan),
         np.column_stack([cov[:, 0, 0], cov[:, 0, 1], cov[:, 1, 1]]), whole["class_name"],
         whole["drives"], _hung(whole), clock, country, clock is not None,
+        edges_of(whole["id"]),
     )  # fmt: skip
 
 

@@ -129,6 +129,35 @@ def sign_pieces(path: Path, rows: int, fields: Sequence[str] = ()) -> Iterator[A
         yield from file.iter_batches(rows, columns=names, use_threads=False)
 
 
+class SignRows:
+    """Rows of a file that this version wrote, a row group of which is in memory at a time."""
+
+    def __init__(self, path: Path) -> None:
+        self._path, self._at = path, (0, 0)
+        self._group: Any = None
+
+    def between(self, lo: int, hi: int) -> Any:
+        """The table of rows ``lo`` to ``hi``, one at least."""
+        import pyarrow as pa
+
+        parts = []
+        while lo < hi:
+            if not self._at[0] <= lo < self._at[1]:
+                self._load(lo // ROW_GROUP)
+            first, stop = self._at
+            parts.append(self._group.slice(lo - first, min(hi, stop) - lo))
+            lo = min(hi, stop)
+        return pa.concat_tables(parts)
+
+    def _load(self, number: int) -> None:
+        import pyarrow.parquet as pq
+
+        self._group = None
+        with pq.ParquetFile(self._path) as file:
+            self._group = file.read_row_group(number, use_threads=False)
+        self._at = number * ROW_GROUP, number * ROW_GROUP + len(self._group)
+
+
 def first_signs(path: Path, count: int) -> list[Sign]:
     """The first signs of a file that this version wrote."""
     found: list[Sign] = []

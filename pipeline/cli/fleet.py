@@ -43,6 +43,9 @@ def _warn(texts: list[str]) -> None:
 def _added(store: Store, drives: tuple[str, ...], quiet: bool) -> Added:
     from pipeline.fleet.add import add
 
+    if not quiet and not store.digests():
+        # a share that is not mounted looks like a place for one
+        click.echo(f"{store.place.url} is a new store.")
     added = add(store, drives)
     _warn(added.warnings)
     if not quiet:

@@ -11,6 +11,7 @@ import numpy as np
 from automap.errors import InputError
 from automap.export.path import Path as MapPath
 from automap.export.path import joined_paths, simplified_path
+from automap.export.pieces import Kept
 from automap.export.projected import Plane
 from automap.export.roads import read_roads_csv, set_roads
 from automap.export.sign_columns import SignColumns, Signs, sign_columns
@@ -44,6 +45,8 @@ class MapContent:
     """How the formats that can hold projected coordinates get them, where those are asked for."""
     geoid_m: FloatArray | None = None
     """Heights of the geoid at signs that are read part by part."""
+    kept: Kept | None = None
+    """Where pieces of the files are kept for the next map, and taken from an older one."""
 
     @property
     def signs(self) -> SignColumns:
@@ -103,7 +106,7 @@ def map_content(
     return content
 
 
-def stored_content(out: Path, name: str) -> MapContent:
+def stored_content(out: Path, name: str, kept: Kept | None = None) -> MapContent:
     """The content of a merged map whose signs are read part by part; it has no pictures, no roads
     and no review."""
     products = load_products(out, signs=False, fresh=True)
@@ -111,8 +114,9 @@ def stored_content(out: Path, name: str) -> MapContent:
     signs = stored_signs(
         out / names.SIGNS_RAW, products.clock, country, geoid=bool(products.tracks)
     )
-    content = _content(name, signs, products)
+    content = _content(name, signs if kept is None else signs.keyed(), products)
     content.geoid_m = signs.geoid_m if products.tracks else None
+    content.kept = kept
     return content
 
 

@@ -13,6 +13,7 @@ from automap.export.fields import Field
 from automap.export.icons import class_icon
 from automap.export.kml import KmlOptions
 from automap.export.layers import Layer
+from automap.export.pieces import write_pieces
 from automap.export.projected import projected_layer
 from automap.export.sign_columns import sign_columns
 from automap.io import names
@@ -28,7 +29,8 @@ _LARGE = 1 << 30
 
 def write_geojson(content: MapContent, path: Path) -> None:
     """Write the signs as GeoJSON."""
-    write_chunks(path, geojson.geojson_chunks(content.source, content.lineage))
+    texts = geojson.geojson_texts(content.source, content.lineage)
+    write_pieces(path, texts, content.kept)
 
 
 def write_rejected(content: MapContent, path: Path) -> None:
@@ -41,7 +43,8 @@ def write_rejected(content: MapContent, path: Path) -> None:
 def write_kml(content: MapContent, path: Path) -> None:
     """Write signs and track as KML, in one file without pictures."""
     options = KmlOptions(*geoid_heights(content), lineage=content.lineage)
-    write_chunks(path, kml.kml_chunks(content.name, content.source, content.path, options))
+    texts = kml.kml_texts(content.name, content.source, content.path, options)
+    write_pieces(path, texts, content.kept)
 
 
 def write_kmz(content: MapContent, path: Path) -> None:
@@ -72,8 +75,9 @@ def write_kmz(content: MapContent, path: Path) -> None:
         clamp_signs=True,
         typed=False,
     )
-    document = kml.kml_chunks(content.name, content.source, content.path, options)
-    kmz.write_kmz(path, document, files, large=_document_size(content) > _LARGE)
+    document = kml.kml_texts(content.name, content.source, content.path, options)
+    large = _document_size(content) > _LARGE
+    kmz.write_kmz(path, document, files, large, content.kept)
 
 
 def _document_size(content: MapContent) -> float:

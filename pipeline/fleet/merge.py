@@ -5,12 +5,14 @@ from __future__ import annotations
 import hashlib
 import os
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from automap import __version__
-from automap.errors import InputError, StageError
+from automap.errors import AutoMapError, InputError, StageError
 from automap.io import names
 from automap.io.atomic import make_folder
 from automap.io.json_text import parse_json
@@ -71,7 +73,7 @@ def merge(
     started = time.monotonic()
     cells = make_folder(cells_folder(store.place, scratch))
     warnings: list[str] = []
-    with locked(cells):
+    with _told(store), locked(cells):
         drives = wanted(store.entries(), warnings)
         if not drives:
             raise InputError(f"{store.place.url}: no drive is done; automap fleet run does them.")
@@ -109,6 +111,16 @@ def merge(
     )  # fmt: skip
 
 
+@contextmanager
+def _told(store: Store) -> Iterator[None]:
+    """What goes wrong because the store is gone as that."""
+    try:
+        yield
+    except (AutoMapError, OSError):
+        store.present()
+        raise
+
+
 def _digest(roads: Path | None) -> str:
     """Of a layer of roads; "" without one."""
     if roads is None:
@@ -140,5 +152,6 @@ def _keep_changes(store: Store, out: Path, number: str) -> None:
     """The list of changes outlasts the map that it led to."""
     from pipeline.merge.output import CHANGES as FILE
 
+    store.present()
     if (out / FILE).is_file():
         store.place.put(out / FILE, f"{CHANGES}/{number}.geojson")

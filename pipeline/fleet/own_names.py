@@ -2,23 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 
-from automap.records import IntArray
+from automap.records import BoolArray, IntArray
 from pipeline.merge.cell_steps import Members
 
 
 class OwnNames:
-    """Of each drive its signs' ids in the map by their own. Ten million sightings are some twenty
-    bytes each until a drive's are asked for; as texts of their own they would be gigabytes."""
+    """Of each drive the numbers of its signs among those of the cells, by their ids there, as far
+    as they are ``in_map`` [m]. Ten million sightings are some twenty bytes each until a drive's are
+    asked for; as texts of their own they would be gigabytes."""
 
-    def __init__(self, cells: Iterable[Members], ids: Sequence[str]) -> None:
-        self._ids = ids
+    def __init__(self, cells: Iterable[Members], in_map: BoolArray) -> None:
         none = np.zeros(0, np.int64)
         drive, sign, own = [none], [none.astype(np.int32)], [np.zeros(0, np.bytes_)]
-        in_map = np.array([bool(name) for name in ids], np.bool_)
         for cell in cells:
             rows = np.flatnonzero(in_map[cell.sign])
             drive.append(cell.drive[rows])
@@ -31,8 +30,8 @@ class OwnNames:
         self._sign = np.concatenate(sign)[order]
         self._own = np.concatenate(own)[order]
 
-    def of(self, drive: int) -> Mapping[str, str]:
-        """Ids in the map by the drive's own."""
+    def of(self, drive: int) -> Mapping[str, int]:
+        """The drive's."""
         at = slice(*np.searchsorted(self._drive, [drive, drive + 1]).tolist())
-        pairs = zip(self._own[at].tolist(), self._sign[at].tolist(), strict=True)
-        return {own.decode(): self._ids[sign] for own, sign in pairs}
+        own = [name.decode() for name in self._own[at].tolist()]
+        return dict(zip(own, self._sign[at].tolist(), strict=True))

@@ -11,6 +11,7 @@ import numpy as np
 
 from automap import __version__
 from automap.export.clock import iso_texts, utc_of_gps
+from automap.export.pieces import Kept
 from automap.io import names
 from automap.io.atomic import write_json
 from automap.io.map_tables import COVERAGE, SIGHTINGS
@@ -32,6 +33,7 @@ from pipeline.merge.command import named_changes
 from pipeline.merge.outcome import MapOutcome
 from pipeline.merge.output import SCHEMA, in_parts, write_files
 from pipeline.merge.whole import MANY_DRIVES, Contribution, complete, gather, write_whole
+from pipeline.shared.beside import Begin, beside
 from pipeline.shared.freed import give_freed_back
 
 HISTORY = "history"
@@ -57,7 +59,32 @@ def write_fleet_map(
     """Write the map of the drives ``entries``, by recording, into ``out``, by so many ``workers``;
     ``roads`` is a layer on which its signs get a place."""
     give_freed_back()
+    with beside(workers if store.place.folder is not None else 1) as begin:
+        return _write(
+            out, store, cells, entries, found, before, least_existence, made_of, warnings,
+            progress, roads, begin,
+        )  # fmt: skip
+
+
+def _write(
+    out: Path,
+    store: Store,
+    cells: Path,
+    entries: Mapping[str, Entry],
+    found: StoreMap,
+    before: Before | None,
+    least_existence: float,
+    made_of: str,
+    warnings: list[str],
+    progress: Callable[[float], None],
+    roads: Path | None,
+    begin: Begin,
+) -> Comparison | None:
     drives = read_drives(cells)
+    likely = found.existence >= least_existence
+    many = len(drives) > MANY_DRIVES or store.place.folder is None
+    if many:
+        geoid = begin(gather_tracks, store, cells, entries, found.homes, likely, out)
     signs = found.signs(drives)
     comparison, taken = _compared(
         store, cells, entries, drives, found, signs, before, least_existence
@@ -66,7 +93,6 @@ def write_fleet_map(
     if comparison is not None:
         changes = named_changes(comparison.changes, ids)
         comparison = replace(comparison, changes=changes, names={})
-    likely = found.existence >= least_existence
     ids = [name if there else "" for name, there in zip(ids, likely.tolist(), strict=True)]
     with_posts = with_supports(changed(signs, id=ids), found.columns["own_variance"])
     assert isinstance(with_posts, SignList)
@@ -82,7 +108,11 @@ def write_fleet_map(
         country=countries.pop() if len(countries) == 1 else None, roads=roads,
     )  # fmt: skip
     rows = _drive_rows(store, cells, entries, found, drives, counts, warnings)
-    outcome = _with_whole(out, outcome, store, cells, entries, found, drives, ids)
+    if many:
+        warnings.append(left_out(store.place.folder is None))
+        outcome = replace(outcome, signs=changed(on_map, geoid_m=geoid()[likely].tolist()))
+    else:
+        outcome = _with_whole(out, outcome, store, cells, entries, found, drives, ids)
     # what is written now needs the room
     del signs, with_posts, on_map, ids
     found.columns.clear()
@@ -100,10 +130,13 @@ def write_fleet_map(
         },
     ]
     summary["last_pass"] = last_pass
-    many = in_parts(outcome, out)
-    if many:
+    in_pieces = in_parts(outcome, out)
+    if in_pieces:
         outcome = replace(outcome, signs=())
-    write_files(out, outcome, summary, lambda done: progress(0.4 + 0.6 * done), many, workers)
+    kept = Kept(None if before is None else before.folder)
+    write_files(
+        out, outcome, summary, lambda done: progress(0.4 + 0.6 * done), in_pieces, begin, kept
+    )
     return comparison
 
 
@@ -190,25 +223,22 @@ def _with_whole(
     drives: Drives,
     ids: Sequence[str],
 ) -> MapOutcome:
-    """Tracks and heights above the sea; of a map of not too many drives pictures and observations
-    too."""
-    named = OwnNames(members(cells, found.homes), ids)
-    order = np.argsort(drives.rank).tolist()
+    """What a map of not too many drives takes over from them all."""
+    named = OwnNames(members(cells, found.homes), np.array([bool(name) for name in ids], np.bool_))
     folder = store.place.folder
-    if len(drives) > MANY_DRIVES or folder is None:
-        outcome.warnings.append(left_out(folder is None))
-        whole = gather_tracks(store, cells, entries, drives, order, named, out)
-    else:
-        whole = gather(
-            [
-                Contribution(
-                    drives.name[k], folder / store.result(entries[drives.key[k]]), named.of(k)
-                )
-                for k in order
-            ],
-            len(outcome.signs),
-            outcome.warnings,
-        )
+    assert folder is not None
+    whole = gather(
+        [
+            Contribution(
+                drives.name[k],
+                folder / store.result(entries[drives.key[k]]),
+                {own: ids[sign] for own, sign in named.of(k).items()},
+            )
+            for k in np.argsort(drives.rank).tolist()
+        ],
+        len(outcome.signs),
+        outcome.warnings,
+    )
     write_whole(out, whole)
     return replace(outcome, signs=complete(outcome.signs, whole))
 

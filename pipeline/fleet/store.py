@@ -13,7 +13,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-from automap.errors import ConfigError
+from automap.errors import ConfigError, StageError
 from automap.io.atomic import plain
 from automap.io.json_text import parse_json
 from pipeline.fleet.places import Place, place_at
@@ -56,6 +56,10 @@ class Entry:
         return "waiting"
 
 
+class StoreGoneError(StageError):
+    """A store that was there and is not any more."""
+
+
 @dataclass(frozen=True)
 class Store:
     """A store at a place."""
@@ -85,6 +89,21 @@ class Store:
                 "one, or make a new store."
             )
         return Store(place)
+
+    def present(self) -> None:
+        """StoreGoneError where the store in a folder is not there any more: without its mount the
+        folder is empty, and what is written then would lie on this machine's disk."""
+        if self.place.folder is None:
+            return
+        try:
+            told = _object(self.place.read(STORE))
+        except OSError:
+            told = {}
+        if not told:
+            raise StoreGoneError(
+                f"{self.place.url} is not there any more: its disk or network share has gone. Make "
+                "it available again and run the same command; the map in it is as it was."
+            )
 
     def digests(self) -> list[str]:
         """Digests of all drives that were ever added."""
@@ -120,10 +139,12 @@ class Store:
 
     def mark(self, digest: str, marker: str, value: dict[str, Any]) -> None:
         """Write a marker of a drive."""
+        self.present()
         self.write(f"{DRIVES}/{digest}/{marker}", value)
 
     def unmark(self, digest: str, marker: str) -> None:
         """Take a marker of a drive away."""
+        self.present()
         self.place.remove(f"{DRIVES}/{digest}/{marker}")
 
     def result(self, entry: Entry) -> str:

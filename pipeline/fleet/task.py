@@ -21,7 +21,7 @@ from automap.errors import AutoMapError
 from automap.io import names
 from pipeline.fleet.add import parent_of
 from pipeline.fleet.orders import Order
-from pipeline.fleet.store import DONE, DRIVES, Store
+from pipeline.fleet.store import DONE, DRIVES, Store, StoreGoneError
 from pipeline.shared.kernel_cache import ensure_kernel_cache
 
 _EVERY_S = 0.2
@@ -73,7 +73,8 @@ def run_task(url: str, digest: str, path: str, order: Order) -> Result:
         except (OSError, AutoMapError) as error:
             cause = error if isinstance(error, OSError) else error.__cause__
             full = isinstance(cause, OSError) and cause.errno in _FULL
-            return Result(digest, "store" if full else "io", str(error))
+            of_store = full or isinstance(error, StoreGoneError)
+            return Result(digest, "store" if of_store else "io", str(error))
     return _done(digest, marker)
 
 

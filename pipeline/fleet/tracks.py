@@ -17,12 +17,13 @@ from automap.io import names
 from automap.io.atomic import atomic_path
 from automap.io.json_text import parse_json
 from automap.io.map_tables import TRACKS, write_tracks
-from automap.records import Trajectory
+from automap.records import BoolArray, FloatArray, Trajectory
 from pipeline.fleet.contents import result_folder, version
 from pipeline.fleet.own_names import OwnNames
 from pipeline.fleet.store import Entry, Store
-from pipeline.merge.cell_store import Drives
-from pipeline.merge.whole import MANY_DRIVES, Whole, drive_essentials
+from pipeline.merge.cell_steps import members
+from pipeline.merge.cell_store import read_drives
+from pipeline.merge.whole import MANY_DRIVES, drive_essentials
 
 KEPT = "tracks"
 MOST_ROWS = 2_000_000
@@ -46,32 +47,38 @@ def gather_tracks(
     store: Store,
     cells: Path,
     entries: Mapping[str, Entry],
-    drives: Drives,
-    order: Sequence[int],
-    named: OwnNames,
+    homes: Sequence[int],
+    in_map: BoolArray,
     out: Path,
-) -> Whole:
-    """Heights of the geoid at the map's signs; tracks, of ``MOST_ROWS`` rows in all, go into the
-    map ``out`` as they are read.
-
-    Drives in ``order``.
-    """
-    whole = Whole()
+) -> FloatArray:
+    """Mean height of the geoid at each sign [m] of the cells ``homes``, NaN where none of the
+    drives tells it or it is not ``in_map``; tracks, of ``MOST_ROWS`` rows in all, go into the map
+    ``out`` as they are read, in the order of the drives' starts."""
+    drives = read_drives(cells)
+    order = np.argsort(drives.rank).tolist()
     files = {k: _up_to_date(store, cells, drives.key[k], entries[drives.key[k]]) for k in order}
     every = -(-sum(map(_rows, files.values())) // MOST_ROWS)
+    named = None
+    heights: dict[int, list[float]] = {}
 
     def tracks() -> Iterator[tuple[str, Trajectory]]:
+        nonlocal named
         for k in order:
             each = _read(files[k])
-            in_map = named.of(k) if each.geoid_m else {}
-            for own, height in each.geoid_m.items():
-                if own in in_map:
-                    whole.geoid_m.setdefault(in_map[own], []).append(height)
+            if each.geoid_m:
+                named = named or OwnNames(members(cells, homes), in_map)
+                own = named.of(k)
+                for name, height in each.geoid_m.items():
+                    if name in own:
+                        heights.setdefault(own[name], []).append(height)
             if each.track is not None:
                 yield drives.name[k], _every(each.track, every)
 
     write_tracks(out / TRACKS, tracks())
-    return whole
+    geoid = np.full(len(in_map), np.nan)
+    for sign, told in heights.items():
+        geoid[sign] = np.mean(told)
+    return geoid
 
 
 def _every(track: Trajectory, step: int) -> Trajectory:

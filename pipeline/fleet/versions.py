@@ -71,6 +71,7 @@ def new_map(store: Store) -> Iterator[tuple[Path, str]]:
             # what a reviewer decided about the older map
             shutil.copyfile(review, aside / names.REVIEW)
         yield aside, version
+        store.present()
         _sync(aside)
         os.rename(aside, whole)
         link = root / f".{MAP}.new"

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterable, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +18,7 @@ from automap.mapping.merge import map_signs
 from automap.records import FloatArray
 from automap.records.sign_lists import Names, SignList
 from automap.signs.backs import NO_BACK
+from pipeline.merge.cell_belief import KEPT_LEVEL, kept_belief
 from pipeline.merge.cell_steps import (
     digest_of_groups,
     estimate,
@@ -30,11 +29,9 @@ from pipeline.merge.cell_steps import (
     turns,
 )
 from pipeline.merge.cell_store import Drives, read_drives
+from pipeline.shared.beside import processes
 
 LEVELS = "levels.json"
-KEPT_LEVEL = 0.01
-"""Levels that differ by less than this part from those of before are left as they were: a weight
-that is wrong by a hundredth moves no place by a hundredth of its sigma, and all cells stay."""
 
 
 @dataclass(frozen=True)
@@ -73,8 +70,7 @@ def merge_store(
 ) -> StoreMap:
     """Do what of the merge is not done yet; the same map whatever the number of processes."""
     if workers > 1:
-        # threads and locks of this process are no business of the others
-        with ProcessPoolExecutor(workers, get_context("spawn")) as pool:
+        with processes(workers) as pool:
             return _merge(folder, pool.map, progress)
     return _merge(folder, map, progress)
 
@@ -123,10 +119,10 @@ def _whole(
     folder: Path, cells: list[int], levels: ErrorLevels, done: tuple[int, int, int]
 ) -> StoreMap:
     drives = read_drives(folder)
-    columns, pairs = placed_cells(folder, cells)
+    columns, pairs, homes = placed_cells(folder, cells)
     m = len(columns["lat"])
     rates = detection_rates(pairs, m, len(drives))
-    belief = existence(pairs, rates, m, drives.start_gps_s)
+    belief = kept_belief(folder, homes, existence(pairs, rates, m, drives.start_gps_s))
     place = (columns["lat"], columns["lon"], columns["height"], columns["cov_enu"])
     fronts = map_backs(columns["class_name"], place[0], place[1], columns["facing_rad"], place[3])
     keys = [

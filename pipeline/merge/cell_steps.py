@@ -155,9 +155,18 @@ def place(folder: Path, cell: int, levels: ErrorLevels) -> bool:
     return True
 
 
-def placed_cells(folder: Path, cells: Sequence[int]) -> tuple[dict[str, Any], Chances]:
+@dataclass(frozen=True)
+class Homes:
+    """Of each of the cells [c] that signs stand in what its places were made of, and the ``edges``
+    [c + 1] between their signs."""
+
+    digest: Sequence[str]
+    edges: Sequence[int]
+
+
+def placed_cells(folder: Path, cells: Sequence[int]) -> tuple[dict[str, Any], Chances, Homes]:
     """Columns of all signs [m] of some cells, ``seen_by`` of their ``n_drives`` drives each, one
-    after another, and the pairs of a sign and a drive, by drives' numbers."""
+    after another, the pairs of a sign and a drive, by drives' numbers, and what of the cells."""
     wanted = (
         "founder", "founder_id", "lat", "lon", "height", "cov_enu", "class_name", "class_share",
         "n_views", "first_gps_s", "last_gps_s", "height_above_road_m", "sd_above_road_m",
@@ -171,17 +180,19 @@ def placed_cells(folder: Path, cells: Sequence[int]) -> tuple[dict[str, Any], Ch
     pairs: list[list[Any]] = [
         [np.zeros(0, kind)] for kind in (np.int64, np.int64, np.bool_, np.float64)
     ]
-    count = 0
+    count, digests, edges = 0, [], [0]
     for cell in cells:
         path = _file(folder, PLACED, cell)
         with np.load(path, allow_pickle=False) as file:
+            digests.append(str(file["digest"]))
             for name in wanted:
                 found[name].append(_short(file[name]))
             for column, name in zip(pairs, told, strict=True):
                 column.append(file[name] + count if name == "pair_sign" else file[name])
             count += len(found["lat"][-1])
+            edges.append(count)
     columns = {name: np.concatenate(v) if v else np.zeros(0) for name, v in found.items()}
-    return columns, Chances(*(np.concatenate(column) for column in pairs))
+    return columns, Chances(*(np.concatenate(column) for column in pairs)), Homes(digests, edges)
 
 
 @dataclass(frozen=True)

@@ -5,11 +5,8 @@ from __future__ import annotations
 import shutil
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from contextlib import ExitStack, suppress
+from contextlib import suppress
 from dataclasses import replace
-from functools import partial
-from multiprocessing import get_context
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -24,9 +21,11 @@ from pipeline.merge.changes_file import changes_geojson
 from pipeline.merge.coverage import coverage_of
 from pipeline.merge.signs import GPS_CLOCK
 from pipeline.merge.whole import MOST_PICTURED
+from pipeline.shared.beside import Begin, later
 from pipeline.shared.lock import locked
 
 if TYPE_CHECKING:
+    from automap.export.pieces import Kept
     from automap.mapping.merge import Merged
     from automap.records import Sign
     from pipeline.merge.outcome import MapOutcome, MergeOutcome
@@ -116,11 +115,12 @@ def write_files(
     summary: dict[str, Any],
     progress: Callable[[float], None],
     many: bool,
-    workers: int = 1,
+    begin: Begin = later,
+    kept: Kept | None = None,
 ) -> list[Path]:
     """Write what a map consists of, once ``run.json``, signs, sightings and coverage are there;
     returns the files for people. ``summary`` becomes merge.json. ``many`` signs are read part by
-    part from their table."""
+    part from their table, one format as ``begin`` has it, and pieces of their files ``kept``."""
     from automap.export.roads import roads_csv
     from automap.io.clock_json import write_clock
     from pipeline.export.content import map_content, stored_content
@@ -129,8 +129,15 @@ def write_files(
     from pipeline.merge.report import merge_report
 
     write_clock(out / names.SYNC, GPS_CLOCK)
+    formats = list(STANDARD_FORMATS)
+    files = [out / FORMATS[fmt][0] for fmt in formats]
+    beside = None
+    if many:
+        # what takes longest is written beside all others
+        formats.remove("gpkg")
+        beside = begin(write_stored, out, outcome.name, "gpkg")
     content = (
-        stored_content(out, outcome.name)
+        stored_content(out, outcome.name, kept)
         if many
         else map_content(out, outcome.name, on_roads=False, fresh=True)
     )
@@ -139,22 +146,18 @@ def write_files(
     if rows:
         write_text(out / names.SIGN_ROADS, roads_csv(rows))
     outcome.warnings.extend(content.warnings[told:])
-    files = [out / FORMATS[fmt][0] for fmt in STANDARD_FORMATS]
-    with ExitStack() as stack:
-        # the archive takes longest and begins first
-        order = sorted(STANDARD_FORMATS, key=lambda fmt: fmt != "kmz")
-        written: Iterator[None] = (FORMATS[fmt][1](content, out / FORMATS[fmt][0]) for fmt in order)
-        if many and workers > 1:
-            pool = stack.enter_context(ProcessPoolExecutor(workers, get_context("spawn")))
-            written = pool.map(partial(write_stored, out, outcome.name), order)
-        for number, _ in enumerate(written):
-            progress(0.3 + 0.6 * (number + 1) / len(STANDARD_FORMATS))
+    for number, fmt in enumerate(formats):
+        FORMATS[fmt][1](content, out / FORMATS[fmt][0])
+        progress(0.3 + 0.6 * (number + 1) / len(files))
+    report = merge_report(outcome, summary, content)
+    if beside is not None:
+        beside()
     write_dictionary(out / names.DICTIONARY)
     changes = outcome.comparison.changes if outcome.comparison is not None else None
     if changes is not None:
         write_text(out / CHANGES, changes_geojson(changes))
         files.append(out / CHANGES)
-    write_text(out / names.REPORT, merge_report(outcome, summary, content))
+    write_text(out / names.REPORT, report)
     write_json(out / names.MERGE, summary)
     return [*files, out / names.REPORT, out / names.MERGE]
 

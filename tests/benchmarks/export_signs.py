@@ -22,8 +22,9 @@ from export_inputs import CLOCK, sign
 
 from automap.export import geoparquet, gis, kml, layers
 from automap.export.geojson import geojson_bytes
+from automap.export.pieces import write_pieces
 from automap.export.sign_columns import sign_columns
-from automap.io.atomic import write_bytes, write_chunks
+from automap.io.atomic import write_bytes
 
 
 def seconds(task: Callable[[], object]) -> float:
@@ -48,7 +49,7 @@ def main() -> None:
         tasks: dict[str, Callable[[], object]] = {
             "columns": lambda: sign_columns(signs, CLOCK),
             "geojson": lambda: write_bytes(out / "a.geojson", geojson_bytes(columns)),
-            "kml": lambda: write_chunks(out / "a.kml", kml.kml_chunks("a", columns, None, options)),
+            "kml": lambda: write_pieces(out / "a.kml", kml.kml_texts("a", columns, None, options)),
             "parquet": lambda: geoparquet.write_geoparquet(out / "a.parquet", columns),
             "gpkg": lambda: gis.write_layers(out / "a.gpkg", [layers.sign_layer(columns)]),
         }

@@ -119,8 +119,8 @@ def write(cells: Path, out: Path, workers: int, older: Path | None = None) -> No
     found = cell_map._whole(cells, placed, levels, (0, 0, len(placed)))
     drives = read_drives(cells)
     say(f"{len(drives)} drives, {len(found.lat)} merged signs")
-    place = SimpleNamespace(url="/nowhere/town", folder=None)
-    store: Any = SimpleNamespace(place=place, result=lambda entry: "r")
+    place = SimpleNamespace(url="/nowhere/town", folder=Path("/nowhere/town"))
+    store: Any = SimpleNamespace(place=place, result=_result)
     entries = {key: Entry("x", "p", 1, DONE) for key in drives.key}
     before = None
     if older is not None:
@@ -131,6 +131,10 @@ def write(cells: Path, out: Path, workers: int, older: Path | None = None) -> No
         workers=workers,
     )  # fmt: skip
     say("written")
+
+
+def _result(entry: Entry) -> str:
+    return "r"
 
 
 _WHO = (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)

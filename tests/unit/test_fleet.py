@@ -9,6 +9,7 @@ import os
 import shutil
 from functools import partial
 from pathlib import Path
+from types import ModuleType
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -18,6 +19,7 @@ from fleet_scene import ORDER, make_drives, make_store, map_bytes, publish_made,
 from merge_scene import to_geodetic
 
 from automap.errors import ConfigError, InputError, StageError
+from automap.export import pieces
 from automap.io.map_tables import TRACKS, read_tracks
 from automap.io.signs_table import read_signs
 from automap.mapping.merge import merge_drives
@@ -25,15 +27,16 @@ from automap.records import Trajectory
 from pipeline.cli.root import cli
 from pipeline.fleet import merge as merging
 from pipeline.fleet import publish as publishing
-from pipeline.fleet import tracks
+from pipeline.fleet import task, tracks
 from pipeline.fleet.add import add
 from pipeline.fleet.child import kind_of
 from pipeline.fleet.merge import merge
 from pipeline.fleet.orders import Order, keep_done, key_of, settings_of
 from pipeline.fleet.retry import retry
 from pipeline.fleet.status import metrics, status, summary_lines, write_status
-from pipeline.fleet.store import ASIDE, DONE, Store
+from pipeline.fleet.store import ASIDE, DONE, Store, StoreGoneError
 from pipeline.fleet.versions import current
+from pipeline.merge import output
 from pipeline.merge.whole import drive_essentials
 from pipeline.run.registry import load_stages
 
@@ -153,6 +156,96 @@ def test_a_merge_that_is_ended_anywhere_goes_on_to_the_same_map(
         assert not (tmp_path / "store" / "map").exists()
         merge(store)
         assert map_bytes(store) == whole
+
+
+def test_a_map_takes_over_what_is_as_it_was_in_the_one_before(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(output, "MOST_PICTURED", 1)
+    monkeypatch.setattr(pieces, "USUAL", 2)
+    monkeypatch.setattr(publishing, "MANY_DRIVES", 1)
+    taken: list[bool] = []
+    take = pieces.Index.take
+
+    def told(self: pieces.Index, key: str) -> object:
+        found = take(self, key)
+        taken.extend([found is not None] if key else [])
+        return found
+
+    monkeypatch.setattr(pieces.Index, "take", told)
+    store = make_store(tmp_path, range(2))
+    run_all(store)
+    merge(store)
+    assert len(taken) > 20
+    assert not any(taken)
+    taken.clear()
+    # the same signs, asked for in other words
+    merge(store, least_existence=0.4999)
+    assert all(taken)
+    again = map_bytes(store)
+    # as often, but from nothing
+    root = tmp_path / "store"
+    shutil.rmtree(root / "maps" / "000002")
+    (root / "map").unlink()
+    (root / "map").symlink_to(Path("maps") / "000001")
+    for index in (root / "maps" / "000001").glob(".*.pieces"):
+        index.unlink()
+    merge(store, least_existence=0.4999)
+    assert map_bytes(store) == again
+
+
+@pytest.mark.parametrize(
+    "stage",
+    [(merging, "update_contents"), (publishing, "write_files")],
+    ids=lambda stage: stage[1],
+)
+def test_a_share_that_goes_during_a_merge_is_told_and_its_map_stays(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, stage: tuple[ModuleType, str]
+) -> None:
+    """The mount point is an empty folder then, into which all can be written."""
+    store = make_store(tmp_path, range(2))
+    run_all(store)
+    merge(store)
+    before = map_bytes(store)
+    add(store, make_drives(tmp_path / "more", range(2, 3)))
+    run_all(store)
+    root, share = tmp_path / "store", tmp_path / "share"
+    go_on = getattr(*stage)
+
+    def gone(*words: object, **named: object) -> object:
+        root.rename(share)
+        root.mkdir()
+        return go_on(*words, **named)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(*stage, gone)
+        with pytest.raises(StoreGoneError, match="is not there any more: its disk or network sha"):
+            merge(store)
+    assert not (root / "map").is_symlink()
+    shutil.rmtree(root)
+    share.rename(root)
+    assert map_bytes(store) == before
+    made = merge(store)
+    # no drive was taken for one whose result is damaged
+    assert (made.version, made.drives) == ("000002", 3)
+
+
+def test_a_result_is_not_put_into_a_store_that_is_gone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    store = make_store(tmp_path, range(1))
+    (entry,) = store.entries()
+
+    def answered(drive: Path, out: Path, scratch: Path, order: Order) -> dict[str, str]:
+        out.mkdir()
+        shutil.rmtree(tmp_path / "store")
+        return {"name": "d0"}
+
+    monkeypatch.setattr(task, "_supervised", answered)
+    monkeypatch.setattr(Order, "settings", lambda order: None)
+    result = task.run_task(store.place.url, entry.digest, entry.path, ORDER)
+    assert result.kind == "store"
+    assert "its disk or network share has gone" in result.error
 
 
 def ended(*words: object) -> None:
@@ -382,7 +475,9 @@ def test_the_commands(tmp_path: Path) -> None:
         assert result.exit_code == 0, result.output
         return result.output
 
-    assert "2 drives are new" in told("add", url, *paths)
+    first = told("add", url, *paths)
+    assert f"{url} is a new store.\n2 drives are new" in first
+    assert "is a new store" not in told("add", url, *paths)
     store = Store.at(url)
     store.write("settings.json", {"settings": {}, "key": ORDER.key})
     run_all(store)
