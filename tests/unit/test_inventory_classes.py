@@ -10,7 +10,7 @@ import pytest
 
 from automap.io.detections_table import read_class_shares, write_detections
 from automap.mapping.inventory import compare_inventory
-from automap.mapping.inventory_classes import of_another_class
+from automap.mapping.inventory_classes import of_another_class, same_face
 from automap.mapping.inventory_findings import Finding, Inventory, class_belief
 from automap.records import Detections, Sign
 from automap.signs.class_shares import mean_of, shares_of, shares_text
@@ -120,3 +120,26 @@ def test_shares_come_back_from_their_text_and_from_the_table(tmp_path: Path) -> 
     )  # fmt: skip
     write_detections(tmp_path / "detections.parquet", [found, replace(found, class_shares=None)])
     assert read_class_shares(tmp_path / "detections.parquet") == [text, "", "", ""]
+
+
+def test_views_of_another_shape_contradict_a_list_though_no_class_is_seen() -> None:
+    circle = {"regulatory--unknown-red-circle": 0.6, "regulatory--no-stopping--g5": 0.05}
+    assert of_another_class(circle, STOP_AHEAD) > 0.9
+    assert of_another_class({UNKNOWN: 0.6, CHILDREN: 0.05}, STOP_AHEAD) < 0.7
+    # nothing is known of how a class looks that is in no catalogue
+    assert of_another_class(circle, "other--thing--g1") < 0.7
+
+
+def test_a_face_has_the_shape_of_each_country_that_draws_it() -> None:
+    """Words in a list are the first drawing of a class, whichever stands there."""
+    assert same_face(UNKNOWN, "warning--children--g1") is None
+    assert same_face(UNKNOWN, "regulatory--yield--g1") is False
+    assert compared(UNKNOWN, 0.9, {}, "warning--children--g1").kind == "matched"
+    assert of_another_class({UNKNOWN: 0.9}, "warning--children--g1") < 0.5
+
+
+def test_a_match_is_no_surer_than_that_the_class_is_as_listed() -> None:
+    told = compared(UNKNOWN, 0.9, {UNKNOWN: 0.3, CHILDREN: 0.16, BUMP: 0.005}, BUMP)
+    assert told.kind == "matched"
+    assert 0.5 < told.probability < 0.9
+    assert compared(UNKNOWN, 0.9, {UNKNOWN: 0.5, BUMP: 0.3}, BUMP).probability > 0.95
