@@ -216,6 +216,8 @@ def _summary(
     country: str | None,
 ) -> dict[str, Any]:
     """The content of comparison.json."""
+    from pipeline.compare.alike import moved_alike
+
     counts = Counter(row.kind for row in rows)
     sure = Counter(row.kind for row in rows if row.is_sure)
     square = result.normalised_square
@@ -234,6 +236,14 @@ def _summary(
         "inventory_sd_m": result.sd_m,
         "inventory_sd_stated_m": float(np.median(stated)) if np.isfinite(stated).all() else None,
         "normalised_square": None if math.isnan(square) else square,
+        "moved_alike": [
+            {
+                "listed_ids": [rows[k].listed_id for k in group.rows],
+                "e": group.east_m,
+                "n": group.north_m,
+            }
+            for group in moved_alike(result.findings)
+        ],
         "detection_rate": result.detection,
         "directions_turned": result.directions.turned,
         "directions_used": result.directions.used,
