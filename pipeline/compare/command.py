@@ -81,7 +81,7 @@ def compare_with_inventory(
     country = country or country_of(products.json(names.RUN))
     listed, rows_of = listed_signs(read, country, inventory, warnings)
     drives = _drives(folder, warnings)
-    result = compare_inventory(signs, listed, drives, _class_shares(folder, signs))
+    result = compare_inventory(signs, listed, drives, _class_shares(products, signs))
     doubtful, findings = doubts(result, signs, listed, inventory, placeless(read, country))
     warnings += doubtful
     rows = [_row(finding, signs, listed, read, rows_of) for finding in findings]
@@ -159,17 +159,27 @@ def _drives(folder: Path, warnings: list[str]) -> list[DriveSigns]:
     ]  # fmt: skip
 
 
-def _class_shares(folder: Path, signs: Sequence[Sign]) -> list[dict[str, float]]:
-    """What the views of each sign give to each class, where the run's detector tells it."""
-    from automap.io.detections_table import read_class_shares
-    from automap.signs.class_shares import mean_of
+def _class_shares(products: RunProducts, signs: Sequence[Sign]) -> list[dict[str, float]]:
+    """What the views of each sign give to each class, where the runs' detector tells it.
 
-    if (folder / names.MERGE).is_file() or not (folder / names.DETECTIONS).is_file():
+    A name that several drives gave says more than the mean of their views does.
+    """
+    from automap.io.detections_table import CLASS_SHARES
+    from automap.signs.class_shares import mean_of
+    from automap.signs.classes import load_classes
+
+    seen = products.observations
+    if seen is None or not {CLASS_SHARES, "sign_id"} <= set(seen.column_names):
         return []
-    texts = read_class_shares(folder / names.DETECTIONS)
-    if any(int(sign.detection_rows.max(initial=-1)) >= len(texts) for sign in signs):
-        return []
-    return [mean_of(texts[row] for row in sign.detection_rows.tolist()) for sign in signs]
+    rows = seen.group_by(["sign_id", CLASS_SHARES]).aggregate([([], "count_all")])
+    counts: dict[str, dict[str, int]] = {}
+    for sign, text, n in zip(*(rows[k].to_pylist() for k in rows.column_names), strict=True):
+        counts.setdefault(sign or "", {})[text or ""] = n
+    named = load_classes()
+    return [
+        mean_of(counts.get(s.id, {})) if len(s.drives) < 2 or s.class_name not in named else {}
+        for s in signs
+    ]
 
 
 def _row(
