@@ -21,6 +21,7 @@ from pyogrio.raw import write
 from pyproj import Transformer
 
 from automap.export.inventory import ComparedSign, maproulette_tasks, osm_change
+from automap.io.inventory_file import read_inventory
 from automap.mapping.inventory import compare_inventory
 from automap.mapping.inventory_findings import (
     Finding,
@@ -219,6 +220,19 @@ def test_codes_are_classes(text: str, country: str | None, expected: str | None)
 
 def test_an_old_catalogue_shows_in_its_other_numbers() -> None:
     assert classes_of(["274-60", "274-56"], "DE")[0] == "regulatory--maximum-speed-limit-100--g1"
+
+
+def test_openstreetmaps_word_for_limits_is_read_with_its_number(tmp_path: Path) -> None:
+    """As nodes come from Overpass, and as our own export writes them without a national code."""
+    path = tmp_path / "extract.csv"
+    path.write_text(
+        "@id,traffic_sign,maxspeed,lat,lon\nnode/1,maxspeed,50,1,2\nnode/2,maxspeed,35 mph,1,2\n"
+        "node/3,stop,50,1,2\nnode/4,maxspeed,,1,2\nnode/5,AU:R4-1[40],60,1,2\n"
+    )
+    limit = "regulatory--maximum-speed-limit-{}--g1".format
+    assert classes_of(read_inventory(path).codes, "AU") == [
+        limit(50), None, "regulatory--stop--g1", None, limit(40)
+    ]  # fmt: skip
 
 
 CODES = {
