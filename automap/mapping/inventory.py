@@ -14,7 +14,7 @@ import numpy as np
 
 from automap.mapping.inventory_classes import listed_wrong, same_face
 from automap.mapping.inventory_directions import Directions, in_degrees
-from automap.mapping.inventory_displaced import Parts, displaced_parts
+from automap.mapping.inventory_displaced import Parts, displaced_parts, with_taken_off
 from automap.mapping.inventory_findings import (
     Finding,
     Inventory,
@@ -80,9 +80,11 @@ def compare_inventory(
     pairs = candidates(signs, inventory, shares, near)
     views, rows = looks_at(inventory, drives)
     looked = rows >= HALF_APPROACH_ROWS
+    off = pairs.apart
     pairs = without_common_errors(pairs, fit(pairs, inventory, len(signs), looked), signs)
     known = fit(pairs, inventory, len(signs), looked)
     chosen = one_to_one(pairs, known.evidence, len(signs))
+    parts = with_taken_off(parts, signs, pairs.listed[chosen], (off - pairs.apart)[chosen])
     findings = [_paired(pairs, k, signs, inventory, shares, known) for k in chosen.tolist()]
     partner = np.full(len(inventory), -1)
     partner[pairs.listed[chosen]] = pairs.sign[chosen]

@@ -267,6 +267,18 @@ def test_few_entries_that_moved_alike_are_one_finding(metres: float, entries: in
     assert sum(f.sure for f in findings if f.kind == "moved" and not there[f.listed]) == before
 
 
+def test_a_stretch_that_lies_nearer_than_a_part_is_told_is_not_taken_off_in_silence() -> None:
+    """What neighbours are off in common is the map's error only as far as the map's can be."""
+    one = street()[1]
+    order = np.argsort(np.argsort(one.lat_rad))
+    there = (order >= 30) & (order < 50)
+    text, findings = said(replace(one, lat_rad=one.lat_rad + there * 5.0 / R))
+    assert "the map is off there by more than it states" in text
+    found = [f for f in findings if f.kind == "matched" and there[f.listed]]
+    assert len(found) > 10
+    assert abs(np.median([f.distance_m for f in found]) - 5.0) < 1.0
+
+
 def test_signs_that_moved_each_its_own_way_are_not_alike() -> None:
     rng = np.random.default_rng(3)
     told = 0
