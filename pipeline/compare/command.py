@@ -68,7 +68,7 @@ def compare_with_inventory(
     from pipeline.compare.doubts import doubts
     from pipeline.compare.listing import listed_signs, placeless
     from pipeline.compare.report import comparison_report
-    from pipeline.shared.run_record import country_of
+    from pipeline.shared.run_record import country_of, drive_of
 
     if out.resolve() == folder.resolve() or (out / names.RUN).is_file():
         raise ConfigError(f"-o {out} holds a map; choose another folder for the comparison.")
@@ -91,7 +91,7 @@ def compare_with_inventory(
     write_text(out / CSV, comparison_csv(rows))
     write_text(out / OSM, osm_change(rows, country))
     write_text(out / TASKS, maproulette_tasks(rows))
-    name = folder.resolve().name
+    name = drive_of(folder)[0]
     # pages are given away: where files lie is nobody's business
     told = [text.replace(str(inventory), inventory.name) for text in warnings]
     told = [text.replace(str(folder), name) for text in told]

@@ -35,6 +35,7 @@ from automap.mapping.visibility import Opportunities
 from automap.records import Sign, Trajectory
 from automap.signs.codes import classes_of
 from pipeline.cli.root import run_command
+from pipeline.compare.report import _entry
 from pipeline.merge.inputs import even_path
 
 
@@ -359,6 +360,9 @@ def test_the_page_tells_the_stated_accuracy_and_no_folder(
     assert str(tmp_path) not in page
     assert "0.30 m" in page
     assert "as stated" in page
+    # a run's folder is called _automap, whatever the drive is
+    name = json.loads((run_and_case[0] / "run.json").read_text(encoding="utf-8"))["drive"]["name"]
+    assert f"<h1>{name}</h1>" in page
 
 
 def test_what_openstreetmap_has_is_left_to_people() -> None:
@@ -367,6 +371,8 @@ def test_what_openstreetmap_has_is_left_to_people() -> None:
         "moved", 0.9, "yes", "s1", "node/42", "regulatory--stop--g1", "regulatory--stop--g1",
         "DE:206", 8.0, 8.0, 0.0, 0.5, 90.0, 5.0, 7.1, 50.7, 7.0, 50.7,
     )  # fmt: skip
+    assert _entry(moved, {}, {})["distance"] == "8.0 ± 0.5 E"
+    assert _entry(replace(moved, kind="class"), {}, {})["distance"] == "8.0 ± 0.5"
     gone = replace(moved, kind="missing", class_name="", lon_deg=np.nan)
     new = replace(moved, kind="new", listed_id="", listed_class="", listed_code="")
     doubtful = replace(new, sure="no")
