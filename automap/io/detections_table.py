@@ -119,11 +119,3 @@ def read_detections(path: Path) -> dict[str, Detections]:
             **{key: values[rows] for key, values in told.items()},
         )
     return found
-
-
-def read_class_shares(path: Path) -> list[str]:
-    """What the views of each box's track give to each class [n] ("" not told), all cameras."""
-    table = read_table(path)
-    if CLASS_SHARES not in table.column_names:
-        return [""] * len(table)
-    return [str(text or "") for text in table.column(CLASS_SHARES).to_pylist()]

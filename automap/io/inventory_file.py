@@ -267,8 +267,11 @@ def _directions(cells: list[str]) -> FloatArray:
 
 
 def _with_value(code: str, value: str) -> str:
-    """``R4-1`` with 60 in a column of its own is ``R4-1[60]``; one with a number keeps it."""
+    """``R4-1`` with 60 in a column of its own is ``R4-1[60]``; one with a number keeps it.
+    OpenStreetMap's word for limits stands beside the tag that has the number."""
     digits = value.split(" ")[0]
+    if digits.isdigit() and code.strip().lower() == "maxspeed":
+        return f"maximum speed limit {digits}"
     bare = code.split(":")[-1].strip().upper().removeprefix("VZ").strip()
     if digits.isdigit() and bare in ("274", "278", "R4-1", "R4-12", "R2-1"):
         return f"{code}[{digits}]"

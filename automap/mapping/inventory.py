@@ -12,9 +12,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from automap.mapping.inventory_classes import looks_otherwise, same_face
+from automap.mapping.inventory_classes import listed_wrong, same_face
 from automap.mapping.inventory_directions import Directions, in_degrees
-from automap.mapping.inventory_displaced import Parts, displaced_parts
+from automap.mapping.inventory_displaced import Parts, displaced_parts, with_taken_off
 from automap.mapping.inventory_findings import (
     Finding,
     Inventory,
@@ -80,9 +80,11 @@ def compare_inventory(
     pairs = candidates(signs, inventory, shares, near)
     views, rows = looks_at(inventory, drives)
     looked = rows >= HALF_APPROACH_ROWS
+    off = pairs.apart
     pairs = without_common_errors(pairs, fit(pairs, inventory, len(signs), looked), signs)
     known = fit(pairs, inventory, len(signs), looked)
     chosen = one_to_one(pairs, known.evidence, len(signs))
+    parts = with_taken_off(parts, signs, pairs.listed[chosen], (off - pairs.apart)[chosen])
     findings = [_paired(pairs, k, signs, inventory, shares, known) for k in chosen.tolist()]
     partner = np.full(len(inventory), -1)
     partner[pairs.listed[chosen]] = pairs.sign[chosen]
@@ -138,12 +140,12 @@ def _paired(
     east, north = (pairs.apart[k] - known.shift_m).tolist()
     error = math.sqrt(known.variance[k])
     listed = inventory.class_name[j]
-    same = same_face(signs[i].class_name, listed)
+    same, wrong = same_face(signs[i].class_name, listed), 0.0
     if same is None and listed and shares[i] and not signs[i].reviewed:
-        same = not looks_otherwise(shares[i], listed)
-    if same is False:
+        wrong = listed_wrong(shares[i], listed)
+    if same is False or wrong > LIKELIER_THAN_NOT:
         # either the list or the map is wrong, which all of these together tell
         belief = belief_in_another(signs[i], shares[i], listed)
         return Finding("class", i, j, belief, east, north, error)
-    kind, belief = ("moved", moved) if moved > 0.5 else ("matched", 1.0 - moved)
+    kind, belief = ("moved", moved) if moved > 0.5 else ("matched", (1.0 - moved) * (1.0 - wrong))
     return Finding(kind, i, j, belief, east, north, error)

@@ -11,13 +11,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from functools import lru_cache
 
 from automap.mapping.inventory_limits import (
     CLASS_SHIFT,
     CLASS_SLOPE,
     FAINT_SHARE,
-    LIKELIER_THAN_NOT,
     MOST_SURE,
+    OTHER_LOOK,
     STALE,
 )
 from automap.signs.classes import load_classes
@@ -31,11 +32,19 @@ def same_face(a: str, b: str) -> bool | None:
         return None
     if face_of(a) == face_of(b):
         return True
-    vocabulary = load_vocabulary()
-    generic = set(vocabulary.groups.values())
-    if (a in generic or b in generic) and vocabulary.group_of(a) == vocabulary.group_of(b):
+    generic = set(load_vocabulary().groups.values())
+    if (a in generic or b in generic) and groups_of(a) & groups_of(b):
         return None
     return False
+
+
+@lru_cache(maxsize=4096)
+def groups_of(name: str) -> frozenset[str]:
+    """The shapes and colours that the face of a class is drawn in: children are warned of by a
+    triangle here and a diamond there, and words in a list say neither."""
+    classes, group_of = load_classes(), load_vocabulary().group_of
+    drawn = [c for c in classes if face_of(c) == face_of(name)] if name in classes else []
+    return frozenset(group for c in (name, *drawn) if (group := group_of(c)))
 
 
 def of_another_class(shares: Mapping[str, float], listed: str) -> float:
@@ -46,16 +55,18 @@ def of_another_class(shares: Mapping[str, float], listed: str) -> float:
 
 
 def class_ratio(shares: Mapping[str, float], listed: str) -> float:
-    """Logarithm of what the views give to the best of the other classes over what they give to
-    the class ``listed``."""
-    face, classes = face_of(listed), load_classes()
+    """Logarithm of what the views give to the best of the other classes, and in part to all of
+    another shape or colour, over what they give to the class ``listed``."""
+    face, classes, groups = face_of(listed), load_classes(), groups_of(listed)
     own = sum(share for name, share in shares.items() if face_of(name) == face)
     others = [s for name, s in shares.items() if name in classes and face_of(name) != face]
-    return math.log((max(others, default=0.0) + FAINT_SHARE) / (own + FAINT_SHARE))
+    looks = [s for name, s in shares.items() if groups_of(name) and not groups_of(name) & groups]
+    other = max(others, default=0.0) + OTHER_LOOK * (sum(looks) if groups else 0.0)
+    return math.log((other + FAINT_SHARE) / (own + FAINT_SHARE))
 
 
-def looks_otherwise(shares: Mapping[str, float], listed: str) -> bool:
-    """Whether a face that the map does not name is likelier another one than that ``listed``."""
+def listed_wrong(shares: Mapping[str, float], listed: str) -> float:
+    """Probability that a list has the class of a face wrong that the map does not name."""
     wrong = of_another_class(shares, listed) * STALE
     right = (1.0 - of_another_class(shares, listed)) * (1.0 - STALE)
-    return wrong / (wrong + right) > LIKELIER_THAN_NOT
+    return wrong / (wrong + right)

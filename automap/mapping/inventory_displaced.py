@@ -25,9 +25,11 @@ REACH_M = 300.0
 """National datums of before satellites lie up to some 300 m off."""
 _CIRCLE = 2.45
 """Of a normal error in a plane 95 % lie within so many sigmas per axis."""
+_FAR = 4.45
+"""Of twenty places of a map one is off by more than so many sigmas once in a thousand times."""
 _APART = 6.3
-"""Path errors of two places differ by a root of two times their sigma; among twenty places more
-than 4.45 of these are one chance in a thousand. What is nearer may be the map's own."""
+"""Path errors of two places differ by a root of two times their sigma, of which 4.45 are that
+chance. What is nearer may be the map's own."""
 _MOST_PARTS = 5
 _MOST_WAYS = 100_000
 """By which modes are looked for: some seconds."""
@@ -79,9 +81,7 @@ def displaced_parts(signs: Sequence[Sign], inventory: Inventory) -> Parts:
     whole = Parts(np.full(m, 0, np.int64), np.zeros((1, 2)))
     if not signs or not m:
         return whole
-    own = np.array([0.5 * np.trace(s.cov_enu[:2, :2]) for s in signs])
-    own = own[np.isfinite(own)]
-    sd = float(np.sqrt(np.median(own))) if len(own) else USUAL_SD_M
+    sd = _usual_sd(signs)
     radius, least = _CIRCLE * sd, _APART * sd
     street = _Street(signs, inventory)
     sign, listed, ways = street.ways(street.some(), np.zeros(2), REACH_M)
@@ -105,6 +105,35 @@ def displaced_parts(signs: Sequence[Sign], inventory: Inventory) -> Parts:
     for k in range(len(modes) - 1, -1, -1):
         part[members[order[k]]] = k
     return Parts(part, np.array([modes[k] for k in order]) - modes[order[0]])
+
+
+def with_taken_off(
+    parts: Parts, signs: Sequence[Sign], listed: IntArray, common: FloatArray
+) -> Parts:
+    """The parts, and such as neighbours gave away: ``common`` [k, 2] of entries ``listed`` [k] is
+    what the entries about them are off from the list's shift, from listed to found in m.
+
+    That is taken off as the map's error, and where it is more than that can be it is the list's.
+    """
+    least = _FAR * _usual_sd(signs)
+    left = ~parts.displaced[listed]
+    listed, common = listed[left], common[left]
+    part, way = parts.part.copy(), list(parts.way)
+    while len(far := common[np.hypot(*common.T) > least]):
+        near = np.hypot(*(far[:, None] - far[None]).T) < least
+        way.append(np.median(far[near[int(np.argmax(near.sum(axis=1)))]], axis=0))
+        # and those at its edge, that are off by rather that than nothing
+        own = np.hypot(*(common - way[-1]).T) < np.hypot(*common.T)
+        part[listed[own]] = len(way) - 1
+        listed, common = listed[~own], common[~own]
+    return Parts(part, np.array(way))
+
+
+def _usual_sd(signs: Sequence[Sign]) -> float:
+    """Median of what a map states of its positions, m per axis."""
+    own = np.array([0.5 * np.trace(s.cov_enu[:2, :2]) for s in signs])
+    own = own[np.isfinite(own)]
+    return float(np.sqrt(np.median(own))) if len(own) else USUAL_SD_M
 
 
 class _Street:

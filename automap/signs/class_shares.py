@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections import Counter
+from collections.abc import Iterable, Mapping
 
 
 def shares_text(shares: Iterable[tuple[str, float]]) -> str:
@@ -25,11 +26,13 @@ def shares_of(text: str) -> dict[str, float]:
     return shares
 
 
-def mean_of(texts: Iterable[str]) -> dict[str, float]:
-    """The mean of the shares of those that tell any, each alike; empty where none does."""
-    told = [shares for text in texts if (shares := shares_of(text))]
+def mean_of(texts: Iterable[str] | Mapping[str, int]) -> dict[str, float]:
+    """The mean of the shares of those that tell any, each alike, or as often as it is counted;
+    empty where none does."""
+    told = [(shares, n) for text, n in Counter(texts).items() if (shares := shares_of(text))]
+    total = sum(n for _, n in told)
     mean: dict[str, float] = {}
-    for shares in told:
+    for shares, n in told:
         for name, share in shares.items():
-            mean[name] = mean.get(name, 0.0) + share / len(told)
+            mean[name] = mean.get(name, 0.0) + share * n / total
     return mean

@@ -68,7 +68,7 @@ def compare_with_inventory(
     from pipeline.compare.doubts import doubts
     from pipeline.compare.listing import listed_signs, placeless
     from pipeline.compare.report import comparison_report
-    from pipeline.shared.run_record import country_of
+    from pipeline.shared.run_record import country_of, drive_of
 
     if out.resolve() == folder.resolve() or (out / names.RUN).is_file():
         raise ConfigError(f"-o {out} holds a map; choose another folder for the comparison.")
@@ -81,7 +81,7 @@ def compare_with_inventory(
     country = country or country_of(products.json(names.RUN))
     listed, rows_of = listed_signs(read, country, inventory, warnings)
     drives = _drives(folder, warnings)
-    result = compare_inventory(signs, listed, drives, _class_shares(folder, signs))
+    result = compare_inventory(signs, listed, drives, _class_shares(products, signs))
     doubtful, findings = doubts(result, signs, listed, inventory, placeless(read, country))
     warnings += doubtful
     rows = [_row(finding, signs, listed, read, rows_of) for finding in findings]
@@ -91,7 +91,7 @@ def compare_with_inventory(
     write_text(out / CSV, comparison_csv(rows))
     write_text(out / OSM, osm_change(rows, country))
     write_text(out / TASKS, maproulette_tasks(rows))
-    name = folder.resolve().name
+    name = drive_of(folder)[0]
     # pages are given away: where files lie is nobody's business
     told = [text.replace(str(inventory), inventory.name) for text in warnings]
     told = [text.replace(str(folder), name) for text in told]
@@ -159,17 +159,27 @@ def _drives(folder: Path, warnings: list[str]) -> list[DriveSigns]:
     ]  # fmt: skip
 
 
-def _class_shares(folder: Path, signs: Sequence[Sign]) -> list[dict[str, float]]:
-    """What the views of each sign give to each class, where the run's detector tells it."""
-    from automap.io.detections_table import read_class_shares
-    from automap.signs.class_shares import mean_of
+def _class_shares(products: RunProducts, signs: Sequence[Sign]) -> list[dict[str, float]]:
+    """What the views of each sign give to each class, where the runs' detector tells it.
 
-    if (folder / names.MERGE).is_file() or not (folder / names.DETECTIONS).is_file():
+    A name that several drives gave says more than the mean of their views does.
+    """
+    from automap.io.detections_table import CLASS_SHARES
+    from automap.signs.class_shares import mean_of
+    from automap.signs.classes import load_classes
+
+    seen = products.observations
+    if seen is None or not {CLASS_SHARES, "sign_id"} <= set(seen.column_names):
         return []
-    texts = read_class_shares(folder / names.DETECTIONS)
-    if any(int(sign.detection_rows.max(initial=-1)) >= len(texts) for sign in signs):
-        return []
-    return [mean_of(texts[row] for row in sign.detection_rows.tolist()) for sign in signs]
+    rows = seen.group_by(["sign_id", CLASS_SHARES]).aggregate([([], "count_all")])
+    counts: dict[str, dict[str, int]] = {}
+    for sign, text, n in zip(*(rows[k].to_pylist() for k in rows.column_names), strict=True):
+        counts.setdefault(sign or "", {})[text or ""] = n
+    named = load_classes()
+    return [
+        mean_of(counts.get(s.id, {})) if len(s.drives) < 2 or s.class_name not in named else {}
+        for s in signs
+    ]
 
 
 def _row(
@@ -216,6 +226,8 @@ def _summary(
     country: str | None,
 ) -> dict[str, Any]:
     """The content of comparison.json."""
+    from pipeline.compare.alike import moved_alike
+
     counts = Counter(row.kind for row in rows)
     sure = Counter(row.kind for row in rows if row.is_sure)
     square = result.normalised_square
@@ -234,6 +246,14 @@ def _summary(
         "inventory_sd_m": result.sd_m,
         "inventory_sd_stated_m": float(np.median(stated)) if np.isfinite(stated).all() else None,
         "normalised_square": None if math.isnan(square) else square,
+        "moved_alike": [
+            {
+                "listed_ids": [rows[k].listed_id for k in group.rows],
+                "e": group.east_m,
+                "n": group.north_m,
+            }
+            for group in moved_alike(result.findings)
+        ],
         "detection_rate": result.detection,
         "directions_turned": result.directions.turned,
         "directions_used": result.directions.used,

@@ -29,11 +29,14 @@ from automap.mapping.inventory_limits import (
 from automap.mapping.limits import MOVED_M
 from automap.records import FloatArray, Sign
 from automap.signs.codes import face_of
+from pipeline.compare.alike import moved_alike
 from pipeline.compare.parts import displaced
 
 _ELSEWHERE_M = 3.0 * MOVED_M
 """Further than two signs can be off from one another that are each taken for the same third one."""
 PAIRED = ("matched", "moved", "class")
+_NAMED = 10
+"""Entries of a sentence; larger parts are mostly told as parts."""
 
 
 def doubts(
@@ -50,6 +53,7 @@ def doubts(
     for sentence, rows in (
         *_places(result, signs, listed),
         *displaced(result, signs, listed),
+        *_alike(result, listed),
         *_accuracy(result, listed),
         *_directions(result),
         *_classes(result, signs, listed),
@@ -141,6 +145,23 @@ def _pairs_elsewhere(signs: Sequence[Sign], listed: Inventory) -> float:
         result = compare_inventory(signs, moved, [])
         counts.append(len(_rows(result, *PAIRED)))
     return float(np.mean(counts))
+
+
+def _alike(result: InventoryComparison, listed: Inventory) -> _Doubts:
+    """Whether moved signs all moved by the same way."""
+    told: _Doubts = []
+    for group in moved_alike(result.findings):
+        ids = [str(listed.ids[result.findings[k].listed]) for k in group.rows]
+        more = f" and {len(ids) - _NAMED} more" if len(ids) > _NAMED else ""
+        told.append((
+            f"{len(ids)} of its entries that are called moved lie off by the same way, "
+            f"{math.hypot(group.east_m, group.north_m):.1f} m ({group.east_m:+.1f} m east, "
+            f"{group.north_m:+.1f} m north): {', '.join(ids[:_NAMED])}{more}. Rather they are of "
+            "another source or datum, or the map is off there, than that each was moved; look at "
+            "one of them. They are not for work.",
+            group.rows,
+        ))  # fmt: skip
+    return told
 
 
 def _accuracy(result: InventoryComparison, listed: Inventory) -> _Doubts:

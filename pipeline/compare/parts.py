@@ -29,8 +29,8 @@ def displaced(
                 f"{len(own)} of its entries, from {ids[0]} to {ids[-1]} in its order, are listed "
                 f"{np.hypot(east, north):.1f} m from where the others' positions would put them "
                 f"({-east:+.1f} m east, {-north:+.1f} m north): they may be of another source or "
-                "datum. They are compared without that; nothing that rests on them, or on entries "
-                "among them, is for work."
+                "datum, or the map is off there by more than it states. They are compared without "
+                "that; nothing that rests on them, or on entries among them, is for work."
             )
     rows = _resting_on(result, signs, listed)
     return [(text, rows if k == 0 else ()) for k, text in enumerate(told)]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import math
 from collections import Counter
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
@@ -24,7 +25,10 @@ _TITLES = {
     "missing": ("Missing", "In the inventory, in view of a drive, and not found."),
     "new": ("New", "On the map and not in the inventory."),
     "class": ("Another class", "One sign, of which map and inventory say different things."),
-    "moved": ("Moved", "Found elsewhere than the errors of map and inventory allow."),
+    "moved": (
+        "Moved",
+        "Found so far from where it is listed, that way, which is more than errors explain.",
+    ),
     "unsure": (
         "Unsure",
         "May be one of these, but with them fewer than nine of ten would be right, or a warning "
@@ -37,6 +41,7 @@ _TITLES = {
     ),
     "not_seen": ("Not seen", "No drive had them in view: nothing is said of them."),
 }
+_POINTS = ("N", "NE", "E", "SE", "S", "SW", "W", "NW")
 _MOST = 400
 """Rows of a kind on the page; all are in comparison.csv."""
 
@@ -97,6 +102,10 @@ def _entry(row: ComparedSign, pictures: dict[str, str], doubted: dict[str, str])
     icon = base64.b64encode(class_icon(shown)).decode() if shown else ""
     more = row.kind == "unconfirmed" and row.more_drives > 0
     distance = f"{row.distance_m:.1f} ± {row.sd_m:.1f}" if row.kind in ("moved", "class") else ""
+    if row.kind == "moved":
+        distance += (
+            f" {_POINTS[round(math.degrees(math.atan2(row.east_m, row.north_m)) / 45.0) % 8]}"
+        )
     return {
         "icon": f"data:image/png;base64,{icon}" if icon else "",
         "picture": pictures.get(row.id, ""),

@@ -21,6 +21,7 @@ from pyogrio.raw import write
 from pyproj import Transformer
 
 from automap.export.inventory import ComparedSign, maproulette_tasks, osm_change
+from automap.io.inventory_file import read_inventory
 from automap.mapping.inventory import compare_inventory
 from automap.mapping.inventory_findings import (
     Finding,
@@ -34,6 +35,7 @@ from automap.mapping.visibility import Opportunities
 from automap.records import Sign, Trajectory
 from automap.signs.codes import classes_of
 from pipeline.cli.root import run_command
+from pipeline.compare.report import _entry
 from pipeline.merge.inputs import even_path
 
 
@@ -221,6 +223,19 @@ def test_an_old_catalogue_shows_in_its_other_numbers() -> None:
     assert classes_of(["274-60", "274-56"], "DE")[0] == "regulatory--maximum-speed-limit-100--g1"
 
 
+def test_openstreetmaps_word_for_limits_is_read_with_its_number(tmp_path: Path) -> None:
+    """As nodes come from Overpass, and as our own export writes them without a national code."""
+    path = tmp_path / "extract.csv"
+    path.write_text(
+        "@id,traffic_sign,maxspeed,lat,lon\nnode/1,maxspeed,50,1,2\nnode/2,maxspeed,35 mph,1,2\n"
+        "node/3,stop,50,1,2\nnode/4,maxspeed,,1,2\nnode/5,AU:R4-1[40],60,1,2\n"
+    )
+    limit = "regulatory--maximum-speed-limit-{}--g1".format
+    assert classes_of(read_inventory(path).codes, "AU") == [
+        limit(50), None, "regulatory--stop--g1", None, limit(40)
+    ]  # fmt: skip
+
+
 CODES = {
     "regulatory--stop--g1": "R1-1", "regulatory--yield--g1": "R1-2",
     "regulatory--maximum-speed-limit-50--g1": "R4-1[50]",
@@ -345,6 +360,9 @@ def test_the_page_tells_the_stated_accuracy_and_no_folder(
     assert str(tmp_path) not in page
     assert "0.30 m" in page
     assert "as stated" in page
+    # a run's folder is called _automap, whatever the drive is
+    name = json.loads((run_and_case[0] / "run.json").read_text(encoding="utf-8"))["drive"]["name"]
+    assert f"<h1>{name}</h1>" in page
 
 
 def test_what_openstreetmap_has_is_left_to_people() -> None:
@@ -353,6 +371,8 @@ def test_what_openstreetmap_has_is_left_to_people() -> None:
         "moved", 0.9, "yes", "s1", "node/42", "regulatory--stop--g1", "regulatory--stop--g1",
         "DE:206", 8.0, 8.0, 0.0, 0.5, 90.0, 5.0, 7.1, 50.7, 7.0, 50.7,
     )  # fmt: skip
+    assert _entry(moved, {}, {})["distance"] == "8.0 ± 0.5 E"
+    assert _entry(replace(moved, kind="class"), {}, {})["distance"] == "8.0 ± 0.5"
     gone = replace(moved, kind="missing", class_name="", lon_deg=np.nan)
     new = replace(moved, kind="new", listed_id="", listed_class="", listed_code="")
     doubtful = replace(new, sure="no")

@@ -4,17 +4,22 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
+import pyarrow as pa
 import pytest
 
-from automap.io.detections_table import read_class_shares, write_detections
+from automap.io.detections_table import read_detections, write_detections
 from automap.mapping.inventory import compare_inventory
-from automap.mapping.inventory_classes import of_another_class
+from automap.mapping.inventory_classes import of_another_class, same_face
 from automap.mapping.inventory_findings import Finding, Inventory, class_belief
 from automap.records import Detections, Sign
 from automap.signs.class_shares import mean_of, shares_of, shares_text
 from automap.vision.voting import View, mean_shares
+from pipeline.compare.command import _class_shares
+from pipeline.shared.products import RunProducts
 
 BUMP, CHILDREN, STOP_AHEAD = (
     "warning--road-bump--g2",
@@ -119,4 +124,45 @@ def test_shares_come_back_from_their_text_and_from_the_table(tmp_path: Path) -> 
         np.ones(n), np.zeros(n, np.int64), class_shares=np.array([text, ""], object),
     )  # fmt: skip
     write_detections(tmp_path / "detections.parquet", [found, replace(found, class_shares=None)])
-    assert read_class_shares(tmp_path / "detections.parquet") == [text, "", "", ""]
+    again = read_detections(tmp_path / "detections.parquet")[found.camera].class_shares
+    assert again is not None
+    assert again.tolist() == [text, "", "", ""]
+    assert mean_of({text: 3, "": 9}) == pytest.approx(shares_of(text))
+    assert mean_of({f"{BUMP} 1.000": 3, f"{CHILDREN} 1.000": 1}) == {BUMP: 0.75, CHILDREN: 0.25}
+
+
+def test_a_merged_map_still_has_what_the_views_look_like() -> None:
+    """Of signs that one drive saw, and of such as no drive could name."""
+    seen = pa.table({
+        "sign_id": ["a", "a", "b", "c", None],
+        "class_shares": [f"{BUMP} 1.0", f"{CHILDREN} 1.0", f"{BUMP} 0.8", f"{BUMP} 0.5", None],
+    })  # fmt: skip
+    one = Sign("a", BUMP, 0.0, 0.0, 0.0, np.eye(3), 0.9, 9, 0, 0, 2.0, 0.0, 0.6, "", drives=("x",))
+    signs = [one, replace(one, id="b", drives=("x", "y")),
+             replace(one, id="c", drives=("x", "y"), class_name=UNKNOWN)]  # fmt: skip
+    products = cast(RunProducts, SimpleNamespace(observations=seen))
+    assert _class_shares(products, signs) == [{BUMP: 0.5, CHILDREN: 0.5}, {}, {BUMP: 0.5}]
+    assert _class_shares(cast(RunProducts, SimpleNamespace(observations=None)), signs) == []
+
+
+def test_views_of_another_shape_contradict_a_list_though_no_class_is_seen() -> None:
+    circle = {"regulatory--unknown-red-circle": 0.6, "regulatory--no-stopping--g5": 0.05}
+    assert of_another_class(circle, STOP_AHEAD) > 0.9
+    assert of_another_class({UNKNOWN: 0.6, CHILDREN: 0.05}, STOP_AHEAD) < 0.7
+    # nothing is known of how a class looks that is in no catalogue
+    assert of_another_class(circle, "other--thing--g1") < 0.7
+
+
+def test_a_face_has_the_shape_of_each_country_that_draws_it() -> None:
+    """Words in a list are the first drawing of a class, whichever stands there."""
+    assert same_face(UNKNOWN, "warning--children--g1") is None
+    assert same_face(UNKNOWN, "regulatory--yield--g1") is False
+    assert compared(UNKNOWN, 0.9, {}, "warning--children--g1").kind == "matched"
+    assert of_another_class({UNKNOWN: 0.9}, "warning--children--g1") < 0.5
+
+
+def test_a_match_is_no_surer_than_that_the_class_is_as_listed() -> None:
+    told = compared(UNKNOWN, 0.9, {UNKNOWN: 0.3, CHILDREN: 0.16, BUMP: 0.005}, BUMP)
+    assert told.kind == "matched"
+    assert 0.5 < told.probability < 0.9
+    assert compared(UNKNOWN, 0.9, {UNKNOWN: 0.5, BUMP: 0.3}, BUMP).probability > 0.95

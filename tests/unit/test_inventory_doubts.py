@@ -18,6 +18,7 @@ from automap.mapping.inventory import compare_inventory
 from automap.mapping.inventory_findings import Finding, Inventory
 from automap.mapping.sightings import DriveSigns
 from automap.records import FloatArray, Sign
+from pipeline.compare.alike import moved_alike
 from pipeline.compare.doubts import doubts
 from pipeline.compare.listing import listed_signs, placeless
 
@@ -249,3 +250,46 @@ def test_positions_that_are_none_are_told(tmp_path: Path) -> None:
     assert "1 of 3 entries have no usable position" in text
     assert "1 of 3 entries lie more than 10 km from the map" in text
     assert "neither degrees within 360 nor points of the compass, such as '374'" in text
+
+
+@pytest.mark.parametrize(("metres", "entries"), [(7.0, 9), (11.0, 6), (5.0, 12)])
+def test_few_entries_that_moved_alike_are_one_finding(metres: float, entries: int) -> None:
+    """Too few, or too near, to be a part that lies elsewhere."""
+    one = street()[1]
+    there = (np.arange(len(one)) >= 20) & (np.arange(len(one)) < 20 + entries)
+    text, findings = said(replace(one, lat_rad=one.lat_rad + there * metres / R))
+    assert "moved lie off by the same way" in text
+    assert one.ids[20] in text
+    assert abs(float(text.split("same way, ")[1].split(" m")[0]) - metres) < 0.7
+    assert not any(f.sure for f in findings if f.kind == "moved" and there[f.listed])
+    # those that went their own way are for work as before
+    before = sum(f.sure for f in said(one)[1] if f.kind == "moved" and not there[f.listed])
+    assert sum(f.sure for f in findings if f.kind == "moved" and not there[f.listed]) == before
+
+
+def test_a_stretch_that_lies_nearer_than_a_part_is_told_is_not_taken_off_in_silence() -> None:
+    """What neighbours are off in common is the map's error only as far as the map's can be."""
+    one = street()[1]
+    order = np.argsort(np.argsort(one.lat_rad))
+    there = (order >= 30) & (order < 50)
+    text, findings = said(replace(one, lat_rad=one.lat_rad + there * 5.0 / R))
+    assert "the map is off there by more than it states" in text
+    found = [f for f in findings if f.kind == "matched" and there[f.listed]]
+    assert len(found) > 10
+    assert abs(np.median([f.distance_m for f in found]) - 5.0) < 1.0
+
+
+def test_signs_that_moved_each_its_own_way_are_not_alike() -> None:
+    rng = np.random.default_rng(3)
+    told = 0
+    for n in (4, 7, 15, 40) * 30:
+        angle = rng.uniform(0.0, 2.0 * np.pi, n)
+        ways = 8.0 * np.column_stack([np.cos(angle), np.sin(angle)]) + rng.normal(size=(n, 2))
+        told += bool(
+            moved_alike([Finding("moved", k, k, 0.9, *way, 1.0) for k, way in enumerate(ways)])
+        )
+    assert told == 0
+    # along a street, this way and the other
+    along = [8.0 if k % 3 else -8.0 for k in range(12)]
+    ways = np.column_stack([along, np.zeros(12)]) + 0.5 * rng.normal(size=(12, 2))
+    assert not moved_alike([Finding("moved", k, k, 0.9, *way, 1.0) for k, way in enumerate(ways)])

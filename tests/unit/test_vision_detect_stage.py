@@ -16,7 +16,7 @@ from automap.errors import InputError
 from automap.io import names
 from automap.io.crops_table import read_crops, write_crops
 from automap.io.detections_csv import read_detections_csv
-from automap.io.detections_table import read_class_shares, read_detections, write_detections
+from automap.io.detections_table import read_detections, write_detections
 from automap.io.drive import load_drive
 from automap.io.searched_table import read_searched
 from automap.records import TRACK_PROBABILITIES, Detections, FrameTimes, Image
@@ -281,9 +281,9 @@ def test_what_is_told_of_a_track_comes_back_from_its_table(
     folder = drive(tmp_path / "d", '[video.front]\nfiles = ["front.mp4"]\nstart_ns = 500\n')
     (tmp_path / "front.mp4").rename(folder / "front.mp4")
     context = run(folder, tmp_path, every_frame=True)
-    assert set(read_class_shares(context.work / names.DETECTIONS)) == {
-        f"{STOP} 0.900; {other} 0.100"
-    }
+    kept = read_detections(context.work / names.DETECTIONS)["front"].class_shares
+    assert kept is not None
+    assert set(kept) == {f"{STOP} 0.900; {other} 0.100"}
 
 
 def test_the_annotated_video_shows_every_frame(tmp_path: Path) -> None:
