@@ -61,6 +61,6 @@ def contradiction(truth: Trajectory, errors: TrajectoryErrors) -> str | None:
         return None
     return (
         f"the truth's velocities differ over a minute from the change of its positions, "
-        f"{' and '.join(told)}, which is more than the path states: its figures of velocity, and of "
-        "heading where that is the course, are of the truth; make its velocities of its positions"
+        f"{' and '.join(told)}, which is more than the path states: figures of velocity, and of "
+        "heading where that is the course, are the truth's; make its velocities of its positions"
     )

@@ -29,7 +29,7 @@ import numpy as np
 PROJECT = Path(__file__).resolve().parent.parent.parent
 sys.path.insert(0, str(PROJECT))
 
-from automap.evaluation.reference import velocity_apart
+from automap.evaluation.reference import velocity_apart  # noqa: E402
 from automap.evaluation.trajectory_errors import raw_fix_errors, trajectory_errors  # noqa: E402
 from automap.fusion.doubts.receiver import dated_velocities  # noqa: E402
 from automap.fusion.fix_axes import smooth_epochs, usable_epochs  # noqa: E402
