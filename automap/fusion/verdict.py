@@ -23,6 +23,7 @@ from automap.fusion.doubts.difference import off_course
 from automap.fusion.doubts.estimates import (
     Estimates,
     arm_by_drive,
+    bend_speed,
     contradicted_arm,
     final_estimates,
     impossible_ages,
@@ -131,7 +132,8 @@ def weigh(
         askew = []  # the same, and worse
     believed = not any(reason.inertial for reason in of_imu)
     # an arm that is wrong makes jumps of velocity in bends
-    arm = arm_by_drive(found, lever_arm, STATED_ARM_SD_M)
+    bends = bend_speed(path.gps_s - path.gps_s[0], path.rpy[:, 2], speed)
+    arm = arm_by_drive(found, lever_arm, STATED_ARM_SD_M, bends)
     arm = _of_axes(found, "gnss_lever_arm") if arm is None else arm
     steps: list[Reason] = []
     places = exact_places(model_fixes(fixes, fixes.gps_s, options))
@@ -160,7 +162,7 @@ def weigh(
         *of_imu,
         *unexpected_delay(found, delay.mean, delay.sd, float(np.median(speed)), age_sd),
         *(constancy_doubts(result.filtered_parameters, by_carrier(fixes)) if believed else ()),
-        *(contradicted_arm(found, lever_arm, STATED_ARM_SD_M) if believed else ()),
+        *(contradicted_arm(found, lever_arm, STATED_ARM_SD_M, bends) if believed else ()),
         *height_doubts(path, fixes),
         *askew,
         *weak_heading(result.align_margin, off),

@@ -198,6 +198,9 @@ TOLD_AGAIN_M, TOLD_AGAIN_SHARE = 1.0, 0.5
 """Five steps of coordinates with four decimals of a minute, 0.19 m, the coarsest that are usual:
 after so much way no position is the same again, with its speed and course. Where most rows are, the
 log is written faster than the receiver measures; a tunnel repeats less."""
+EVEN_STEP, MOVED_DIGITS, MOST_BETWEEN = 0.1, 4.0, 49
+"""Rows are evenly apart to a tenth of their step, as receivers tag them. What moved by fewer digits
+lies on any line. Up to so many rows are put between two fixes: 50 a second of one."""
 LEAST_REPEATS = 3
 """A value must repeat so often to be looked into: one that is told with few digits repeats once or
 twice by chance."""

@@ -15,6 +15,7 @@ import numpy as np
 
 from automap.records import BoolArray, Fixes
 from automap.sync import limits
+from automap.sync.between_fixes import nothing_new
 from automap.sync.climb_match import Vertical, match_climbs
 from automap.sync.epoch_means import EpochMeans, epoch_means
 from automap.sync.held_values import (
@@ -91,7 +92,8 @@ class VelocityConsistency:
     those before, between and after them in which positions lie aside of most (``aside``).
     ``worse`` is how many times what is plausible they usually part by, one at least. ``means``:
     the velocities are right, and the ways between positions; None where they tell more than that.
-    ``height_stuck``: the height is one number throughout: no receiver measures that.
+    ``height_stuck``: the height is one number throughout: no receiver measures that. ``between``:
+    so many positions lie on the lines between others and were not measured.
     """
 
     compared_s: float
@@ -108,6 +110,7 @@ class VelocityConsistency:
     means: EpochMeans | None = None
     height_stuck: bool = False
     aside: tuple[Interval, ...] = ()
+    between: int = 0
 
     @property
     def can_tell(self) -> bool:
@@ -190,13 +193,16 @@ def _within(fixes: Fixes, intervals: Sequence[Interval]) -> BoolArray:
 
 def velocity_consistency(fixes: Fixes) -> VelocityConsistency:
     """Compare the velocities of ``fixes`` with their positions; never raises."""
-    path = receiver_path(replace(fixes, lat_rad=np.where(told_again(fixes), np.nan, fixes.lat_rad)))
+    known = nothing_new(fixes)
+    between = int(np.count_nonzero(known & ~told_again(fixes)))
+    path = receiver_path(replace(fixes, lat_rad=np.where(known, np.nan, fixes.lat_rad)))
     told = np.isfinite(path.velocity)
     if np.count_nonzero(told) < 2:
         none: tuple[Interval, ...] = ()
         return VelocityConsistency(
             *(0.0, Match(), False, None, False, none, none, none, none, None, 1.0),
             height_stuck=_height_stuck(path),
+            between=between,
         )
     fresh = ~in_long_repeats(path)
     match = match_paths(path, told & fresh, fresh)
@@ -230,6 +236,7 @@ def velocity_consistency(fixes: Fixes) -> VelocityConsistency:
         means=epoch_means(path, use & position),
         height_stuck=_height_stuck(path),
         aside=_intervals(path, asides(path, right, parted)),
+        between=between,
     )
 
 

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from automap.errors import AutoMapError, InputError
+from automap.evaluation.reference import contradiction
 from automap.evaluation.sign_matching import points_of, summarise_signs
 from automap.evaluation.trajectory_errors import (
     position_rms,
@@ -84,6 +85,8 @@ def _evaluate_trajectory(out: Path, truth_path: Path, drive_dir: Path) -> dict[s
             "check that both belong to the same drive and clock."
         )
     result = summarise_trajectory(errors)
+    if told := contradiction(truth, errors):
+        warnings.append(f"{truth_path}: {told}.")
     if warnings:
         result["warnings"] = warnings
     if (out / names.FIXES).is_file():

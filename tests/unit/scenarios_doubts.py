@@ -306,13 +306,13 @@ def fusion_estimate_doubts() -> Any:
                     "gnss_velocity_lag_tau": (-0.05, 0.1),
                 }
                 found[f"arm {lag} {sd} {off}"] = [
-                    estimates.arm_by_drive(arm, stated, 0.05),
-                    words_of(estimates.contradicted_arm(arm, stated, 0.05)),
+                    estimates.arm_by_drive(arm, stated, 0.05, 3.0),
+                    words_of(estimates.contradicted_arm(arm, stated, 0.05, 3.0)),
                 ]
     found["no arm"] = [
-        estimates.arm_by_drive(arm, None, 0.05),
-        estimates.contradicted_arm(arm, None, 0.05),
-        estimates.arm_by_drive({}, stated, 0.05),
+        estimates.arm_by_drive(arm, None, 0.05, 3.0),
+        estimates.contradicted_arm(arm, None, 0.05, 3.0),
+        estimates.arm_by_drive({}, stated, 0.05, 3.0),
     ]
     levels = {
         "accel": 15.9,

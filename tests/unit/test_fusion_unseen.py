@@ -46,7 +46,14 @@ def test_what_is_unseen_grows_with_what_is_seen() -> None:
     assert grown == pytest.approx(OPTIONS.bias_share * STATED * [3.0, 3.0, 5.0])
     # noise that is gone from one fix to the next is no sign of a bias
     noisy = unseen_errors(STATED, OPTIONS, _factors(position_h=5.0, position_v=5.0, multipath=4.0))
-    assert noisy == pytest.approx(OPTIONS.bias_share * STATED)
+    assert noisy == pytest.approx(unseen_errors(STATED, OPTIONS, _factors()))
+
+
+def test_noise_beyond_the_statement_takes_nothing_from_what_is_unseen() -> None:
+    """Noise that hides what lasts for minutes does not make a bias smaller."""
+    quick = _factors(position_h=6.0, position_v=6.0, multipath=4.0)
+    hidden = unseen_errors(STATED, OPTIONS, quick | {"wander": 0.1, "wander_v": 0.1})
+    assert (hidden > 0.9 * STATED).all()
 
 
 def test_levels_of_the_height_are_its_own() -> None:

@@ -11,7 +11,12 @@ from scipy.signal import lfilter
 
 from automap.fusion import limits
 from automap.fusion.aside import put_aside
-from automap.fusion.doubts.estimates import contradicted_arm, impossible_ages, unexpected_delay
+from automap.fusion.doubts.estimates import (
+    bend_speed,
+    contradicted_arm,
+    impossible_ages,
+    unexpected_delay,
+)
 from automap.fusion.doubts.heights import height_doubts
 from automap.fusion.doubts.limits import BEND_STEP_S, TRIADS_APART_S
 from automap.fusion.doubts.outcome import leaning, mounted_askew
@@ -213,7 +218,7 @@ def test_an_arm_that_the_drive_moves_away_from_is_told() -> None:
     def after(moved: float, sd: float) -> list[Reason]:
         found = {f"gnss_lever_arm_{a}": (float(v), sd) for a, v in zip("xyz", stated, strict=True)}
         found["gnss_lever_arm_x"] = (1.8 - moved, sd)
-        return contradicted_arm(found, stated, limits.STATED_ARM_SD_M)
+        return contradicted_arm(found, stated, limits.STATED_ARM_SD_M, 8.0)
 
     (reason,) = after(0.9, 0.04)
     # the drive by itself: 0.9 m over the share that it has in the estimate
@@ -221,13 +226,26 @@ def test_an_arm_that_the_drive_moves_away_from_is_told() -> None:
     assert "near [-0.7, -0.5, 1.2]" in reason.text
     # what chance does to a right statement, and what receivers add to it
     assert after(0.1, 0.04) == after(0.17, 0.03) == after(0.0, 0.05) == []
-    assert contradicted_arm({}, None, 0.05) == []
+    # a drive that takes a fifth of the tape's variance from it, and moves off by nine of that sigma
+    (slight,) = after(0.2, 0.045)
+    assert slight.error_m == pytest.approx(0.2 / 0.19, rel=1e-6)
+    assert contradicted_arm({}, None, 0.05, 8.0) == []
     # nor what a receiver's filter does to the height of its antenna
-    found = {"gnss_lever_arm_x": (0.16, 0.046), "gnss_lever_arm_z": (-0.845, 0.046)}
-    assert contradicted_arm(found, np.array(LEVER), limits.STATED_ARM_SD_M) == []
-    # late velocities make an arm of their own
+    found = {"gnss_lever_arm_z": (-0.845, 0.046), "gnss_velocity_latency_s": (0.1, 0.01)}
+    assert contradicted_arm(found, np.array(LEVER), limits.STATED_ARM_SD_M, 8.0) == []
+    # late velocities make an arm of their own, in bends at 5 m/s and in those of motorways
     found = {"gnss_lever_arm_x": (-0.79, 0.031), "gnss_velocity_latency_s": (0.53, 0.01)}
-    assert contradicted_arm(found, np.zeros(3), limits.STATED_ARM_SD_M) == []
+    assert contradicted_arm(found, np.zeros(3), limits.STATED_ARM_SD_M, 5.0) == []
+    found = {"gnss_lever_arm_x": (-0.03, 0.04986), "gnss_velocity_latency_s": (0.3, 0.01)}
+    assert contradicted_arm(found, np.zeros(3), limits.STATED_ARM_SD_M, 28.0) == []
+
+
+def test_bends_tell_an_arm_by_their_own_speed() -> None:
+    t = np.arange(0.0, 40.0, 0.1)
+    turns = t < 10.0
+    yaw = np.where(turns, 0.2 * t, 2.0)
+    assert bend_speed(t, yaw, np.where(turns, 6.0, 30.0)) == pytest.approx(6.0, rel=0.02)
+    assert bend_speed(t, np.full(len(t), 0.5), np.full(len(t), 30.0)) == 30.0
 
 
 # whole drives

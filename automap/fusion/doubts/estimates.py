@@ -17,7 +17,7 @@ from automap.fusion.delay_states import (
 )
 from automap.fusion.doubts import limits
 from automap.fusion.doubts.reason import Reason
-from automap.fusion.limits import DOUBT_PROBABILITY, MAX_DELAY_S, MAX_SKEW
+from automap.fusion.limits import DOUBT_PROBABILITY, MAX_DELAY_S, MAX_SKEW, MOST_ARM_M
 from automap.fusion.result import FusionResult
 from automap.gates import OUTSIDE_95, sigmas
 from automap.records import FloatArray
@@ -161,14 +161,24 @@ def levels_at_bound(factors: Mapping[str, float], tuned: bool) -> list[Reason]:
     return reasons
 
 
+def bend_speed(t: FloatArray, yaw: FloatArray, speed: FloatArray) -> float:
+    """The speed, m/s, of the bends that tell an arm: of speeds [n] m/s at ``t`` [n] s, by the
+    squared turn rate of the heading ``yaw`` [n] rad, as least squares weigh them."""
+    weight = np.gradient(np.unwrap(yaw), t) ** 2 if len(t) > 1 else np.zeros(len(t))
+    total = float(weight.sum())
+    return float((weight * speed).sum()) / total if total > 0.0 else float(speed.max(initial=0.0))
+
+
 def arm_by_drive(
-    found: Estimates, stated: FloatArray | None, stated_sd: float
+    found: Estimates, stated: FloatArray | None, stated_sd: float, speed: float
 ) -> FloatArray | None:
     """The arm [3] m of the antenna by the drive itself where it contradicts that ``stated`` [3] m
     with a sigma of each; None where it does not.
 
     A right statement and what the drive makes of it differ by no more than the sigma that the drive
-    took from it. The drive by itself has it as much further as the statement held it back.
+    took from it. The drive by itself has it as much further as the statement held it back. In bends
+    at ``speed`` m/s an arm looks like a course that is late by the arm over the speed, and
+    receivers that are late are so by differing times: an arm is told beyond all of their age.
     """
     if stated is None:
         return None
@@ -177,25 +187,26 @@ def arm_by_drive(
         estimate, sd = found.get(f"gnss_lever_arm_{axis}", (float(stated[k]), stated_sd))
         taken = max(stated_sd**2 - sd**2, 1e-9)
         off = estimate - float(stated[k])
-        # beyond what the drive took from the statement, and beyond what the tape may be off
-        if abs(off) > sigmas(DOUBT_PROBABILITY) * max(math.sqrt(taken), stated_sd):
-            own[k] += off * min(stated_sd**2 / taken, limits.MOST_ARM_GAIN)
+        if abs(off) > sigmas(DOUBT_PROBABILITY) * math.sqrt(taken):
+            own[k] += float(np.clip(off * stated_sd**2 / taken, -MOST_ARM_M, MOST_ARM_M))
     lag = abs(sum(found.get(n, (0.0, 0.0))[0] for n in (VEL_LATENCY_STATE, VEL_LAG_STATE)))
     # bends tell the level arm; the upright one moves with whatever a receiver's filter does
     far = float(np.hypot(*(own - stated)[:2]))
-    return own if far > limits.ARM_OFF_M + limits.ARM_PER_LAG * lag else None
+    return own if far > limits.ARM_OFF_M + lag * speed else None
 
 
-def contradicted_arm(found: Estimates, stated: FloatArray | None, stated_sd: float) -> list[Reason]:
+def contradicted_arm(
+    found: Estimates, stated: FloatArray | None, stated_sd: float, speed: float
+) -> list[Reason]:
     """An arm of the antenna, as in ``arm_by_drive``, that the drive moves away from."""
-    own = arm_by_drive(found, stated, stated_sd)
+    own = arm_by_drive(found, stated, stated_sd, speed)
     if own is None or stated is None:
         return []
     off = float(np.linalg.norm(own - stated))
     return [
         Reason(
             "lever_arm",
-            f"the drive puts the antenna {off:.1f} m from where lever_arm_m of [gnss] says, near "
+            f"the drive puts the antenna {off:.1f} m or more from lever_arm_m of [gnss], near "
             f"[{', '.join(f'{value:.1f}' for value in own)}]: measure again from the IMU forward, "
             "right and down (an antenna on the roof has a negative third number), or take the "
             "line out",

@@ -115,9 +115,5 @@ ASKEW_PROBABILITY = 2.7e-3
 MOST_LEAN, MOST_CLIMB = 0.2, 0.35
 """Roads fall to the side by 12 % at most in a bend (AASHTO, A Policy on Geometric Design of
 Highways and Streets), the steepest climb by 35 %; a body leans by some degrees besides, rad."""
-ARM_OFF_M, ARM_PER_LAG = 0.5, 3.0
-"""Chosen: an arm that is off by less moves the path by less than most receivers err. Velocities
-that come late look like an arm in bends that are driven slowly, as they are late by differing
-times: a recorded phone's, 0.53 s late, like one of 1.4 m. So many m/s of the lag say nothing."""
-MOST_ARM_GAIN = 10.0
-"""What a drive that took little from a statement says of an arm by itself is no figure."""
+ARM_OFF_M = 0.5
+"""Chosen: an arm that is off by less moves the path by less than most receivers err."""

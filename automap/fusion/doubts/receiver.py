@@ -13,7 +13,7 @@ from automap.fusion.doubts.reason import Reason, Span
 from automap.fusion.measurements.position import has_position, states_accuracy
 from automap.fusion.options import FusionOptions
 from automap.records import BoolArray, Fixes, FixType, FloatArray
-from automap.sync.held_values import told_again
+from automap.sync.between_fixes import nothing_new
 from automap.sync.limits import DELAY_SD_S
 from automap.sync.velocity_consistency import Interval, VelocityConsistency, told_intervals
 
@@ -25,7 +25,7 @@ def usable_fixes(fixes: Fixes, found: VelocityConsistency) -> Fixes:
     """Fixes without the velocities and positions that cannot be right; courses against another
     north are turned to that of the positions, positions older than their velocities are dated back.
     """
-    again = told_again(fixes)
+    again = nothing_new(fixes)
     velocity, position = fixes.vel_ned.copy(), found.unusable_position(fixes) | again
     velocity[again] = np.nan
     velocity[found.unusable_velocity(fixes), :2] = np.nan
@@ -187,6 +187,12 @@ def _doubts(found: VelocityConsistency, start: float, felt: bool) -> Iterator[Re
     if found.means is not None:
         text = f"{found.means.text}: the path is made without it"
         yield Reason("velocity_of_positions", text, state="good", handled=True)
+    if found.between:
+        text = (
+            f"{found.between} of the log's positions lie on the straight lines between the others, "
+            "evenly: nothing was measured there, so they were left out; log the receiver's own"
+        )
+        yield Reason("fixes_interpolated", text, state="good", handled=True)
     if found.parted:
         worst = max(interval.metres for interval in found.parted)
         yield Reason(

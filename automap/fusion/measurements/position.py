@@ -86,14 +86,15 @@ def unseen_errors(
     A constant, or what changes over an hour, moves fixes and path alike: no innovation shows it,
     so nothing here may take it away. It is ``bias_share`` of the ``stated_sd`` [n, 3], grown by
     the ``factors`` on what does show, for errors of minutes and of hours have one cause; and never
-    less than what the statement leaves where a drive shows less than was stated. Heights are of the
+    less than what the statement leaves where a drive shows less than was stated. White and quick
+    errors beyond their shares are no part of what was stated, and leave as much. Heights are of the
     ranges that positions are of: where those err by more than was stated, heights err with them,
     however smooth they are. Positions need not err as heights do, which the air delays.
     """
     slow, quick = _lasting(options, factors)
-    level, down = (factors.get(name, 1.0) for name in ("position_h", "position_v"))
+    level, down = (min(factors.get(name, 1.0), 1.0) for name in ("position_h", "position_v"))
     white = options.white_share * np.array([level, level, down])
-    left = 1.0 - slow**2 - quick**2 - white**2
+    left = 1.0 - slow**2 - min(quick, options.multipath_share) ** 2 - white**2
     grown = options.bias_share * np.maximum.accumulate(slow) / options.wander_share
     return stated_sd * np.sqrt(np.maximum(left, grown**2))
 

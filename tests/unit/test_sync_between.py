@@ -1,0 +1,80 @@
+"""Positions on the lines between a receiver's own are found, and only they."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from automap.fusion.doubts.receiver import receiver_doubts, usable_fixes
+from automap.records import Fixes, FloatArray
+from automap.sync.between_fixes import nothing_new, told_between
+from automap.sync.velocity_consistency import velocity_consistency
+from tests.unit.fusion_motion import city_drive
+from tests.unit.fusion_receiver import Receiver, receive
+
+DIGIT = np.radians(1e-7)
+MOTION = city_drive(200.0, seed=11)
+
+
+def _logged(fixes: Fixes) -> Fixes:
+    """As it is printed: 1e-7 deg, 1 mm."""
+    places = (np.round(v / DIGIT) * DIGIT for v in (fixes.lat_rad, fixes.lon_rad))
+    lat, lon = places
+    return replace(fixes, lat_rad=lat, lon_rad=lon, height_m=np.round(fixes.height_m, 3))
+
+
+def _interpolated(fixes: Fixes, times: int) -> Fixes:
+    """A log with ``times`` rows for each fix, on the lines between them."""
+    at = np.arange((len(fixes) - 1) * times + 1) / times
+    row = np.floor(at + 1e-9).astype(int)
+
+    def between(values: FloatArray) -> FloatArray:
+        return np.interp(at, np.arange(len(fixes)), values)
+
+    rows = {name: values[row] for name, values in vars(fixes).items()}
+    lines = {n: between(getattr(fixes, n)) for n in ("gps_s", "lat_rad", "lon_rad", "height_m")}
+    velocity = np.column_stack([between(column) for column in fixes.vel_ned.T])
+    return _logged(Fixes(**{**rows, **lines, "vel_ned": velocity}))
+
+
+@pytest.mark.parametrize("times", [2, 5, 10])
+def test_rows_between_fixes_are_left_out_and_told(times: int) -> None:
+    fixes = _logged(receive(MOTION, Receiver(rate=1.0), 4))
+    log = _interpolated(fixes, times)
+    between = np.arange(len(log)) % times > 0
+    assert (told_between(log) == between).all()
+    found = velocity_consistency(log)
+    assert found.between == np.count_nonzero(between)
+    (reason,) = receiver_doubts(found, float(log.gps_s[0]))
+    assert (reason.code, reason.state, reason.handled) == ("fixes_interpolated", "good", True)
+    used = usable_fixes(log, found)
+    assert (np.isfinite(used.lat_rad) == ~between).all()
+    assert (np.isfinite(used.vel_ned[:, 0]) == ~between).all()
+
+
+@pytest.mark.parametrize("times", [5, 10])
+def test_a_log_that_lost_rows_keeps_its_fixes(times: int) -> None:
+    log = _interpolated(_logged(receive(MOTION, Receiver(rate=1.0), 4)), times)
+    kept = np.delete(np.arange(len(log)), [37, 38, 39, 612])
+    part = Fixes(**{name: values[kept] for name, values in vars(log).items()})
+    assert (told_between(part) == (kept % times > 0)).all()
+
+
+@pytest.mark.parametrize("rate", [1.0, 5.0, 10.0])
+@pytest.mark.parametrize("white", [0.0, 0.004, 0.3])
+def test_sound_receivers_have_none(rate: float, white: float) -> None:
+    """However smooth they are: with no white noise at all every row is nearly on a line."""
+    sound = Receiver(rate=rate, white=(white,) * 3)
+    log = _logged(receive(MOTION, sound, 7))
+    assert not nothing_new(log).any()
+    coarse = replace(log, lat_rad=np.round(log.lat_rad, 6), lon_rad=np.round(log.lon_rad, 6))
+    assert not told_between(coarse).any()
+
+
+def test_a_few_rows_tell_nothing() -> None:
+    log = _interpolated(_logged(receive(MOTION, Receiver(rate=1.0), 4, end=12.0)), 3)
+    assert not told_between(log).any()
+    none = Fixes(**{name: values[:0] for name, values in vars(log).items()})
+    assert told_between(none).shape == (0,)
