@@ -260,12 +260,12 @@ def mapping_kernels() -> Any:
     offset_kernels.smooth(time_s, shared, 50.0, chosen, values, offset, variance)
     lat, lon = -0.6 + 4e-6 * rng.normal(size=12), 2.6 + 4e-6 * rng.normal(size=12)
     lon[:3] = [np.pi - 1e-7, -np.pi + 1e-7, 0.4]
-    head, following, cells = grid.filled_table(lat, lon, 16.0)
+    filled = grid.filled_table(lat, lon, 16.0)
     found = np.full(40, -1, np.int64)
     near = [
         (int(count), np.sort(found[:count]))
         for a, b in zip(lat, lon, strict=True)
-        for count in [grid.neighbours(head, following, cells, 16.0, a, b, found)]
+        for count in [grid.neighbours(filled, a, b, found)]
     ]
     state = rng.uniform(0.5, 2.0, 13)
     empty = state.copy()
@@ -281,7 +281,7 @@ def mapping_kernels() -> Any:
             "mean": [candidates.mean_of(s) for s in (state, empty)],
             "facing": [candidates.facing_evidence(a) for a in (0.1, -0.4, 5.9, 1.2, 3.0, -7.0)],
             "gain": [candidates.match_gain(0.5, 0.2, 0.9, u) for u in (0.3, np.nan)],
-            "cells": (cells, grid.table_size(9), grid.table_size(8)),
+            "cells": (filled.cells, grid.table_size(9), grid.table_size(8)),
             "rows": [
                 (grid.cells_around(k, 16.0), grid.cell_column(1.3, 977), grid.bucket(k, 3 * k, 63))
                 for k in (-9000, -1, 0, 625000)
