@@ -75,6 +75,27 @@ def associate(
     return Association(renumbered(sign), offset, offset_var)
 
 
+class Members:
+    """The sightings of every sign, found without a search."""
+
+    def __init__(self, sign: IntArray) -> None:
+        self.order = np.argsort(sign, kind="stable")
+        count = int(sign.max()) + 1 if len(sign) else 0
+        self.edges = np.searchsorted(sign[self.order], np.arange(count + 1))
+
+    def of(self, signs: IntArray) -> tuple[IntArray, IntArray]:
+        """Rows [n] of the sightings of ``signs`` [k], and the place in ``signs`` of each."""
+        starts, stops = self.edges[signs], self.edges[signs + 1]
+        lengths = stops - starts
+        place = np.repeat(np.arange(len(signs)), lengths)
+        within = np.arange(int(lengths.sum())) - np.repeat(np.cumsum(lengths) - lengths, lengths)
+        return self.order[np.repeat(starts, lengths) + within], place
+
+    def __getitem__(self, sign: int) -> IntArray:
+        """Rows of the sightings of one sign, ascending."""
+        return self.order[self.edges[sign] : self.edges[sign + 1]]
+
+
 def renumbered(sign: IntArray) -> IntArray:
     """The same groups, numbered from 0 in the order of first mention."""
     _, first, inverse = np.unique(sign, return_index=True, return_inverse=True)

@@ -61,13 +61,7 @@ class Opportunities:
 
     def at(self, rows: IntArray | BoolArray) -> Opportunities:
         """Some of the pairs."""
-        return Opportunities(
-            self.sign[rows],
-            self.drive[rows],
-            self.heading[rows],
-            self.offset[rows],
-            self.rows[rows],
-        )
+        return Opportunities(*(column[rows] for column in vars(self).values()))
 
 
 def opportunities(
