@@ -106,6 +106,14 @@ class Views:
     def __len__(self) -> int:
         return len(self.row)
 
+    def tracked(self) -> list[IntArray]:
+        """Views of each track that the detector numbered, in the order of time."""
+        rows = np.flatnonzero(self.track >= 0)
+        key = np.column_stack([self.camera, self.track])[rows]
+        member = np.unique(key, axis=0, return_inverse=True)[1].ravel()
+        order = np.argsort(member, kind="stable")
+        return np.split(rows[order], np.flatnonzero(np.diff(member[order])) + 1)
+
 
 @dataclass(frozen=True)
 class CameraCorrection:
