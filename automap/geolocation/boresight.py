@@ -11,7 +11,7 @@ distance, and on one side of the road like a turned camera.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -45,6 +45,19 @@ def prior_covariance(camera: Camera, priors: CameraPriors) -> FloatArray:
     sd = [camera.mount_sd] * 3 + [camera.time_offset_sd, priors.focal_sd]
     sd += [camera.lever_arm_sd] * 3 + [priors.margin_sd_px / focal_length(camera)]
     return np.diag(np.maximum(np.array(sd), 1e-9) ** 2)
+
+
+def camera_covariances(
+    views: Views,
+    cameras: Mapping[str, Camera],
+    corrections: Mapping[str, CameraCorrection],
+    priors: CameraPriors,
+) -> list[FloatArray]:
+    """Covariances [9, 9] of the views' cameras: as signs left them, else those before any sign."""
+    before = {name: prior_covariance(cameras[name], priors) for name in views.camera_names}
+    return [
+        corrections[name].covariance if name in corrections else own for name, own in before.items()
+    ]
 
 
 def refine_correction(

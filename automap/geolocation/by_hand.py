@@ -14,7 +14,7 @@ import numpy as np
 
 from automap.geolocation import limits
 from automap.geolocation.assembly import assemble_sign
-from automap.geolocation.boresight import prior_covariance
+from automap.geolocation.boresight import camera_covariances
 from automap.geolocation.class_sizes import usual_sizes
 from automap.geolocation.facing import find_facings
 from automap.geolocation.landmark import SizePrior, fit_landmark
@@ -55,12 +55,7 @@ def locate_chosen(
     views = replace(views, sd=sd, log_aspect=aspect)
     size = rules.size
     size = replace(size, by_class={**usual_sizes(views.class_name.tolist()), **size.by_class})
-    covariances = [
-        corrections[name].covariance
-        if name in corrections
-        else prior_covariance(cameras[name], rules.camera)
-        for name in views.camera_names
-    ]
+    covariances = camera_covariances(views, cameras, corrections, rules.camera)
     passes = [np.arange(len(views))] if bare.any() else _passes(views)
     seen = [_sighting(views, rows, size, covariances, bool(bare.any())) for rows in passes]
     path = make_path(trajectory, views.origin)

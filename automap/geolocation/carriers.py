@@ -29,12 +29,7 @@ from automap.records import BoolArray, IntArray
 def carried_views(views: Views, prior: SizePrior) -> BoolArray:
     """Which views [n] belong to a track that moves along; none of those without a track."""
     carried = np.zeros(len(views), np.bool_)
-    numbered = np.flatnonzero(views.track >= 0)
-    key = np.column_stack([views.camera[numbered], views.track[numbered]])
-    _, member = np.unique(key, axis=0, return_inverse=True)
-    member = member.ravel()
-    order = np.argsort(member, kind="stable")
-    for rows in np.split(numbered[order], np.flatnonzero(np.diff(member[order])) + 1):
+    for rows in views.tracked():
         carried[rows] = len(rows) >= limits.CARRIER_VIEWS and moves_along(views, rows, prior)
     return carried
 

@@ -193,12 +193,9 @@ def _missed(
     times = np.unique(
         np.concatenate([grid.around(int(t), limits.FRAMES_AROUND) for t in np.unique(stamps)])
     )
-    if len(times) == 0:
-        return np.zeros(0, np.int64)
     half = 0.25 * grid.interval_ns
-    free = np.abs(times[:, None] - stamps[None]).min(axis=1) > half
     # neighbours of two boxes name the same frame twice
-    times = times[free]
+    times = times[np.abs(times[:, None] - stamps[None]).min(axis=1) > half]
     if len(times) == 0:
         return np.zeros(0, np.int64)
     times = times[np.concatenate([[True], np.diff(times) > half])]

@@ -19,6 +19,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from automap.frames import wrap_pi
 from automap.geolocation import limits
 from automap.geolocation.box_noise import scatter
 from automap.geolocation.landmark import view_sd
@@ -216,7 +217,7 @@ def _believe(one: _Seen, faces: Faces) -> _Belief:
 
 def _prior(one: _Seen, faces: Faces) -> tuple[FloatArray, FloatArray]:
     """What is believed before any width: [c, g] about the road's directions, [g] elsewhere."""
-    turn = _turn(one.grid - one.centres[:, None])
+    turn = wrap_pi(one.grid - one.centres[:, None])
     core = np.exp(-0.5 * (turn / faces.turned_sd) ** 2)
     step = float(_GRID[1] - _GRID[0])
     core *= (1.0 - faces.elsewhere) * step / (np.sqrt(2.0 * np.pi) * faces.turned_sd)
@@ -235,7 +236,7 @@ def _common(seen: Sequence[_Seen]) -> Faces:
         scale = faces.scale * scatter([b.residual for b in believed], absorbed)
         share = np.array([b.core.sum() for b in believed])
         square = sum(
-            float((b.core * _turn(one.grid - one.centres[:, None]) ** 2).sum())
+            float((b.core * wrap_pi(one.grid - one.centres[:, None]) ** 2).sum())
             for one, b in zip(seen, believed, strict=True)
         )
         told = [(one, b) for one, b in zip(seen, believed, strict=True) if one.sure]
@@ -268,10 +269,5 @@ def _common(seen: Sequence[_Seen]) -> Faces:
 def _summary(one: _Seen, belief: _Belief) -> Facing:
     """Mean direction and standard deviation of a belief."""
     mean = float(np.arctan2(belief.normal @ np.sin(one.grid), belief.normal @ np.cos(one.grid)))
-    variance = float(belief.normal @ _turn(one.grid - mean) ** 2)
+    variance = float(belief.normal @ wrap_pi(one.grid - mean) ** 2)
     return Facing(mean % (2.0 * np.pi), float(np.sqrt(variance + one.yaw_sd**2)))
-
-
-def _turn(angle: FloatArray) -> FloatArray:
-    """Angles in [-pi, pi)."""
-    return np.asarray((angle + np.pi) % (2.0 * np.pi) - np.pi)

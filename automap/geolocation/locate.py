@@ -9,7 +9,7 @@ import numpy as np
 
 from automap.effects.lens import focal_length
 from automap.geolocation.assembly import assemble_sign
-from automap.geolocation.boresight import prior_covariance
+from automap.geolocation.boresight import camera_covariances
 from automap.geolocation.box_noise import measured_noise
 from automap.geolocation.camera_estimate import estimate_cameras, first_corrections, refit
 from automap.geolocation.camera_explanation import Trial, explain_doubted
@@ -36,7 +36,7 @@ from automap.geolocation.rules import GeolocationRules
 from automap.geolocation.sightings import make_sighting
 from automap.geolocation.splitting import clean_tracks, join_pieces
 from automap.geolocation.stamp_scatter import stamp_scatter, told, tracked_or_linked
-from automap.geolocation.supports import support_numbers
+from automap.geolocation.supports import support_names
 from automap.geolocation.tracking import link_views
 from automap.geolocation.trajectory_adjustment import AdjustedTrajectory
 from automap.geolocation.views import CameraCorrection, Views, build_views
@@ -142,7 +142,7 @@ def _located(
 
     total = sum(len(d) for d in detections)
     found = {n: corrections[n].applied(c) if n in corrections else c for n, c in cameras.items()}
-    observations = nothing_observed(total, views, trajectory, detections, found)
+    observations = nothing_observed(total, views)
     observations.note[views.row[misfits]] = "misfit"
 
     exists = existence_probabilities(views, landmarks, trajectory, detections, found)
@@ -160,12 +160,7 @@ def _located(
         else:
             kept.append(mark)
             stands.append(float(likely))
-    covariances = [
-        corrections[name].covariance
-        if name in corrections
-        else prior_covariance(cameras[name], rules.camera)
-        for name in views.camera_names
-    ]
+    covariances = camera_covariances(views, cameras, corrections, rules.camera)
     sightings = [
         make_sighting(views, mark, covariances, disagreement(views, mark, size))
         for mark, size in _settled(views, kept, rules)
@@ -204,13 +199,9 @@ def _located(
         for k, member in zip(group, members, strict=True):
             record_sign(observations, views, member.landmark, k, sign.id, focal)
     if signs:
-        numbers = support_numbers(
-            np.array(places), np.array(own), [s.side == "overhead" for s in signs]
-        )
-        signs = [
-            replace(sign, support=f"p{number + 1:04d}")
-            for sign, number in zip(signs, numbers, strict=True)
-        ]
+        overhead = [sign.side == "overhead" for sign in signs]
+        names = support_names(np.array(places), np.array(own), overhead)
+        signs = [replace(sign, support=s) for sign, s in zip(signs, names, strict=True)]
     sentences = warnings_of(observations, signs, corrections, stated, focal_sd)
     sentences += told(rules.noise.stamp_sd_s, [d.t_ns for d in detections])
     unused = 0 if control is None else len(control) - len(passes.controlled)
@@ -268,6 +259,4 @@ def _settled(
 
 
 def _acceptable(landmark: Landmark, rules: GeolocationRules) -> bool:
-    if not landmark.ok:
-        return False
     return len(landmark.rows) > 1 or landmark.depth_m <= rules.max_single_view_m

@@ -13,17 +13,24 @@ from automap.geolocation.views import Views
 from automap.records import FloatArray, IntArray
 
 
+def _common_covariance(a: Sighting, b: Sighting, path: float) -> FloatArray:
+    """Covariance [3, 3] of one sighting's error with another's: of the trajectory's, which is
+    correlated by ``path``, and of the camera's."""
+    both = np.diag(path * a.path_sd * b.path_sd)
+    if a.camera == b.camera:
+        both = both + a.camera_effect @ a.camera_cov @ b.camera_effect.T
+    return both
+
+
+def _alike(a: Sighting, b: Sighting) -> float:
+    """Correlation of the trajectory's errors in two passes."""
+    return float(np.exp(-abs(a.time_s - b.time_s) / limits.PATH_CORRELATION_S))
+
+
 def difference_covariance(a: Sighting, b: Sighting) -> FloatArray:
     """Covariance [3, 3] of the difference of two sightings' positions."""
-    shared = np.exp(-abs(a.time_s - b.time_s) / limits.PATH_CORRELATION_S)
-    path = a.path_sd**2 + b.path_sd**2 - 2.0 * shared * a.path_sd * b.path_sd
-    total = a.own_cov + b.own_cov + a.pass_cov + b.pass_cov + np.diag(path)
-    if a.camera == b.camera:
-        effect = a.camera_effect - b.camera_effect
-        return np.asarray(total + effect @ a.camera_cov @ effect.T)
-    for sighting in (a, b):
-        total = total + sighting.camera_effect @ sighting.camera_cov @ sighting.camera_effect.T
-    return np.asarray(total)
+    both = _common_covariance(a, b, _alike(a, b))
+    return np.asarray(a.covariance + b.covariance - both - both.T)
 
 
 def _link_cost(a: Sighting, b: Sighting) -> float:
@@ -107,11 +114,7 @@ def combine(sightings: Sequence[Sighting], adjusted: bool = False) -> tuple[Floa
     for share_a, a in zip(shares, sightings, strict=True):
         covariance += share_a @ (a.own_cov + a.pass_cov) @ share_a.T
         for share_b, b in zip(shares, sightings, strict=True):
-            apart = 0.0 if adjusted else abs(a.time_s - b.time_s)
-            shared = np.exp(-apart / limits.PATH_CORRELATION_S)
-            both = np.diag(shared * a.path_sd * b.path_sd)
-            if a.camera == b.camera:
-                both = both + a.camera_effect @ a.camera_cov @ b.camera_effect.T
+            both = _common_covariance(a, b, 1.0 if adjusted else _alike(a, b))
             covariance += share_a @ both @ share_b.T
     return mean, 0.5 * (covariance + covariance.T)
 

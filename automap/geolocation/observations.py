@@ -11,7 +11,7 @@ import numpy.typing as npt
 from automap.geolocation.camera_doubt import beyond_stated, misfit
 from automap.geolocation.landmark import Landmark, direction_residuals
 from automap.geolocation.views import CameraCorrection, Views
-from automap.records import Camera, Detections, FloatArray, IntArray, Sign, Trajectory
+from automap.records import Camera, FloatArray, IntArray, Sign
 
 
 @dataclass(frozen=True)
@@ -32,17 +32,8 @@ class Observations:
     note: npt.NDArray[np.object_]
 
 
-def nothing_observed(
-    total: int,
-    views: Views,
-    trajectory: Trajectory,
-    detections: Sequence[Detections],
-    cameras: Mapping[str, Camera],
-) -> Observations:
-    """Nothing known yet of ``total`` detections but which have no pose and no direction.
-
-    ``cameras`` are as they were found to be.
-    """
+def nothing_observed(total: int, views: Views) -> Observations:
+    """Nothing known yet of ``total`` detections but which have no pose and no direction."""
     observations = Observations(
         track=np.full(total, -1, np.int64),
         sign_id=np.full(total, "", np.object_),
@@ -52,24 +43,8 @@ def nothing_observed(
         note=np.full(total, "no_place", np.object_),
     )
     observations.note[np.setdiff1d(np.arange(total), views.row)] = "no_direction"
-    observations.note[_rows_without_pose(trajectory, detections, cameras)] = "no_pose"
+    observations.note[views.without_pose] = "no_pose"
     return observations
-
-
-def _rows_without_pose(
-    trajectory: Trajectory,
-    detections: Sequence[Detections],
-    cameras: Mapping[str, Camera],
-) -> IntArray:
-    from automap.interpolation import poses_at
-
-    missing, first = [], 0
-    for found in detections:
-        offset = cameras[found.camera].time_offset_s
-        poses = poses_at(trajectory, found.t_ns + np.int64(round(offset * 1e9)))
-        missing.append(first + np.flatnonzero(~(poses.covered & np.isfinite(poses.rpy[:, 2]))))
-        first += len(found)
-    return np.concatenate(missing) if missing else np.zeros(0, np.int64)
 
 
 def record_sign(

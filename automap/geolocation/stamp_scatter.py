@@ -103,16 +103,8 @@ def told(stamp_sd: float, stamps: Sequence[IntArray]) -> list[str]:
 def tracked_or_linked(views: Views, landmarks: Sequence[Landmark]) -> list[IntArray]:
     """Rows of the boxes of single signs, those seen often: by the detector's own tracks where it
     has them, which ask no stamp, else as they were linked."""
-    numbered = views.track >= 0
-    if numbered.sum() > 0.5 * len(views):
-        _, track = np.unique(
-            np.column_stack([views.camera, views.track])[numbered], axis=0, return_inverse=True
-        )
-        order = np.argsort(track, kind="stable")
-        edges = np.flatnonzero(np.diff(track[order])) + 1
-        groups = np.split(np.flatnonzero(numbered)[order], edges)
-    else:
-        groups = [mark.rows for mark in landmarks if mark.ok]
+    numbered = (views.track >= 0).sum() > 0.5 * len(views)
+    groups = views.tracked() if numbered else [mark.rows for mark in landmarks if mark.ok]
     often = [rows for rows in groups if len(rows) >= limits.SCATTER_VIEWS]
     return often[:: max(1, -(-len(often) // limits.STAMP_SIGNS))]
 

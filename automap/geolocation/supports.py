@@ -19,29 +19,26 @@ def support_numbers(
     trajectory's error is). Two signs share a post when they are as near in plan as faces on a
     post are, up to their own uncertainty; two over the road share a gantry.
     """
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
     from scipy.spatial import cKDTree
 
     n = len(position)
-    owner = list(range(n))
+    if n == 0:
+        return []
+    pairs = cKDTree(position[:, :2]).query_pairs(limits.GANTRY_REACH_M, output_type="ndarray")
+    i, j = pairs.T
+    over = np.asarray(overhead, np.bool_)
+    variance = 0.5 * np.trace(own_cov[:, :2, :2], axis1=1, axis2=2)
+    reach = limits.POST_REACH_M + np.sqrt(variance[i] + variance[j])
+    apart = np.hypot(*(position[i, :2] - position[j, :2]).T)
+    together = (over[i] & over[j]) | (apart < np.minimum(reach, limits.POST_LIMIT_M))
+    links = coo_array((np.ones(together.sum()), (i[together], j[together])), shape=(n, n))
+    label = connected_components(links, directed=False)[1].tolist()
+    number = {k: index for index, k in enumerate(dict.fromkeys(label))}
+    return [number[k] for k in label]
 
-    def root(k: int) -> int:
-        while owner[k] != k:
-            k = owner[k]
-        return k
 
-    if n > 1:
-        for i, j in sorted(cKDTree(position[:, :2]).query_pairs(limits.GANTRY_REACH_M)):
-            apart = float(np.hypot(*(position[i, :2] - position[j, :2])))
-            if overhead[i] and overhead[j]:
-                together = True
-            else:
-                spread = np.trace((own_cov[i] + own_cov[j])[:2, :2]) / 2.0
-                together = apart < min(
-                    limits.POST_REACH_M + float(np.sqrt(spread)), limits.POST_LIMIT_M
-                )
-            if together:
-                a, b = root(i), root(j)
-                owner[max(a, b)] = min(a, b)
-    first = [root(k) for k in range(n)]
-    number = {k: index for index, k in enumerate(dict.fromkeys(first))}
-    return [number[k] for k in first]
+def support_names(position: FloatArray, own_cov: FloatArray, overhead: Sequence[bool]) -> list[str]:
+    """What the supports are called by their numbers."""
+    return [f"p{number + 1:04d}" for number in support_numbers(position, own_cov, overhead)]

@@ -70,7 +70,8 @@ class Views:
     down) of the trajectory, ``speed_sd`` [n] m/s; ``margin_sd`` [n] rad what the height of a
     sign's boxes is off by in common, ``lever_arm_sd`` [n] m of the camera. ``class_probability``
     and ``group_probability`` [n] that the box's track is what it is called, and of its shape and
-    colour (NaN untold).
+    colour (NaN untold). ``without_pose`` [k] indices of the boxes whose frames lie outside the
+    trajectory or in a long gap of it.
     """
 
     origin: tuple[float, float, float]
@@ -100,11 +101,18 @@ class Views:
     track: IntArray
     class_probability: FloatArray
     group_probability: FloatArray
-    n_without_pose: int = 0
-    n_without_ray: int = 0
+    without_pose: IntArray
 
     def __len__(self) -> int:
         return len(self.row)
+
+    def tracked(self) -> list[IntArray]:
+        """Views of each track that the detector numbered, in the order of time."""
+        rows = np.flatnonzero(self.track >= 0)
+        key = np.column_stack([self.camera, self.track])[rows]
+        member = np.unique(key, axis=0, return_inverse=True)[1].ravel()
+        order = np.argsort(member, kind="stable")
+        return np.split(rows[order], np.flatnonzero(np.diff(member[order])) + 1)
 
 
 @dataclass(frozen=True)
@@ -153,12 +161,12 @@ def build_views(
     """Rays of all boxes whose frame lies within the trajectory.
 
     Boxes outside it (or in a long gap of it) and boxes without a direction (outside the
-    distortion model, no height, NaN) are counted and left out. Rows count through the
-    detections in the order given.
+    distortion model, no height, NaN) are left out. Rows count through the detections in the order
+    given.
     """
     origin = map_origin(trajectory)
     parts: list[dict[str, np.ndarray]] = []
-    n_without_pose = n_without_ray = 0
+    without_pose = [np.zeros(0, np.int64)]
     first_row = 0
     for index, found in enumerate(detections):
         camera, margin = cameras[found.camera], 0.0
@@ -167,13 +175,12 @@ def build_views(
             margin = correction.margin * float(np.exp(-correction.focal_log))
         # of the boxes of ten hours the poses alone are as large as their views
         for a in range(0, len(found), _ROWS):
-            part, without_pose, without_ray = _camera_views(
+            part, lost = _camera_views(
                 trajectory, _stretch(found, a), camera, margin, noise, origin
             )
             part["row"] += first_row + a
             part["camera"] = np.full(len(part["row"]), index, np.int64)
-            n_without_pose += without_pose
-            n_without_ray += without_ray
+            without_pose.append(lost + first_row + a)
             parts.append(part)
         first_row += len(found)
     parts = parts or [_nothing()]
@@ -187,8 +194,7 @@ def build_views(
         camera_names=tuple(d.camera for d in detections),
         lens=np.array([lens_of(cameras[d.camera]) for d in detections]).reshape(-1, 21),
         frame=frame,
-        n_without_pose=n_without_pose,
-        n_without_ray=n_without_ray,
+        without_pose=np.concatenate(without_pose),
         **joined,
     )
 
@@ -244,7 +250,8 @@ def _camera_views(
     margin: float,
     noise: MeasurementNoise,
     origin: tuple[float, float, float],
-) -> tuple[dict[str, np.ndarray], int, int]:
+) -> tuple[dict[str, np.ndarray], IntArray]:
+    """Columns of the views of a camera's boxes, and which of these have no pose."""
     t_ns = np.asarray(found.t_ns, np.int64) + np.int64(round(camera.time_offset_s * 1e9))
     poses = poses_at(trajectory, t_ns)
     centre, C_cam_ref = camera_poses(poses, camera, origin)
@@ -314,4 +321,4 @@ def _camera_views(
         "track": np.asarray(found.track, np.int64)[ok],
         **{name: found.told(name)[ok] for name in TRACK_PROBABILITIES},
     }
-    return part, int((~has_pose).sum()), int((has_pose & ~has_ray).sum())
+    return part, np.flatnonzero(~has_pose)

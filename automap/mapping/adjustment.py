@@ -13,7 +13,7 @@ from automap.earth import metres_per_radian
 from automap.gates import gate
 from automap.geolocation.path_errors import Equations, Network, Solution, correlations
 from automap.mapping import limits
-from automap.mapping.association import Association
+from automap.mapping.association import Association, Members
 from automap.mapping.sightings import Sightings
 from automap.mapping.tiles import Tile, cut_tiles
 from automap.records import FloatArray, IntArray
@@ -87,18 +87,14 @@ def adjust(
     """
     levels = levels or ErrorLevels()
     m, n = association.n_signs, len(sightings)
+    lost, sums = np.full((3, m), np.nan), np.zeros((3, sightings.n_drives, 3))
     result = Adjusted(
-        np.full(m, np.nan), np.full(m, np.nan), np.full(m, np.nan), np.full((m, 3, 3), np.nan),
-        np.zeros((n, 3)), np.full((sightings.n_drives, 3), np.nan),
-        np.full((sightings.n_drives, 3), np.nan), np.zeros((sightings.n_drives, 3)),
+        lost[0], lost[1], lost[2], np.full((m, 3, 3), np.nan), np.zeros((n, 3)),
+        sums[0], sums[1], sums[2],
     )  # fmt: skip
-    if m == 0:
-        return result
     lat, lon = rough_places(sightings, association.sign)
     members = Members(association.sign)
     tiles = list(cut_tiles(lat, lon, only=only))
-    sums, sds = (np.zeros((sightings.n_drives, 3)) for _ in range(2))
-    counts = result.drive_count
 
     def work(tile: Tile) -> tuple[TileData, Placed]:
         data = tile_data(sightings, members, tile, lat, lon)
@@ -107,38 +103,17 @@ def adjust(
     # cells are placed by several processes at once
     with ThreadPoolExecutor(max(1, os.cpu_count() or 1) if only is None else 1) as pool:
         for done, (data, placed) in enumerate(pool.map(work, tiles)):
-            _store(result, data, placed)
-            _add_offsets(data, placed, sightings.drive, sums, sds, counts)
+            _store(result, data, placed, sightings.drive)
             progress((done + 1) / len(tiles))
-    seen = counts > 0
-    result.drive_offset[seen] = sums[seen] / counts[seen]
-    # neighbouring tiles share sightings, so their errors may be the same: sds are added
-    result.drive_sd[seen] = sds[seen] / counts[seen]
+    with np.errstate(invalid="ignore"):
+        sums[:2] /= sums[2]
     return result
-
-
-class Members:
-    """The sightings of every sign, found without a search."""
-
-    def __init__(self, sign: IntArray) -> None:
-        self.order = np.argsort(sign, kind="stable")
-        count = int(sign.max()) + 1 if len(sign) else 0
-        self.edges = np.searchsorted(sign[self.order], np.arange(count + 1))
-
-    def of(self, signs: IntArray) -> tuple[IntArray, IntArray]:
-        """Rows [n] of the sightings of ``signs`` [k], and the place in ``signs`` of each."""
-        starts, stops = self.edges[signs], self.edges[signs + 1]
-        lengths = stops - starts
-        place = np.repeat(np.arange(len(signs)), lengths)
-        within = np.arange(int(lengths.sum())) - np.repeat(np.cumsum(lengths) - lengths, lengths)
-        return self.order[np.repeat(starts, lengths) + within], place
 
 
 def rough_places(sightings: Sightings, sign: IntArray) -> tuple[FloatArray, FloatArray]:
     """Plain means [m] of the sightings' latitudes and longitudes."""
     count = np.bincount(sign)
-    first = np.zeros(len(count), np.int64)
-    first[sign[::-1]] = np.arange(len(sign))[::-1]
+    first = np.unique(sign, return_index=True)[1]
     turn = sightings.lon - sightings.lon[first][sign]
     turn = (turn + np.pi) % (2 * np.pi) - np.pi
     mean_lon = sightings.lon[first] + np.bincount(sign, turn) / count
@@ -249,7 +224,8 @@ def _placed(sightings: Sightings, data: TileData, levels: ErrorLevels) -> Placed
     return result
 
 
-def _store(result: Adjusted, data: TileData, placed: Placed) -> None:
+def _store(result: Adjusted, data: TileData, placed: Placed, drive: IntArray) -> None:
+    """Put a tile's signs and offsets into the whole, and add up what it tells of its drives."""
     core = data.tile.core
     north, east = (float(v) for v in metres_per_radian(data.origin[0], data.origin[2]))
     result.lat[core] = data.origin[0] + placed.place[:, 1] / north
@@ -262,19 +238,9 @@ def _store(result: Adjusted, data: TileData, placed: Placed) -> None:
     result.cov_enu[core] = cov + limits.COMMON_SD_M**2 * np.eye(3)
     own = data.sign < len(core)
     result.offset[data.rows[own]] = placed.offset[own]
-
-
-def _add_offsets(
-    data: TileData,
-    placed: Placed,
-    drive: IntArray,
-    sums: FloatArray,
-    sds: FloatArray,
-    counts: FloatArray,
-) -> None:
-    own = (data.sign < len(data.tile.core)).astype(np.float64)
-    n_core = np.add.reduceat(own, data.first[:-1])
+    count = np.add.reduceat(own.astype(np.float64), data.first[:-1])[:, None]
     who = drive[data.rows[data.first[:-1]]]
-    np.add.at(sums, who, n_core[:, None] * placed.mean)
-    np.add.at(sds, who, n_core[:, None] * placed.sd)
-    np.add.at(counts, who, n_core[:, None])
+    np.add.at(result.drive_offset, who, count * placed.mean)
+    # neighbouring tiles share sightings, so their errors may be the same: sds are added
+    np.add.at(result.drive_sd, who, count * placed.sd)
+    np.add.at(result.drive_count, who, count)

@@ -2,20 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from automap.jit import kernel
 from automap.mapping.association_kernels import add_member, assign, found_sign
-from automap.mapping.candidates import CLASS_SLOTS, PLACES, STATE, SUPPORT, find_candidates
+from automap.mapping.candidates import (
+    CELL_M,
+    CLASS_SLOTS,
+    PLACES,
+    STATE,
+    SUPPORT,
+    Columns,
+    MapSigns,
+    find_candidates,
+)
 from automap.mapping.classes import class_evidence
 from automap.mapping.grid import empty_table
 from automap.mapping.limits import MOST, ROUNDS, TAU_S
 from automap.mapping.offset_kernels import smooth, vote
 from automap.mapping.sightings import Sightings
-from automap.records import BoolArray, FloatArray, IntArray
+from automap.records import FloatArray, IntArray
 
 _SETTLING = 3
 """Turns of assignment and smoothing."""
@@ -41,7 +49,6 @@ def associate(
     sightings: Sightings,
     tau_s: float = TAU_S,
     rounds: int = ROUNDS,
-    progress: Callable[[float], None] = lambda fraction: None,
 ) -> Association:
     """Group the sightings into signs.
 
@@ -56,49 +63,37 @@ def associate(
         return Association(sign, offset, offset_var)
     evidence = class_evidence(sightings.classes)
     room = n * (rounds + 1)
-    state = np.empty((room, STATE))
-    slot_class = np.empty((room, CLASS_SLOTS), np.int64)
-    slot_weight = np.empty((room, CLASS_SLOTS))
-    active = np.zeros(room, np.bool_)
-    owner, price = np.full(room, -1, np.int64), np.zeros(room)
-    table = empty_table(room)
-    count = 0
-    for turn in range(rounds + 1):
-        for drive in range(sightings.n_drives):
-            lo, hi = int(sightings.first[drive]), int(sightings.first[drive + 1])
-            if hi > lo:
-                count = _lay_over(
-                    lo,
-                    hi,
-                    turn > 0,
-                    count,
-                    tau_s,
-                    sightings.time_s,
-                    sightings.lat,
-                    sightings.lon,
-                    sightings.height,
-                    sightings.per_lat,
-                    sightings.per_lon,
-                    sightings.own,
-                    sightings.own_u,
-                    sightings.shared_sd,
-                    sightings.facing,
-                    sightings.code,
-                    sightings.confidence,
-                    evidence,
-                    *table,
-                    state,
-                    slot_class,
-                    slot_weight,
-                    active,
-                    owner,
-                    price,
-                    sign,
-                    offset,
-                    offset_var,
-                )
-            progress((turn + (drive + 1) / sightings.n_drives) / (rounds + 1))
+    signs = MapSigns(
+        np.empty((room, STATE)),
+        np.empty((room, CLASS_SLOTS), np.int64),
+        np.empty((room, CLASS_SLOTS)),
+        np.zeros(room, np.bool_),
+        empty_table(room, CELL_M),
+    )
+    seen = Columns(*(getattr(sightings, name) for name in Columns._fields))
+    _associate(sightings.first, rounds, tau_s, seen, evidence, signs, sign, offset, offset_var)
     return Association(renumbered(sign), offset, offset_var)
+
+
+class Members:
+    """The sightings of every sign, found without a search."""
+
+    def __init__(self, sign: IntArray) -> None:
+        self.order = np.argsort(sign, kind="stable")
+        count = int(sign.max()) + 1 if len(sign) else 0
+        self.edges = np.searchsorted(sign[self.order], np.arange(count + 1))
+
+    def of(self, signs: IntArray) -> tuple[IntArray, IntArray]:
+        """Rows [n] of the sightings of ``signs`` [k], and the place in ``signs`` of each."""
+        starts, stops = self.edges[signs], self.edges[signs + 1]
+        lengths = stops - starts
+        place = np.repeat(np.arange(len(signs)), lengths)
+        within = np.arange(int(lengths.sum())) - np.repeat(np.cumsum(lengths) - lengths, lengths)
+        return self.order[np.repeat(starts, lengths) + within], place
+
+    def __getitem__(self, sign: int) -> IntArray:
+        """Rows of the sightings of one sign, ascending."""
+        return self.order[self.edges[sign] : self.edges[sign + 1]]
 
 
 def renumbered(sign: IntArray) -> IntArray:
@@ -110,75 +105,46 @@ def renumbered(sign: IntArray) -> IntArray:
 
 
 @kernel
-def _lay_over(
-    lo: int,
-    hi: int,
-    again: bool,
-    count: int,
+def _associate(
+    first: IntArray,
+    rounds: int,
     tau_s: float,
-    time_s: FloatArray,
-    lat: FloatArray,
-    lon: FloatArray,
-    height: FloatArray,
-    per_lat: FloatArray,
-    per_lon: FloatArray,
-    own: FloatArray,
-    own_u: FloatArray,
-    shared_sd: FloatArray,
-    facing: FloatArray,
-    code: IntArray,
-    confidence: FloatArray,
+    seen: Columns,
     evidence: FloatArray,
-    head: IntArray,
-    following: IntArray,
-    cells: IntArray,
-    state: FloatArray,
-    slot_class: IntArray,
-    slot_weight: FloatArray,
-    active: BoolArray,
-    owner: IntArray,
-    price: FloatArray,
+    signs: MapSigns,
     sign: IntArray,
     offset: FloatArray,
     offset_var: FloatArray,
-) -> int:
-    """Associate one drive, rows lo to hi; returns how many map signs there are now."""
-    n = hi - lo
-    if again:
-        for i in range(lo, hi):
-            k = sign[i]
-            add_member(
-                k, i, -1.0, lat, lon, height, per_lat, per_lon, own, own_u, facing, code,
-                confidence, offset[i], state, slot_class, slot_weight,
-            )  # fmt: skip
-            active[k] = state[k, SUPPORT] > 0.5
-    index = np.empty((n, MOST), np.int64)
-    values = np.empty((n, MOST, PLACES))
-    find_candidates(
-        lo, hi, lat, lon, height, per_lat, per_lon, own, own_u, shared_sd, facing, code,
-        evidence, head, following, cells, state, slot_class, slot_weight, active, index, values,
-    )  # fmt: skip
-    here, here_var = offset[lo:hi], offset_var[lo:hi]
-    chosen = np.empty(n, np.int64)
-    vote(time_s[lo:hi], shared_sd[lo:hi], tau_s, index, values, here)
-    here_var[:] = 0.0
-    for _ in range(_SETTLING):
-        assign(index, values, here, here_var, chosen, owner, price)
-        smooth(time_s[lo:hi], shared_sd[lo:hi], tau_s, chosen, values, here, here_var)
-    assign(index, values, here, here_var, chosen, owner, price)
-    for i in range(lo, hi):
-        c = chosen[i - lo]
-        k = index[i - lo, c] if c >= 0 else -1
-        if k < 0:
-            k = count
-            count += 1
-            found_sign(
-                k, i, lat, lon, height, per_lat, per_lon, offset[i], head, following, cells,
-                state, slot_weight, active,
-            )  # fmt: skip
-        add_member(
-            k, i, 1.0, lat, lon, height, per_lat, per_lon, own, own_u, facing, code,
-            confidence, offset[i], state, slot_class, slot_weight,
-        )  # fmt: skip
-        sign[i] = k
-    return count
+) -> None:
+    room = len(signs.active)
+    owner, price = np.full(room, -1, np.int64), np.zeros(room)
+    count = 0
+    for turn in range(rounds + 1):
+        for drive in range(len(first) - 1):
+            lo, hi = first[drive], first[drive + 1]
+            if turn > 0:
+                for i in range(lo, hi):
+                    k = sign[i]
+                    add_member(k, i, -1.0, seen, offset[i], signs)
+                    signs.active[k] = signs.state[k, SUPPORT] > 0.5
+            index = np.empty((hi - lo, MOST), np.int64)
+            values = np.empty((hi - lo, MOST, PLACES))
+            find_candidates(lo, hi, seen, evidence, signs, index, values)
+            time_s, shared_sd = seen.time_s[lo:hi], seen.shared_sd[lo:hi]
+            here, here_var = offset[lo:hi], offset_var[lo:hi]
+            chosen = np.empty(hi - lo, np.int64)
+            vote(time_s, shared_sd, tau_s, index, values, here)
+            here_var[:] = 0.0
+            for _ in range(_SETTLING):
+                assign(index, values, here, here_var, chosen, owner, price)
+                smooth(time_s, shared_sd, tau_s, chosen, values, here, here_var)
+            assign(index, values, here, here_var, chosen, owner, price)
+            for i in range(lo, hi):
+                c = chosen[i - lo]
+                k = index[i - lo, c] if c >= 0 else -1
+                if k < 0:
+                    k = count
+                    count += 1
+                    found_sign(k, i, seen, offset[i], signs)
+                add_member(k, i, 1.0, seen, offset[i], signs)
+                sign[i] = k

@@ -13,20 +13,20 @@ from automap.mapping.candidates import (
     B_E,
     B_N,
     B_U,
-    CELL_M,
     CLASS_SLOTS,
     FACE_E,
     FACE_N,
     HEIGHT,
     LAT,
     LON,
-    STATE,
     SUPPORT,
+    Columns,
+    MapSigns,
 )
 from automap.mapping.grid import delta, insert
 from automap.mapping.limits import BID_STEP, LEAST_CONFIDENCE, MOST
 from automap.mapping.offset_kernels import agreement
-from automap.records import BoolArray, FloatArray, IntArray
+from automap.records import FloatArray, IntArray
 
 _LEAST_INFORMATION = 1e-9
 """On the place of a sign without members, 1/m^2."""
@@ -55,14 +55,8 @@ def assign(
         for c in range(MOST):
             if index[i, c] < 0:
                 break
-            gain[i, c] = agreement(
-                values[i, c],
-                offset[i, 0],
-                offset[i, 1],
-                offset[i, 2],
-                offset_var[i, 0],
-                offset_var[i, 1],
-            )
+            here = offset[i, 0], offset[i, 1], offset[i, 2]
+            gain[i, c] = agreement(values[i, c], *here, offset_var[i, 0], offset_var[i, 1])
     waiting = np.empty(n, np.int64)
     for i in range(n):
         waiting[i] = n - 1 - i
@@ -99,31 +93,17 @@ def assign(
 
 @kernel
 def add_member(
-    k: int,
-    i: int,
-    sign: float,
-    lat: FloatArray,
-    lon: FloatArray,
-    height: FloatArray,
-    per_lat: FloatArray,
-    per_lon: FloatArray,
-    own: FloatArray,
-    own_u: FloatArray,
-    facing: FloatArray,
-    code: IntArray,
-    confidence: FloatArray,
-    offset: FloatArray,
-    state: FloatArray,
-    slot_class: IntArray,
-    slot_weight: FloatArray,
+    k: int, i: int, sign: float, seen: Columns, offset: FloatArray, signs: MapSigns
 ) -> None:
     """Add sighting ``i``, moved by its drive's ``offset`` [3], to map sign ``k``.
 
     ``sign`` -1 takes out what +1 put in.
     """
+    state, own, height, facing = signs.state, seen.own, seen.height, seen.facing
     det = own[i, 0] * own[i, 2] - own[i, 1] ** 2
     w_ee, w_en, w_nn = own[i, 2] / det, -own[i, 1] / det, own[i, 0] / det
-    de, dn = delta(lat[i], lon[i], state[k, LAT], state[k, LON], per_lat[i], per_lon[i])
+    at = state[k, LAT], state[k, LON]
+    de, dn = delta(seen.lat[i], seen.lon[i], *at, seen.per_lat[i], seen.per_lon[i])
     de, dn = de - offset[0], dn - offset[1]
     state[k, A_EE] += sign * w_ee
     state[k, A_EN] += sign * w_en
@@ -131,51 +111,35 @@ def add_member(
     state[k, B_E] += sign * (w_ee * de + w_en * dn)
     state[k, B_N] += sign * (w_en * de + w_nn * dn)
     if height[i] == height[i] and state[k, HEIGHT] == state[k, HEIGHT]:
-        state[k, A_U] += sign / own_u[i]
-        state[k, B_U] += sign * (height[i] - state[k, HEIGHT] - offset[2]) / own_u[i]
+        state[k, A_U] += sign / seen.own_u[i]
+        state[k, B_U] += sign * (height[i] - state[k, HEIGHT] - offset[2]) / seen.own_u[i]
     if facing[i] == facing[i]:
         state[k, FACE_N] += sign * np.cos(facing[i])
         state[k, FACE_E] += sign * np.sin(facing[i])
     state[k, SUPPORT] += sign
-    weight = sign * max(confidence[i], LEAST_CONFIDENCE)
+    weight = sign * max(seen.confidence[i], LEAST_CONFIDENCE)
     free = -1
     for slot in range(CLASS_SLOTS):
-        if slot_weight[k, slot] > 1e-6:
-            if slot_class[k, slot] == code[i]:
-                slot_weight[k, slot] += weight
+        if signs.slot_weight[k, slot] > 1e-6:
+            if signs.slot_class[k, slot] == seen.code[i]:
+                signs.slot_weight[k, slot] += weight
                 return
         elif free < 0:
             free = slot
     if sign > 0.0 and free >= 0:
-        slot_class[k, free] = code[i]
-        slot_weight[k, free] = weight
+        signs.slot_class[k, free] = seen.code[i]
+        signs.slot_weight[k, free] = weight
 
 
 @kernel
-def found_sign(
-    k: int,
-    i: int,
-    lat: FloatArray,
-    lon: FloatArray,
-    height: FloatArray,
-    per_lat: FloatArray,
-    per_lon: FloatArray,
-    offset: FloatArray,
-    head: IntArray,
-    following: IntArray,
-    cells: IntArray,
-    state: FloatArray,
-    slot_weight: FloatArray,
-    active: BoolArray,
-) -> None:
+def found_sign(k: int, i: int, seen: Columns, offset: FloatArray, signs: MapSigns) -> None:
     """Make map sign ``k``, still without members, where sighting ``i`` sees it."""
-    for column in range(STATE):
-        state[k, column] = 0.0
+    state = signs.state
+    state[k] = 0.0
     state[k, A_EE] = state[k, A_NN] = state[k, A_U] = _LEAST_INFORMATION
-    state[k, LAT] = lat[i] - offset[1] / per_lat[i]
-    state[k, LON] = lon[i] - offset[0] / per_lon[i]
-    state[k, HEIGHT] = height[i] - offset[2]
-    for slot in range(CLASS_SLOTS):
-        slot_weight[k, slot] = 0.0
-    active[k] = True
-    insert(head, following, cells, CELL_M, k, state[k, LAT], state[k, LON])
+    state[k, LAT] = seen.lat[i] - offset[1] / seen.per_lat[i]
+    state[k, LON] = seen.lon[i] - offset[0] / seen.per_lon[i]
+    state[k, HEIGHT] = seen.height[i] - offset[2]
+    signs.slot_weight[k] = 0.0
+    signs.active[k] = True
+    insert(signs.table, k, state[k, LAT], state[k, LON])

@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from automap.jit import kernel
+from automap.mapping.association import Members
 from automap.mapping.limits import ALTERNATIVES, CHANGED, CLASS_RIGHT, FACING_SD, LEAST_CONFIDENCE
 from automap.mapping.sightings import Sightings
 from automap.mapping.sureness import class_probabilities, group_probabilities
@@ -52,9 +53,8 @@ class Attributes:
 def combine_attributes(sightings: Sightings, sign: IntArray) -> Attributes:
     """Attributes of the map signs that the sightings were given to."""
     m = int(sign.max()) + 1 if len(sign) else 0
-    order = np.argsort(sign, kind="stable")
-    edges = np.searchsorted(sign[order], np.arange(m + 1))
-
+    members = Members(sign)
+    order, edges = members.order, members.edges
     views = sightings.n_views
     weight = np.maximum(views, 1).astype(np.float64)
     doubt = 1.0 - np.clip(sightings.confidence, 0.0, 0.999)
@@ -166,10 +166,8 @@ def _classes(
     m = len(edges) - 1
     code, share = np.zeros(m, np.int64), np.ones(m)
     changed, before = np.zeros(m, np.bool_), np.zeros(len(sign), np.bool_)
-    codes, weights = (
-        sightings.code[order],
-        np.maximum(sightings.confidence[order], LEAST_CONFIDENCE),
-    )
+    codes = sightings.code[order]
+    weights = np.maximum(sightings.confidence[order], LEAST_CONFIDENCE)
     if m == 0:
         return code, share, changed, before
     lowest = np.minimum.reduceat(codes, edges[:-1])

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 from automap.jit import kernel
-from automap.mapping.grid import delta, neighbours
+from automap.mapping.grid import Table, delta, neighbours
 from automap.mapping.limits import (
     FACING_LIMIT,
     FACING_SD,
@@ -39,6 +40,34 @@ D_E, D_N, D_U, V_EE, V_EN, V_NN, V_U, EVIDENCE = 0, 1, 2, 3, 4, 5, 6, 7
 
 CELL_M = 16.0
 """Of the table of map signs; founding and mean place of a sign differ by little."""
+
+
+class Columns(NamedTuple):
+    """The columns of ``Sightings`` that kernels take."""
+
+    time_s: FloatArray
+    lat: FloatArray
+    lon: FloatArray
+    height: FloatArray
+    per_lat: FloatArray
+    per_lon: FloatArray
+    own: FloatArray
+    own_u: FloatArray
+    shared_sd: FloatArray
+    facing: FloatArray
+    code: IntArray
+    confidence: FloatArray
+
+
+class MapSigns(NamedTuple):
+    """Signs [m] of the map as it grows: ``state`` [m, STATE], of ``CLASS_SLOTS`` classes each
+    ``slot_class`` and ``slot_weight``, which are ``active``, and ``table`` of where they stand."""
+
+    state: FloatArray
+    slot_class: IntArray
+    slot_weight: FloatArray
+    active: BoolArray
+    table: Table
 
 
 @kernel
@@ -76,45 +105,34 @@ def match_gain(v_ee: float, v_en: float, v_nn: float, v_u: float) -> float:
 def find_candidates(
     lo: int,
     hi: int,
-    lat: FloatArray,
-    lon: FloatArray,
-    height: FloatArray,
-    per_lat: FloatArray,
-    per_lon: FloatArray,
-    own: FloatArray,
-    own_u: FloatArray,
-    shared_sd: FloatArray,
-    facing: FloatArray,
-    code: IntArray,
+    seen: Columns,
     evidence: FloatArray,
-    head: IntArray,
-    following: IntArray,
-    cells: IntArray,
-    state: FloatArray,
-    slot_class: IntArray,
-    slot_weight: FloatArray,
-    active: BoolArray,
+    signs: MapSigns,
     index: IntArray,
     values: FloatArray,
 ) -> None:
-    """Fill ``index`` [n, MOST] (-1 none) and ``values`` [n, MOST, PLACES] for rows lo to hi.
+    """Fill ``index`` [n, MOST] (-1 none) and ``values`` [n, MOST, PLACES] for rows lo to hi of the
+    sightings ``seen``; ``evidence`` [k, k] of their classes.
 
     The nearest are kept: within the gate of everything including the offset, at most MAX_M;
     faces that look away from one another are never one sign.
     """
+    state, slot_class, slot_weight, active, table = signs
+    lat, lon, own, shared_sd, facing = seen.lat, seen.lon, seen.own, seen.shared_sd, seen.facing
     near = np.empty(256, np.int64)
     distance = np.empty(MOST)
     slack = SLACK_M * SLACK_M
     for i in range(lo, hi):
         row = i - lo
         count = 0
-        found = neighbours(head, following, cells, CELL_M, lat[i], lon[i], near)
+        found = neighbours(table, lat[i], lon[i], near)
         for place in range(found):
             k = near[place]
             if not active[k]:
                 continue
             e, n, u = mean_of(state[k])
-            de, dn = delta(lat[i], lon[i], state[k, LAT], state[k, LON], per_lat[i], per_lon[i])
+            per_lat, per_lon = seen.per_lat[i], seen.per_lon[i]
+            de, dn = delta(lat[i], lon[i], state[k, LAT], state[k, LON], per_lat, per_lon)
             de, dn = de - e, dn - n
             square = de * de + dn * dn
             if square > MAX_M * MAX_M:
@@ -126,11 +144,11 @@ def find_candidates(
             widest = v_ee + v_nn + 2.0 * (shared_sd[i, 0] ** 2 + shared_sd[i, 1] ** 2)
             if square > SAME_GATE * widest:
                 continue
-            du, v_u = height[i] - state[k, HEIGHT] - u, np.nan
+            du, v_u = seen.height[i] - state[k, HEIGHT] - u, np.nan
             if du == du:
                 if abs(du) > LARGEST_UP_M:
                     continue
-                v_u = own_u[i] + 1.0 / state[k, A_U] + slack
+                v_u = seen.own_u[i] + 1.0 / state[k, A_U] + slack
             else:
                 du = 0.0
             told = 0.0
@@ -142,7 +160,7 @@ def find_candidates(
             for slot in range(CLASS_SLOTS):
                 if slot_weight[k, slot] > 0.0:
                     weight += slot_weight[k, slot]
-                    total += slot_weight[k, slot] * evidence[code[i], slot_class[k, slot]]
+                    total += slot_weight[k, slot] * evidence[seen.code[i], slot_class[k, slot]]
             if weight > 0.0:
                 told += total / weight
             # insertion among the nearest

@@ -8,9 +8,20 @@ import numpy as np
 
 from automap.earth import ecef, ecef_axes
 from automap.mapping import limits
-from automap.mapping.association import Association, renumbered
-from automap.mapping.candidates import facing_evidence
+from automap.mapping.association import Association, Members, renumbered
+from automap.mapping.candidates import (
+    D_E,
+    D_N,
+    D_U,
+    PLACES,
+    V_EE,
+    V_EN,
+    V_NN,
+    V_U,
+    facing_evidence,
+)
 from automap.mapping.classes import class_evidence
+from automap.mapping.offset_kernels import agreement
 from automap.mapping.sightings import Sightings
 from automap.records import FloatArray, IntArray
 
@@ -52,12 +63,11 @@ def join_duplicates(
         pairs = _close_pairs(places)
         if len(pairs) == 0:
             break
-        members = _members(sign, np.unique(pairs))
+        members = Members(sign)
         scored = []
         for a, b in pairs.tolist():
-            score = _evidence_for_one(
-                places, sightings, evidence, a, b, members[a], members[b], detection
-            )
+            rows = members[a], members[b]
+            score = _evidence_for_one(places, sightings, evidence, a, b, *rows, detection)
             if score > 0.0:
                 scored.append((-score, a, b))
         taken: set[int] = set()
@@ -73,8 +83,7 @@ def join_duplicates(
 
 def _places(sightings: Sightings, association: Association, sign: IntArray) -> _Places:
     m = int(sign.max()) + 1
-    order = np.argsort(sign, kind="stable")
-    first = order[np.searchsorted(sign[order], np.arange(m))]
+    first = np.unique(sign, return_index=True)[1]
     turn = sightings.lon - sightings.lon[first][sign]
     east = ((turn + np.pi) % (2 * np.pi) - np.pi) * sightings.per_lon - association.offset[:, 0]
     north = (sightings.lat - sightings.lat[first][sign]) * sightings.per_lat
@@ -138,12 +147,6 @@ def _close_pairs(places: _Places) -> IntArray:
     return np.asarray(pairs[np.hypot(*plan.T) < limits.REACH_M], np.int64)
 
 
-def _members(sign: IntArray, wanted: IntArray) -> dict[int, IntArray]:
-    order = np.argsort(sign, kind="stable")
-    edges = np.searchsorted(sign[order], np.arange(int(sign.max()) + 2))
-    return {int(k): order[edges[k] : edges[k + 1]] for k in wanted}
-
-
 def _evidence_for_one(
     places: _Places,
     sightings: Sightings,
@@ -160,9 +163,7 @@ def _evidence_for_one(
         facing = float(facing_evidence(places.facing[a] - places.facing[b]))
         if facing == -np.inf:
             return facing
-    drives_a, drives_b = set(sightings.drive[rows_a].tolist()), set(
-        sightings.drive[rows_b].tolist()
-    )  # fmt: skip
+    drives_a, drives_b = (set(sightings.drive[rows].tolist()) for rows in (rows_a, rows_b))
     both = len(drives_a & drives_b)
     single = len(drives_a ^ drives_b)
     missed = single * np.log(1.0 - detection)
@@ -179,23 +180,17 @@ def _evidence_for_one(
 
 
 def _place_evidence(places: _Places, a: int, b: int, fewer: int) -> float:
-    difference = places.axes[a] @ (places.position[b] - places.position[a])
-    variance = np.zeros(4)
+    values = np.zeros(PLACES)
+    values[[D_E, D_N, D_U]] = places.axes[a] @ (places.position[b] - places.position[a])
     for k in (a, b):
-        w = places.weight[k]
-        det = w[0] * w[2] - w[1] ** 2
-        variance[:3] += np.array([w[2], -w[1], w[0]]) / det
-        variance[0] += places.wander[k, 0]
-        variance[2] += places.wander[k, 1]
-    variance[[0, 2]] += limits.SLACK_M**2
-    det = variance[0] * variance[2] - variance[1] ** 2
-    e, n, u = difference
-    square = (variance[2] * e * e - 2 * variance[1] * e * n + variance[0] * n * n) / det
-    gain = -np.log(2 * np.pi * np.sqrt(det) * limits.NEAR_PER_M2)
-    if places.weight[a, 3] > 0 and places.weight[b, 3] > 0:
-        up = 1.0 / places.weight[a, 3] + 1.0 / places.weight[b, 3] + limits.SLACK_M**2
-        up += places.wander[a, 2] + places.wander[b, 2]
-        square += u * u / up
-        gain -= np.log(np.sqrt(2 * np.pi * up) * limits.NEAR_PER_M)
+        ee, en, nn, _ = places.weight[k]
+        values[[V_EE, V_EN, V_NN]] += np.array([nn, -en, ee]) / (ee * nn - en**2)
+    slack = limits.SLACK_M**2 + places.wander[a] + places.wander[b]
+    up = places.weight[[a, b], 3]
+    values[V_U] = (1.0 / up).sum() + slack[2] if (up > 0).all() else np.nan
+    told = agreement(values, 0.0, 0.0, 0.0, slack[0], slack[1])
+    # signs stand closer about a sign than new ones do about the map's
+    told += np.log(limits.NEW_PER_M2 / limits.NEAR_PER_M2)
+    told += np.log(limits.NEW_PER_M / limits.NEAR_PER_M) if np.isfinite(values[V_U]) else 0.0
     stray = fewer * np.log(limits.OUTLIER_SHARE / (np.pi * limits.REACH_M**2) / limits.NEAR_PER_M2)
-    return float(max(gain - 0.5 * square, stray))
+    return float(max(told, stray))

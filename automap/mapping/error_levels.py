@@ -12,14 +12,13 @@ from automap.geolocation.path_errors import Equations
 from automap.mapping import limits
 from automap.mapping.adjustment import (
     ErrorLevels,
-    Members,
     TileData,
     network_of,
     rough_places,
     stray_weights,
     tile_data,
 )
-from automap.mapping.association import Association
+from automap.mapping.association import Association, Members
 from automap.mapping.cells import cell_of
 from automap.mapping.sightings import Sightings
 from automap.mapping.tiles import cut_tiles

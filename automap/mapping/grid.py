@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from automap.jit import kernel
@@ -9,6 +11,16 @@ from automap.records import FloatArray, IntArray
 
 RADIUS_M = 6371000.0
 """Of a sphere like the Earth: good for cells and for searches near by."""
+
+
+class Table(NamedTuple):
+    """Numbers [n] by the cell that each lies in: chains from ``head`` [2^k] by ``following`` [n],
+    which -1 ends; ``cells`` [n, 2] the row and column of each, in cells of ``cell_m``."""
+
+    head: IntArray
+    following: IntArray
+    cells: IntArray
+    cell_m: float
 
 
 @kernel
@@ -38,43 +50,24 @@ def bucket(row: int, column: int, mask: int) -> int:
 
 
 @kernel
-def insert(
-    head: IntArray,
-    following: IntArray,
-    cells: IntArray,
-    cell_m: float,
-    number: int,
-    lat: float,
-    lon: float,
-) -> None:
-    """Put ``number`` into the cell of a position.
-
-    ``head`` [2^k] and ``following`` [n] are the chains (-1 ends one), ``cells`` [n, 2] the
-    row and column of each number.
-    """
-    row = cell_row(lat, cell_m)
-    column = cell_column(lon, cells_around(row, cell_m))
-    place = bucket(row, column, len(head) - 1)
-    cells[number, 0], cells[number, 1] = row, column
-    following[number] = head[place]
-    head[place] = number
+def insert(table: Table, number: int, lat: float, lon: float) -> None:
+    """Put ``number`` into the cell of a position in rad."""
+    row = cell_row(lat, table.cell_m)
+    column = cell_column(lon, cells_around(row, table.cell_m))
+    place = bucket(row, column, len(table.head) - 1)
+    table.cells[number, 0], table.cells[number, 1] = row, column
+    table.following[number] = table.head[place]
+    table.head[place] = number
 
 
 @kernel
-def neighbours(
-    head: IntArray,
-    following: IntArray,
-    cells: IntArray,
-    cell_m: float,
-    lat: float,
-    lon: float,
-    found: IntArray,
-) -> int:
+def neighbours(table: Table, lat: float, lon: float, found: IntArray) -> int:
     """Numbers in the cell of a position and the eight around it into ``found``.
 
     All that are nearer than ``cell_m`` are among them. Returns how many, at most the length
     of ``found``.
     """
+    head, following, cells, cell_m = table
     count = 0
     middle = cell_row(lat, cell_m)
     for row in range(middle - 1, middle + 2):
@@ -114,32 +107,20 @@ def table_size(n: int) -> int:
     return 1 << max(4, int(2 * max(n, 1)).bit_length())
 
 
-def empty_table(n: int) -> tuple[IntArray, IntArray, IntArray]:
-    """``head``, ``following``, ``cells`` of a table for up to ``n`` numbers."""
-    return (
-        np.full(table_size(n), -1, np.int64),
-        np.empty(n, np.int64),
-        np.empty((n, 2), np.int64),
-    )
+def empty_table(n: int, cell_m: float) -> Table:
+    """A table for up to ``n`` numbers."""
+    chains = np.full(table_size(n), -1, np.int64), np.empty(n, np.int64)
+    return Table(*chains, np.empty((n, 2), np.int64), cell_m)
 
 
-def filled_table(
-    lat: FloatArray, lon: FloatArray, cell_m: float
-) -> tuple[IntArray, IntArray, IntArray]:
+def filled_table(lat: FloatArray, lon: FloatArray, cell_m: float) -> Table:
     """A table of the positions [n] as numbers 0 to n - 1."""
-    table = empty_table(len(lat))
-    _fill(*table, cell_m, lat, lon)
+    table = empty_table(len(lat), cell_m)
+    _fill(table, lat, lon)
     return table
 
 
 @kernel
-def _fill(
-    head: IntArray,
-    following: IntArray,
-    cells: IntArray,
-    cell_m: float,
-    lat: FloatArray,
-    lon: FloatArray,
-) -> None:
+def _fill(table: Table, lat: FloatArray, lon: FloatArray) -> None:
     for number in range(len(lat)):
-        insert(head, following, cells, cell_m, number, lat[number], lon[number])
+        insert(table, number, lat[number], lon[number])

@@ -7,25 +7,11 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from automap.mapping.sightings import DriveSigns, Sightings
-from automap.records import IntArray
+from automap.mapping.sightings import DriveSigns
 
 _ALPHABET = "0123456789abcdefghjkmnpqrstvwxyz"
 _LETTERS = 8
 """2^40 names."""
-
-
-def founder_keys(drives: Sequence[DriveSigns], sightings: Sightings, sign: IntArray) -> list[str]:
-    """For every map sign the drive and name of its earliest sighting, which later drives do
-    not change."""
-    count = int(sign.max()) + 1 if len(sign) else 0
-    first = np.zeros(count, np.int64)
-    # sightings come in the order of their drives' times
-    first[sign[::-1]] = np.arange(len(sign))[::-1]
-    return [
-        sighting_key(drives[sightings.drive[i]], drives[sightings.drive[i]].ids[sightings.row[i]])
-        for i in first
-    ]
 
 
 def sighting_key(drive: DriveSigns, sign_id: str) -> str:

@@ -21,7 +21,7 @@ from automap.mapping.existence import (
     detection_rates,
     existence,
 )
-from automap.mapping.identity import founder_keys, sighting_key
+from automap.mapping.identity import sighting_key
 from automap.mapping.sightings import DriveSigns, Sightings, canonical_order, stack_sightings
 from automap.mapping.visibility import opportunities
 from automap.records import NO_TIME, FloatArray, IntArray, Sign
@@ -86,11 +86,9 @@ def merge_drives(
     behind = with_backs(attributes.n_back_views, attributes.n_views, fronts)
     progress(0.9, "the signs' records")
     keys: list[list[str]] = [[] for _ in range(m)]
-    sign_of = found.sign.tolist()
-    for place, (who, row) in enumerate(
-        zip(sightings.drive.tolist(), sightings.row.tolist(), strict=True)
-    ):
-        keys[sign_of[place]].append(sighting_key(ordered[who], ordered[who].ids[row]))
+    columns = found.sign, sightings.drive, sightings.id
+    for k, who, name in zip(*(column.tolist() for column in columns), strict=True):
+        keys[k].append(sighting_key(ordered[who], name))
     return Merged(
         ordered, sightings, found, adjusted, levels, attributes, pairs, rates, belief,
         list(map_signs(
@@ -100,7 +98,8 @@ def merge_drives(
             belief,
             [tuple(ordered[d].name for d in seen_by) for seen_by in attributes.drives],
         )),
-        founder_keys(ordered, sightings, found.sign), keys,
+        # the earliest, as drives come in the order of their times: later ones do not change it
+        [own[0] for own in keys], keys,
     )  # fmt: skip
 
 

@@ -6,6 +6,8 @@ sd it has variance one and correlation exp(-dt / tau).
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from automap.jit import kernel
@@ -78,38 +80,37 @@ def vote(
                 keep = np.exp(-(middle - last) / tau_s)
                 mean[axis] *= keep
                 variance[axis] = keep * keep * variance[axis] + (1.0 - keep * keep) * prior[axis]
-        _best_of_stretch(start, stop, time_s, middle, prior, tau_s, index, values, mean, variance)
-        for i in range(start, stop):
-            for axis in range(3):
-                offset[i, axis] = mean[axis]
+        spread = 1.0 - np.exp(-np.abs(time_s[start:stop] - middle) / tau_s) ** 2
+        of = _Stretch(index[start:stop], values[start:stop], spread, prior, mean, variance)
+        mean, variance = _offset_of(of)
+        offset[start:stop] = mean
         last = middle
         start = stop
 
 
+class _Stretch(NamedTuple):
+    """Candidates ``signs`` [k, MOST] and ``values`` [k, MOST, PLACES] of sightings; ``prior`` [3]
+    variance of the drive's offset, and the part ``spread`` [k] of it by which that at each may
+    differ from the stretch's; ``mean`` and ``variance`` [3] of this by the stretches before."""
+
+    signs: IntArray
+    values: FloatArray
+    spread: FloatArray
+    prior: FloatArray
+    mean: FloatArray
+    variance: FloatArray
+
+
 @kernel
-def _best_of_stretch(
-    start: int,
-    stop: int,
-    time_s: FloatArray,
-    middle: float,
-    prior: FloatArray,
-    tau_s: float,
-    index: IntArray,
-    values: FloatArray,
-    mean: FloatArray,
-    variance: FloatArray,
-) -> None:
-    """Replace mean [3] and variance [3] by those after the stretch's sightings."""
-    spread = np.zeros(stop - start)
-    for i in range(start, stop):
-        keep = np.exp(-abs(time_s[i] - middle) / tau_s)
-        spread[i - start] = 1.0 - keep * keep
-    best = np.array([mean[0], mean[1], mean[2]])
-    highest = _support(start, stop, best, spread, prior, index, values, mean, variance)
+def _offset_of(stretch: _Stretch) -> tuple[FloatArray, FloatArray]:
+    """Mean [3] and variance [3] of the offset after the stretch's sightings."""
+    signs, values = stretch.signs, stretch.values
+    best = stretch.mean.copy()
+    highest = _support(stretch, best)
     tried = 0
-    for i in range(start, stop):
+    for i in range(len(signs)):
         for c in range(MOST):
-            if index[i, c] < 0:
+            if signs[i, c] < 0:
                 break
             # after many proposals the nearest of each sighting has to do
             if tried >= HYPOTHESES and c > 0:
@@ -117,71 +118,50 @@ def _best_of_stretch(
             tried += 1
             guess = values[i, c, :3].copy()
             if values[i, c, V_U] != values[i, c, V_U]:
-                guess[2] = mean[2]
-            score = _support(start, stop, guess, spread, prior, index, values, mean, variance)
+                guess[2] = stretch.mean[2]
+            score = _support(stretch, guess)
             if score > highest:
                 highest = score
                 best = guess
+    after = stretch.variance
     for _ in range(_ROUNDS):
-        best, after = _refine(start, stop, best, spread, prior, index, values, mean, variance)
-    for axis in range(3):
-        mean[axis], variance[axis] = best[axis], after[axis]
+        best, after = _refine(stretch, best)
+    return best, after
 
 
 @kernel
-def _support(
-    start: int,
-    stop: int,
-    guess: FloatArray,
-    spread: FloatArray,
-    prior: FloatArray,
-    index: IntArray,
-    values: FloatArray,
-    mean: FloatArray,
-    variance: FloatArray,
-) -> float:
+def _support(stretch: _Stretch, offset: FloatArray) -> float:
+    signs, values, spread, prior, mean, variance = stretch
+    e, n, u = offset[0], offset[1], offset[2]
     total = 0.0
     for axis in range(3):
-        total -= 0.5 * (guess[axis] - mean[axis]) ** 2 / variance[axis]
-    for i in range(start, stop):
-        wander = spread[i - start]
+        total -= 0.5 * (offset[axis] - mean[axis]) ** 2 / variance[axis]
+    for i in range(len(signs)):
         most = 0.0
         for c in range(MOST):
-            if index[i, c] < 0:
+            if signs[i, c] < 0:
                 break
-            told = agreement(
-                values[i, c], guess[0], guess[1], guess[2], wander * prior[0], wander * prior[1]
-            )
-            most = max(most, told)
+            p_e, p_n = spread[i] * prior[0], spread[i] * prior[1]
+            most = max(most, agreement(values[i, c], e, n, u, p_e, p_n))
         total += most
     return total
 
 
 @kernel
-def _refine(
-    start: int,
-    stop: int,
-    guess: FloatArray,
-    spread: FloatArray,
-    prior: FloatArray,
-    index: IntArray,
-    values: FloatArray,
-    mean: FloatArray,
-    variance: FloatArray,
-) -> tuple[FloatArray, FloatArray]:
+def _refine(stretch: _Stretch, offset: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Weighted mean of the best candidates' differences and its variance, [3] each."""
+    signs, values, spread, prior, mean, variance = stretch
     a_ee, a_en, a_nn = 1.0 / variance[0], 0.0, 1.0 / variance[1]
     b_e, b_n = mean[0] / variance[0], mean[1] / variance[1]
     a_u, b_u = 1.0 / variance[2], mean[2] / variance[2]
-    for i in range(start, stop):
-        wander = spread[i - start]
+    for i in range(len(signs)):
+        wander = spread[i]
         most, chosen = 0.0, -1
         for c in range(MOST):
-            if index[i, c] < 0:
+            if signs[i, c] < 0:
                 break
-            told = agreement(
-                values[i, c], guess[0], guess[1], guess[2], wander * prior[0], wander * prior[1]
-            )
+            p_e, p_n = wander * prior[0], wander * prior[1]
+            told = agreement(values[i, c], offset[0], offset[1], offset[2], p_e, p_n)
             if told > most:
                 most, chosen = told, c
         if chosen < 0:

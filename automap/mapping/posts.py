@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from automap.earth import local_ned
-from automap.geolocation.supports import support_numbers
+from automap.geolocation.supports import support_names
 from automap.records import FloatArray, Sign
 from automap.records.sign_lists import changed, values_of
 
@@ -26,12 +26,12 @@ def with_supports(signs: Sequence[Sign], own_variance: FloatArray) -> Sequence[S
     height = np.nan_to_num(height)
     origin = (float(np.median(lat)), float(np.median(lon)), float(np.median(height)))
     own, side = own_variance[rows], values_of(signs, "side")
-    numbers = support_numbers(
+    names = support_names(
         local_ned(lat, lon, height, origin).reshape(-1, 3),
         own[:, None, None] * np.eye(3),
         [side[k] == "overhead" for k in rows],
     )
     support = list(values_of(signs, "support"))
-    for k, number in zip(rows, numbers, strict=True):
-        support[k] = f"p{number + 1:04d}"
+    for k, name in zip(rows, names, strict=True):
+        support[k] = name
     return changed(signs, support=support)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
@@ -13,16 +13,6 @@ from automap.earth import metres_per_radian
 from automap.mapping import limits
 from automap.records import DrivePath, FloatArray, IntArray
 
-_STACKED = (
-    "drive", "row", "time_s", "lat", "lon", "height", "per_lat", "per_lon", "own", "own_u",
-    "shared_sd", "facing", "code", "confidence",
-)  # fmt: skip
-_TOLD = (
-    "n_views", "first_gps_s", "last_gps_s", "height_above_road_m", "sd_above_road_m",
-    "facing_sd_rad", "size_m", "side", "status", "class_probability", "group_probability",
-    "existence", "contrast", "contrast_sd", "contrast_note", "seen_share", "n_looked",
-    "n_back_views",
-)  # fmt: skip
 UNTOLD: dict[str, float | str] = {
     "existence": np.nan, "class_probability": np.nan, "group_probability": np.nan,
     "contrast": np.nan, "contrast_sd": np.nan, "contrast_note": "", "seen_share": np.nan,
@@ -143,7 +133,7 @@ class Sightings:
 
     def at(self, rows: IntArray) -> Sightings:
         """Those of ``rows``, ascending; drives and classes keep their numbers."""
-        columns = {name: getattr(self, name)[rows] for name in (*_STACKED, "id", *_TOLD)}
+        columns = {name: getattr(self, name)[rows] for name in _COLUMNS}
         first = np.searchsorted(columns["drive"], np.arange(self.n_drives + 1))
         return Sightings(first=first, classes=self.classes, **columns)
 
@@ -151,6 +141,11 @@ class Sightings:
     def n_drives(self) -> int:
         """Number of drives, with those that saw nothing."""
         return len(self.first) - 1
+
+
+_COLUMNS = tuple(f.name for f in fields(Sightings) if f.name not in ("first", "classes"))
+_TOLD = _COLUMNS[_COLUMNS.index("n_views") :]
+"""As the drives tell them."""
 
 
 def canonical_order(drives: Sequence[DriveSigns]) -> list[int]:
@@ -176,51 +171,43 @@ def stack_sightings(drives: Sequence[DriveSigns]) -> Sightings:
         )  # fmt: skip
     names = sorted({str(name) for drive in drives for name in set(drive.class_name)})
     number = {name: k for k, name in enumerate(names)}
-    parts: list[list[npt.NDArray[np.generic]]] = []
-    first = [0]
-    for place, drive in enumerate(drives):
-        good = np.isfinite(drive.lat_rad) & np.isfinite(drive.lon_rad)
-        rows = np.flatnonzero(good)
-        time = drive.last_gps_s[rows]
-        rows = rows[np.lexsort((rows, time))]
-        shared = shared_sd(drive, rows)
-        own, own_u, shared = split_covariance(drive.cov_enu[rows], shared)
-        codes = np.array([number[str(name)] for name in drive.class_name[rows]], np.int64)
-        north, east = metres_per_radian(drive.lat_rad[rows], np.nan_to_num(drive.height_m[rows]))
-        parts.append(
-            [
-                np.full(len(rows), place, np.int64),
-                rows.astype(np.int64),
-                np.nan_to_num(drive.last_gps_s[rows]),
-                drive.lat_rad[rows],
-                drive.lon_rad[rows],
-                drive.height_m[rows],
-                north,
-                east,
-                own,
-                own_u,
-                shared,
-                drive.facing_rad[rows],
-                codes,
-                np.nan_to_num(drive.confidence[rows], nan=0.5),
-                np.array([drive.ids[k] for k in rows.tolist()], np.object_),
-                *(
-                    np.full(
-                        len(rows), UNTOLD[name], np.array(UNTOLD[name]).dtype.kind.replace("U", "O")
-                    )
-                    if (told := getattr(drive, name)) is None
-                    else told[rows]
-                    for name in _TOLD
-                ),
-            ]
-        )
-        first.append(first[-1] + len(rows))
-    stacked: dict[str, Any] = {
-        name: np.concatenate([part[k] for part in parts])
-        for k, name in enumerate((*_STACKED, "id", *_TOLD))
+    parts = [_columns_of(drive, place, number) for place, drive in enumerate(drives)]
+    stacked: dict[str, Any] = {n: np.concatenate([part[n] for part in parts]) for n in _COLUMNS}
+    first = np.searchsorted(stacked["drive"], np.arange(len(drives) + 1))
+    return Sightings(first=first, classes=tuple(names), **stacked)
+
+
+def _columns_of(drive: DriveSigns, place: int, number: Mapping[str, int]) -> dict[str, Any]:
+    """The columns of one drive; ``number`` of each class."""
+    rows = np.flatnonzero(np.isfinite(drive.lat_rad) & np.isfinite(drive.lon_rad))
+    rows = rows[np.lexsort((rows, drive.last_gps_s[rows]))].astype(np.int64)
+    own, own_u, shared = split_covariance(drive.cov_enu[rows], shared_sd(drive, rows))
+    height = drive.height_m[rows]
+    north, east = metres_per_radian(drive.lat_rad[rows], np.nan_to_num(height))
+    columns: dict[str, Any] = {
+        "drive": np.full(len(rows), place, np.int64),
+        "row": rows,
+        "time_s": np.nan_to_num(drive.last_gps_s[rows]),
+        "lat": drive.lat_rad[rows],
+        "lon": drive.lon_rad[rows],
+        "height": height,
+        "per_lat": north,
+        "per_lon": east,
+        "own": own,
+        "own_u": own_u,
+        "shared_sd": shared,
+        "facing": drive.facing_rad[rows],
+        "code": np.array([number[str(name)] for name in drive.class_name[rows]], np.int64),
+        "confidence": np.nan_to_num(drive.confidence[rows], nan=0.5),
+        "id": np.array([drive.ids[k] for k in rows.tolist()], np.object_),
     }
-    columns: dict[str, Any] = {"first": np.array(first, np.int64), "classes": tuple(names)}
-    return Sightings(**columns, **stacked)
+    for name in _TOLD:
+        told = getattr(drive, name)
+        if told is None:
+            kind = object if isinstance(UNTOLD[name], str) else np.float64
+            told = np.full(len(drive), UNTOLD[name], kind)
+        columns[name] = told[rows]
+    return columns
 
 
 def shared_sd(drive: DriveSigns, rows: IntArray) -> FloatArray:

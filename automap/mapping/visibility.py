@@ -9,7 +9,7 @@ from typing import Protocol
 import numpy as np
 
 from automap.jit import kernel
-from automap.mapping.grid import delta, filled_table, neighbours
+from automap.mapping.grid import Table, delta, filled_table, neighbours
 from automap.mapping.limits import (
     EDGE_SHARE,
     FACE_LIMIT,
@@ -61,13 +61,7 @@ class Opportunities:
 
     def at(self, rows: IntArray | BoolArray) -> Opportunities:
         """Some of the pairs."""
-        return Opportunities(
-            self.sign[rows],
-            self.drive[rows],
-            self.heading[rows],
-            self.offset[rows],
-            self.rows[rows],
-        )
+        return Opportunities(*(column[rows] for column in vars(self).values()))
 
 
 def opportunities(
@@ -98,7 +92,7 @@ def opportunities(
 def in_view(
     path: DrivePath,
     cameras: Sequence[CameraView],
-    table: tuple[IntArray, IntArray, IntArray],
+    table: Table,
     lat: FloatArray,
     lon: FloatArray,
     facing: FloatArray,
@@ -114,7 +108,7 @@ def in_view(
     nearest = np.full((len(lat), 3), np.inf)
     touched = np.empty(len(lat), np.int64)
     n = _look(
-        stride, path.lat_rad, path.lon_rad, path.yaw_rad, per_lat, per_lon, views, *table,
+        stride, path.lat_rad, path.lon_rad, path.yaw_rad, per_lat, per_lon, views, table,
         lat, lon, facing, count, nearest, touched,
     )  # fmt: skip
     seen = np.sort(touched[:n])
@@ -131,9 +125,7 @@ def _look(
     per_lat: FloatArray,
     per_lon: FloatArray,
     views: FloatArray,
-    head: IntArray,
-    following: IntArray,
-    cells: IntArray,
+    table: Table,
     lat: FloatArray,
     lon: FloatArray,
     facing: FloatArray,
@@ -150,7 +142,7 @@ def _look(
     for row in range(0, len(car_lat), stride):
         if not (car_lat[row] == car_lat[row] and yaw[row] == yaw[row]):
             continue
-        found = neighbours(head, following, cells, FARTHEST_M, car_lat[row], car_lon[row], near)
+        found = neighbours(table, car_lat[row], car_lon[row], near)
         for place in range(found):
             k = near[place]
             east, north = delta(

@@ -337,13 +337,7 @@ def geolocation_hand() -> Any:
         except ValueError as error:
             return str(error)
 
-    seen = of.nothing_observed(
-        len(drive.owner[0]) + len(drive.owner[1]),
-        views,
-        drive.path,
-        drive.detections,
-        drive.cameras,
-    )
+    seen = of.nothing_observed(len(drive.owner[0]) + len(drive.owner[1]), views)
     before = seen.note.copy()
     for number, mark in enumerate(_settled(views, (1, 4, 7))):
         of.record_sign(seen, views, mark, number, f"s{number}", np.array([950.0, 810.0]))

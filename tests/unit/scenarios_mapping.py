@@ -66,7 +66,7 @@ def mapping_association() -> Any:
     """Sightings stacked, associated, joined, and what joins them."""
     from automap.mapping import duplicates as of
     from automap.mapping import sightings as seen
-    from automap.mapping.association import associate, renumbered
+    from automap.mapping.association import Members, associate, renumbered
     from automap.mapping.by_cells import associate_by_cells
     from automap.mapping.classes import class_evidence
 
@@ -80,7 +80,7 @@ def mapping_association() -> Any:
     places = of._places(stacked, cut, cut.sign)
     pairs = of._close_pairs(places)
     evidence = class_evidence(stacked.classes)
-    members = of._members(cut.sign, np.unique(pairs))
+    members = Members(cut.sign)
     return levelled(
         {
             "stacked": stacked,
@@ -114,11 +114,11 @@ def mapping_places() -> Any:
     from automap.geolocation.path_errors import Equations
     from automap.mapping import adjustment as of
     from automap.mapping import sureness
-    from automap.mapping.association import associate
+    from automap.mapping.association import Members, associate
     from automap.mapping.attributes import combine_attributes
     from automap.mapping.backs import map_backs, with_backs
     from automap.mapping.error_levels import estimate_levels
-    from automap.mapping.identity import founder_keys, name_signs
+    from automap.mapping.identity import name_signs, sighting_key
     from automap.mapping.sightings import stack_sightings
     from automap.mapping.tiles import Tile, cut_tiles
 
@@ -127,13 +127,14 @@ def mapping_places() -> Any:
     found = associate(stacked)
     sign = found.sign
     lat, lon = of.rough_places(stacked, sign)
-    members = of.Members(sign)
+    members = Members(sign)
     levels = of.ErrorLevels(1.2, 0.9, 40.0)
     tile = Tile(np.arange(3, 9), np.arange(1, 12))
     data = of.tile_data(stacked, members, tile, lat, lon)
     networks = [of.network_of(stacked, data, levels, axes) for axes in (1, 2)]
     codes = stacked.code
-    keys = founder_keys(drives, stacked, sign)
+    first = np.unique(sign, return_index=True)[1]
+    keys = [sighting_key(drives[stacked.drive[k]], stacked.id[k]) for k in first]
     merged = np.array([0, 2, 1, 2, 0, 1] * 40)[: found.n_signs]
     names = [str(n) for n in ("a--back", "b", "other--back", "c")] * 3
     rng = np.random.default_rng(2)
@@ -260,12 +261,12 @@ def mapping_kernels() -> Any:
     offset_kernels.smooth(time_s, shared, 50.0, chosen, values, offset, variance)
     lat, lon = -0.6 + 4e-6 * rng.normal(size=12), 2.6 + 4e-6 * rng.normal(size=12)
     lon[:3] = [np.pi - 1e-7, -np.pi + 1e-7, 0.4]
-    head, following, cells = grid.filled_table(lat, lon, 16.0)
+    filled = grid.filled_table(lat, lon, 16.0)
     found = np.full(40, -1, np.int64)
     near = [
         (int(count), np.sort(found[:count]))
         for a, b in zip(lat, lon, strict=True)
-        for count in [grid.neighbours(head, following, cells, 16.0, a, b, found)]
+        for count in [grid.neighbours(filled, a, b, found)]
     ]
     state = rng.uniform(0.5, 2.0, 13)
     empty = state.copy()
@@ -281,7 +282,7 @@ def mapping_kernels() -> Any:
             "mean": [candidates.mean_of(s) for s in (state, empty)],
             "facing": [candidates.facing_evidence(a) for a in (0.1, -0.4, 5.9, 1.2, 3.0, -7.0)],
             "gain": [candidates.match_gain(0.5, 0.2, 0.9, u) for u in (0.3, np.nan)],
-            "cells": (cells, grid.table_size(9), grid.table_size(8)),
+            "cells": (filled.cells, grid.table_size(9), grid.table_size(8)),
             "rows": [
                 (grid.cells_around(k, 16.0), grid.cell_column(1.3, 977), grid.bucket(k, 3 * k, 63))
                 for k in (-9000, -1, 0, 625000)

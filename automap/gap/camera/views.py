@@ -136,7 +136,7 @@ class Boxes:
 _BY_ROW = tuple(
     f.name
     for f in fields(Views)
-    if f.name not in ("origin", "camera_names", "lens", "n_without_pose", "n_without_ray")
+    if f.name not in ("origin", "camera_names", "lens", "without_pose")
 )
 
 
