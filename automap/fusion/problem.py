@@ -9,7 +9,7 @@ from typing import IO
 import numpy as np
 
 from automap.effects import Signals, extra_basis
-from automap.effects.term_sums import AXIS, SIGNAL_COLUMN, SIGNAL_ONE, TIME, Terms
+from automap.effects.term_sums import AXIS, SIGNAL_COLUMN, SIGNAL_ELAPSED, SIGNAL_ONE, TIME, Terms
 from automap.effects.terms import POSITION_ACCURACY
 from automap.effects.user import is_users, user_signal
 from automap.fusion.aside import Columns, columns_in
@@ -126,20 +126,32 @@ def with_late_change(problem: Problem, change: FloatArray) -> Problem:
     """The problem in which velocities that are late by a second more change by the acceleration at
     their tag plus ``change`` [n, 3] m/s^2 NED at the samples: by that of the instant that they are
     of, of a low-pass by what it lets through."""
-    model = problem.model
+    model, users = problem.model, dict(problem.users)
     codes, weights = model.measured.velocity
-    late = (codes[:, 1] == TIME) & (codes[:, 3] == SIGNAL_ONE)
-    more = np.repeat(codes[late], 3, axis=0)
-    more[:, 1] = AXIS
-    more[:, 2] = np.tile(np.arange(3), int(late.sum()))
-    more[:, 3] = SIGNAL_COLUMN + len(model.signals) + more[:, 2]
-    terms = Terms(
-        np.concatenate([codes, more]), np.concatenate([weights, np.repeat(weights[late], 3)])
-    )
-    names = tuple(f"late_change_{axis}" for axis in "ned")
+    every, signals = Terms(codes, weights), list(model.signals)
+    # of a clock that runs fast the delay grows with the time
+    growing = change * problem.t[:, None]
+    for of, name, amounts in (
+        (SIGNAL_ONE, "late_change", change),
+        (SIGNAL_ELAPSED, "late_growth", growing),
+    ):
+        late = (codes[:, 1] == TIME) & (codes[:, 3] == of)
+        if not late.any():
+            continue
+        more = np.repeat(codes[late], 3, axis=0)
+        more[:, 1] = AXIS
+        more[:, 2] = np.tile(np.arange(3), int(late.sum()))
+        more[:, 3] = SIGNAL_COLUMN + len(signals) + more[:, 2]
+        every = Terms(
+            np.concatenate([every.codes, more]),
+            np.concatenate([every.weights, np.repeat(weights[late], 3)]),
+        )
+        names = [f"{name}_{axis}" for axis in "ned"]
+        signals += names
+        users |= dict(zip(names, np.ascontiguousarray(amounts.T), strict=True))
+    terms = every
     measured = model.measured._replace(velocity=terms)
-    model = replace(model, measured=measured, signals=(*model.signals, *names))
-    users = {**problem.users, **dict(zip(names, np.ascontiguousarray(change.T), strict=True))}
+    model = replace(model, measured=measured, signals=tuple(signals))
     arrays = problem.arrays._replace(on_velocity=terms)
     return replace(problem, model=model, arrays=arrays, users=users)
 

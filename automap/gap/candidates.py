@@ -20,19 +20,18 @@ from automap.effects.catalogue import alike_to_first_order, pairs_of_sign
 from automap.effects.imu import ACCEL, BASIS_EXTRA, BASIS_FORCE, BASIS_ONE, imu_terms
 from automap.effects.measured import MEASURED, measured_terms
 from automap.effects.measured_kernels import rows_along
-from automap.effects.terms import POSITION, VEHICLE, VELOCITY, Kind
+from automap.effects.terms import ELAPSED, POSITION, VEHICLE, VELOCITY, Kind
 from automap.effects.user import is_users, user_signal
 from automap.fusion.layout import CH_NHC, CH_ODOMETER, CH_POS, CH_VEL, MAX_SCALARS, N_NAV
 from automap.fusion.problem import node_signals
 from automap.gap import limits
-from automap.gap.fit import SKEW, Fit, prior_sd
+from automap.gap.fit import ORIGIN, Fit, prior_sd
 from automap.gap.limits import REFERENCE_TAU_S
 from automap.gap.linear import Column, Direct, Inertial, NodeMotion
-from automap.gap.motion import Motion, at_times, lagged
+from automap.gap.motion import Motion, at_times, lagged, late_change
 from automap.gap.result import equation
 from automap.records import FloatArray
 
-ORIGIN = "origin"
 FIX_AGE, VELOCITY_AGE = "gnss_latency", "gnss_velocity_latency"
 COURSE = re.compile(
     r"\(?(step\(time - |exp\(-time / |sin\(2 \* pi \* time / |cos\(2 \* pi \* time / )"
@@ -49,7 +48,8 @@ class Candidate:
     ``log_prior`` of the candidate, ``log_choice`` of each part. ``terms`` are channel and text of
     a formula's terms, none for a named effect. ``positive``: nature knows no other sign, ``unless``
     beside another. ``isotropic``: nature knows it much the same on all axes.
-    ``choices``: of so many like it it is the likeliest.
+    ``choices``: of so many like it it is the likeliest. ``beside``: columns that are free wherever
+    it is judged, since what they say is no evidence for it.
     """
 
     name: str
@@ -61,6 +61,7 @@ class Candidate:
     unless: str = ""
     isotropic: bool = False
     choices: float = 1.0
+    beside: tuple[int, ...] = ()
 
 
 def library(included: frozenset[str], has_wheels: bool, earth_on: bool) -> list[str]:
@@ -91,8 +92,9 @@ def candidates_of(layout: Sequence[Column], effects: Collection[str]) -> list[Ca
     inside = math.log1p(-limits.OUTSIDE_LIBRARY)
     out = []
     for effect in named:
-        rows = groups[effect]
-        parts = [tuple(rows)] if effect == SKEW else [(i,) for i in rows]
+        # of a drift the rate: nobody knows when there was nothing, and a constant is another name's
+        beside = tuple(i for i in groups[effect] if layout[i].parameter == ORIGIN)
+        parts = [(i,) for i in groups[effect] if i not in beside]
         out.append(
             Candidate(
                 effect,
@@ -103,6 +105,7 @@ def candidates_of(layout: Sequence[Column], effects: Collection[str]) -> list[Ca
                 # beside late fixes a velocity may be the less late of the two
                 unless=FIX_AGE if effect == VELOCITY_AGE else "",
                 isotropic=CATALOGUE[effect].isotropic,
+                beside=beside,
             )
         )
     # those that are the likeliest of many share the prior of all of these
@@ -141,7 +144,7 @@ def effect_columns(
         return []
     direct = _direct(effect, fit, motion, at)
     if known.unknown_epoch:
-        # with the instant at which nothing was off, which nobody says
+        # with what was off already when the drive began, which nobody says
         length = float(motion.t[-1] - motion.t[0])
         prior_sds = {**prior_sds, ORIGIN: next(iter(prior_sds.values())) * length}
         direct[ORIGIN] = next(iter(_direct(known.unknown_epoch, fit, motion, at).values()))
@@ -233,12 +236,18 @@ def _direct(effect: str, fit: Fit, motion: Motion, at: NodeMotion) -> dict[str, 
         for number, measured in enumerate(MEASURED):
             by_channel[:, _CHANNELS[measured]] = rows[:, number, :, first + i]
         out[state] = by_channel
+    change = late_change(motion, motion.acc, fit.delays)
     for term in CATALOGUE[effect].terms:
         of_velocity = term.on == VELOCITY and not CATALOGUE[effect].acts_on(POSITION)
         if term.kind in (Kind.TIME, Kind.LAG) and of_velocity:
             out[term.parameter][:, _CHANNELS[VELOCITY]] = _beyond_first_order(
                 term.kind, term.weight, motion, at.t
             )
+        elif term.kind == Kind.TIME and term.on == VELOCITY and change is not None:
+            # as the filter does: what is late changes by what happened then
+            more = term.weight * at_times(motion, change, at.t)
+            more *= at.t[:, None] if term.signal == ELAPSED else 1.0
+            out[term.parameter][:, _CHANNELS[VELOCITY]] += more
     return out
 
 

@@ -37,7 +37,10 @@ BASE_NUISANCES = (
 """What the base model estimates on every drive anew: every receiver's positions err for minutes
 and for seconds."""
 
-SKEW = "imu_clock_skew"
+SKEW, ORIGIN = "imu_clock_skew", "origin"
+"""A clock that runs fast, and what it was off by when the drive began."""
+CONSTANTS = ("imu_time_offset", "gnss_latency")
+"""Names of such a constant."""
 DELAY_ROUNDS = 8
 
 
@@ -238,8 +241,9 @@ def session_with(
             effects.append("gnss_latency")
         value = abs(model.values.get(SKEW, {}).get("skew", 0.0))
         value += estimate.get(SKEW, 0.0) * prior_sd(options, SKEW, "skew")
+        free = options.prior_sd.get(SKEW, {}).get(ORIGIN, value * session.span[1])
         means.setdefault(LATENCY_STATE, 0.0)
-        sds[LATENCY_STATE] = float(np.hypot(sds.get(LATENCY_STATE, 0.0), value * session.span[1]))
+        sds[LATENCY_STATE] = float(np.hypot(sds.get(LATENCY_STATE, 0.0), free))
     if stated.any() or "gnss_lever_arm" in effects:
         if "gnss_lever_arm" not in effects:
             effects.append("gnss_lever_arm")

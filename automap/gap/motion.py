@@ -175,10 +175,9 @@ def linear_in_delays(
     changing = _steady(last, motion) + inward
     acc = at_times(motion, changing, t)
     first_order = vel - old * acc
-    change = _late_change(motion, changing, delays)
+    change = late_change(motion, changing, delays)
     if change is not None:
-        constant = delays.all_s + delays.velocity_s + delays.lag_s
-        first_order -= constant * at_times(motion, change, t)
+        first_order -= old * at_times(motion, change, t)
     if delays.course_s != 0.0 or delays.course_m != 0.0:
         speed = np.maximum(np.hypot(seen[:, 0], seen[:, 1]), COURSE_SPEED)
         behind = delays.course_s + delays.course_m / speed
@@ -192,12 +191,13 @@ def linear_in_delays(
     return replace(fixes, values=values), change
 
 
-def _late_change(motion: Motion, acc: FloatArray, delays: Delays) -> FloatArray | None:
+def late_change(motion: Motion, acc: FloatArray, delays: Delays) -> FloatArray | None:
     """By how much the change of late velocities differs from the acceleration ``acc`` [n, 3]; None
     where they are not late. A low-pass changes with its time constant by the acceleration passed
     through it twice: y = v / (1 + s tau), dy / dtau = -s v / (1 + s tau)^2."""
     late = delays.all_s + delays.velocity_s
-    if abs(late) < LEAST_S and delays.lag_s < LEAST_S:
+    grown = abs(delays.skew) * float(motion.t[-1])
+    if max(abs(late), delays.lag_s, grown) < LEAST_S:
         return None
     then = acc
     for _ in range(2 if delays.lag_s > 0.0 else 0):

@@ -10,10 +10,10 @@ import numpy as np
 from automap.effects import CATALOGUE
 from automap.fusion.layout import CHANNELS
 from automap.gap import limits
-from automap.gap.candidates import ORIGIN, named_columns
+from automap.gap.candidates import named_columns
 from automap.gap.chance import null_maxima, p_value, strongest_by_chance
 from automap.gap.evidence import shown_by
-from automap.gap.fit import Fit, Values
+from automap.gap.fit import ORIGIN, Fit, Values
 from automap.gap.limits import ALIKE, SHOWS
 from automap.gap.linear import Part, linearised
 from automap.gap.misfit import LIKE, Misfit
@@ -54,7 +54,6 @@ def describe(found: Found, values: Values, maxima: FloatArray) -> list[Finding |
             close += [r.name for r, apart in places if not apart]
         close += found.not_told_apart.get(name, ())
         nats = max(sum(m.evidence.nats for m in moves), found.borne_out.get(name, 0.0))
-        nats -= _of_a_constant(selection, chosen, name, moves)
         p = p_value(nats - np.log(selection.candidates[name].choices), maxima)
         if selection.candidates[name].terms:
             nearest = rivals[0][0].name if rivals else None
@@ -96,19 +95,6 @@ def _in_place(
         for r in rivals
         if r.chosen != chosen and r.name not in chosen.names
     ]
-
-
-def _of_a_constant(selection: Selection, chosen: Chosen, name: str, moves: Sequence[Move]) -> float:
-    """Nats that the constant with which a drift comes, since nobody knows where it began, is worth
-    alone in the drift's place: they say nothing of the drift. By the scatter of both together:
-    what drifts scatters more about a constant."""
-    columns = [i for n, part, _ in chosen.parts if n == name for i in part]
-    constant = tuple(i for i in columns if selection.linear.layout[i].parameter == ORIGIN)
-    if not constant:
-        return 0.0
-    known = selection.given(chosen.without(name))
-    alone = selection.evidence(known, name, constant)
-    return max(alone.corrected(max(m.evidence.overdispersion for m in moves)), 0.0)
 
 
 def _honest_sd(found: Found, name: str, parameter: str, sd: float) -> float:

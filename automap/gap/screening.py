@@ -12,12 +12,14 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from automap.effects import CATALOGUE
+from automap.fusion.delay_states import LATENCY_STATE
+from automap.fusion.options import FusionOptions
 from automap.gap import limits
 from automap.gap.candidates import candidates_of, library, named_columns
 from automap.gap.confirm import Confirmed
 from automap.gap.dictionary import effect_for, formula_columns, formula_texts, warm
 from automap.gap.evidence import nats_of_parts
-from automap.gap.fit import Fit, fit_drive
+from automap.gap.fit import CONSTANTS, ORIGIN, SKEW, Fit, fit_drive
 from automap.gap.linear import Column, Given, NodeMotion, conditional, linearised, motion_signals
 from automap.gap.motion import Motion, motion_of
 from automap.gap.noise import Fitted, Joint, Log, fitted_about
@@ -68,9 +70,8 @@ class Screening:
     def selection(self, here: Fitted, slow: bool, may_act: bool = True) -> Selection:
         """The fit made linear, and its candidates, of which more than those fitted ``may_act``;
         ``slow``: courses of time among them."""
-        values = here.values()
+        values, options = self._with_constant(here, here.values())
         # what was held may act beside what is found
-        options = self.options
         carried = replace(here.model, values={**here.model.values, **values}, options=options)
         fits = [fit_drive(f.opened, carried, linearised_at=f) for f in here.fits]
         by_effect = {effect: name for name, effect in self.effects.items()}
@@ -85,6 +86,22 @@ class Screening:
         linear = with_shapes(linear) if slow else linear
         candidates = candidates_of(linear.layout, self.names)
         return Selection(linear, {c.name: c for c in candidates})
+
+    def _with_constant(
+        self, here: Fitted, values: dict[str, dict[str, float]]
+    ) -> tuple[dict[str, dict[str, float]], FusionOptions]:
+        """Values with what a clock that runs fast was off by when the drive began, and the options
+        under which that is no longer free: it is a name's to say. Several drives have each their
+        own, which stays free where no name is that of all."""
+        named = any(name in values for name in CONSTANTS)
+        alone = len(here.fits) == 1 and CONSTANTS[1] in self.names
+        if SKEW not in values or not (named or alone):
+            return values, self.options
+        if not named:
+            found = here.fits[0].last.totals()[LATENCY_STATE]
+            values = {**values, CONSTANTS[1]: {"s": found}}
+        held = {SKEW: {ORIGIN: HELD}}
+        return values, replace(self.options, prior_sd=_joined(self.options.prior_sd, held))
 
     def refined(self, here: Fitted, selection: Selection, chosen: Chosen) -> Chosen:
         """The choice with the periods, instants and time constants that fit best."""

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -105,9 +105,17 @@ class Selection:
         }
 
     def evidence(self, known: Conditional, name: str, part: Part) -> Evidence:
-        """Evidence of a part of a candidate."""
+        """Evidence of a part of a candidate, given too what is free beside it."""
+        known = self._beside(known, name)
         ratio = self.inflated.get(is_course(self.candidates[name].terms), 1.0)
         return evidence(known, part, ratio)
+
+    def _beside(self, known: Conditional, name: str) -> Conditional:
+        """The same model with what is free beside a candidate marginalised too."""
+        beside = self.candidates[name].beside
+        if not beside or set(beside) <= set(known.given.columns):
+            return known
+        return conditional(self.linear, known.given.joined(beside, self.linear, 1.0))
 
     def key(self, name: str, part: Part) -> Key:
         """A part of a candidate by its parameters' names, which hold in other layouts too."""
@@ -144,6 +152,9 @@ class Selection:
             ]
         )
         nats = nats_of_parts(known, [part for _, part in open_to])
+        for i, (c, part) in enumerate(open_to):
+            if c.beside:
+                nats[i] = nats_of_parts(self._beside(known, c.name), [part])[0]
         out = []
         for i in np.argsort(-(nats + prior), kind="stable")[: limits.SHORTLIST]:
             candidate, part = open_to[i]
@@ -209,16 +220,19 @@ class Selection:
         scores is taken for the smaller of the two: what one of them has more is its own misfit, and
         shows in what it explains.
         """
+        # what is free beside a candidate is nobody's to explain in its place
+        beside = self.always.joined(self.candidates[name].beside, self.linear, 1.0)
+        free = replace(self, always=beside)
         rest = chosen.without(name, part)
-        own = self.odds_of(chosen, name)[1] if part is None else [self._alone(rest, name, part)]
+        own = free.odds_of(chosen, name)[1] if part is None else [free._alone(rest, name, part)]
         mine = max((m.evidence.overdispersion for m in own), default=1.0)
         out = []
-        found = self.best(rest, names, refused=refused)
+        found = free.best(rest, names, refused=refused)
         for other in dict.fromkeys(m.name for m in found if m.name != name):
             candidate, instead = self.candidates[other], rest
             moves: list[Move] = []
             for _ in candidate.parts:
-                more = self.best(instead, (other,), refused=refused)
+                more = free.best(instead, (other,), refused=refused)
                 if not more or (moves and more[0].odds <= 0.0):
                     break
                 moves.append(more[0])

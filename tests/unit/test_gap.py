@@ -114,6 +114,29 @@ def test_sensitivities_predict_what_an_effect_does_to_the_innovations(
     assert slope == pytest.approx(1.0, abs=0.1)
 
 
+@pytest.mark.parametrize(("effect", "size"), [("imu_time_offset", 1e-2), ("imu_clock_skew", 1e-4)])
+def test_beside_late_velocities_a_delay_is_screened_by_what_happened_then(
+    effect: str, size: float
+) -> None:
+    late = {"gnss_velocity_latency": {"s": 0.8}}
+    model = without_course_distance(base_model())
+    options = replace(model.options, gate_probability=0.0)
+    held = {"imu_clock_skew": {"origin": 1e-9}}
+    model = replace(model, options=replace(options, prior_sd=held), values=late)
+    fit = fit_drive(open_drive(simulated(late), model.options), model)
+    # about the same path as the other
+    fit = fit_drive(fit.opened, model, linearised_at=fit)
+    motion = motion_of(fit.last)
+    sds = {p.name: p.prior_sd for p in CATALOGUE[effect].parameters}
+    columns = effect_columns(effect, fit, motion, node_motion(fit, motion), sds)
+    phi = sensitivities(fit, motion, columns)[:, 0]
+    values = {**late, effect: {columns[0].parameter: size}}
+    seen, at = changes(fit, fit_drive(fit.opened, replace(model, values=values), linearised_at=fit))
+    predicted = size * phi[at]
+    assert np.corrcoef(predicted, seen)[0, 1] > 0.9
+    assert float(predicted @ seen / (predicted @ predicted)) == pytest.approx(1.0, abs=0.1)
+
+
 def test_whitening_takes_out_colour_and_size() -> None:
     rng = np.random.default_rng(1)
     n = 20000

@@ -105,6 +105,17 @@ def test_a_clock_that_runs_fast_is_found_wherever_the_two_agree(offset: float) -
     assert fit.value_of("imu_clock_skew")["skew"] == pytest.approx(5e-4, abs=1e-4)
 
 
+def test_a_clock_that_runs_fast_is_found_beside_velocities_of_long_ago() -> None:
+    hidden = {"imu_clock_skew": {"skew": 1e-3}, "gnss_velocity_latency": {"s": 0.8}}
+    opened = open_drive(simulated(hidden), MODEL.options)
+    fit = fit_drive(opened, MODEL, {"imu_clock_skew": 1.0, "gnss_velocity_latency": 5.0})
+    # a delay that grows changes velocities by what happened then, as one that does not
+    value, sd = fit.value_of("imu_clock_skew")["skew"], fit.sd_of("imu_clock_skew")["skew"]
+    assert sd < 1e-4
+    assert abs(value - 1e-3) < 2.0 * sd
+    assert fit.value_of("gnss_velocity_latency")["s"] == pytest.approx(0.8, abs=0.02)
+
+
 def test_metres_a_second_are_longer_on_a_clock_that_runs_fast(plain: Fit) -> None:
     skew = 0.01
     motion = motion_of(plain.last)
@@ -120,9 +131,10 @@ def test_metres_a_second_are_longer_on_a_clock_that_runs_fast(plain: Fit) -> Non
     values = fixes.values.copy()
     values[:, 3:6] = np.stack([np.interp(tag, own, axis) for axis in told.T], axis=1)
     late = replace(fixes, values=values)
-    rest, _ = linear_in_delays(late, plain.last, motion, Delays(skew=-skew))
+    rest, change = linear_in_delays(late, plain.last, motion, Delays(skew=-skew))
+    assert change is not None
     vel = at_times(motion, antenna, tag)
-    acc = at_times(motion, _steady(plain.last, motion) + inward, tag)
+    acc = at_times(motion, _steady(plain.last, motion) + inward + change, tag)
     off = np.abs(rest.values[:, 3:6] - vel - (skew * tag)[:, None] * acc)
     inner = (tag > 1.0) & (tag < own[-1] - 1.0)
     fast = inner & (np.hypot(*vel[:, :2].T) > 8.0)
@@ -214,7 +226,13 @@ def test_delays_are_close_where_no_age_moved(field: str) -> None:
         assert here.close_to(there, 100.0) is close
 
 
-@pytest.mark.parametrize("late", [Delays(velocity_s=0.8), Delays(lag_s=0.8), Delays(all_s=0.5)])
+@pytest.mark.parametrize(
+    "late",
+    [
+        *(Delays(velocity_s=0.8), Delays(lag_s=0.8), Delays(all_s=0.5)),
+        *(Delays(skew=1e-2), Delays(velocity_s=0.5, skew=2e-3)),
+    ],
+)
 def test_late_velocities_change_by_what_happened_then(plain: Fit, late: Delays) -> None:
     """What the filter multiplies a further delay with, against two delays in place of one."""
     step = 0.02
@@ -229,7 +247,7 @@ def test_late_velocities_change_by_what_happened_then(plain: Fit, late: Delays) 
         tau = late.lag_s + more if late.lag_s > 0.0 else 0.0
         passed = lagged(motion, antenna, tau) if tau > 0.0 else antenna
         age = late.all_s + late.velocity_s + (0.0 if late.lag_s > 0.0 else more)
-        return at_times(motion, passed, motion.t - age)
+        return at_times(motion, passed, motion.t - age - late.skew * motion.t)
 
     numeric = -(told(step) - told(-step)) / (2.0 * step)
     inner = (motion.t > 3.0) & (motion.t < motion.t[-1] - 3.0)

@@ -115,27 +115,40 @@ def test_what_varies_from_stretch_to_stretch_is_known_less_well() -> None:
     assert 0.02 * 4.0**0.5 < told.parameters["z"].sd < 0.02 * 14.0**0.5
 
 
-def test_a_constant_delay_says_nothing_of_a_clock_that_drifts() -> None:
+@pytest.mark.parametrize("constant", [0.0, 0.4])
+@pytest.mark.parametrize("rate", [0.0, 0.5])
+def test_a_drift_and_the_constant_at_its_beginning_are_told_each_by_its_own_evidence(
+    constant: float, rate: float
+) -> None:
     rng = np.random.default_rng(4)
-    acts, drift = rng.standard_normal(ROWS), np.linspace(-0.5, 0.5, ROWS)
-    layout = columns_named("imu_clock_skew.skew", "imu_clock_skew.origin", "gyro_scale.x")
-    phi = np.column_stack([drift * acts, acts, rng.standard_normal(ROWS)])
-    chosen = Chosen((("imu_clock_skew", (0, 1), 1.0),))
-    names, told = (("imu_clock_skew", "skew"),), []
-    for constant in (0.0, 0.4):
-        w = (0.5 * drift + constant) * acts + rng.standard_normal(ROWS)
-        candidates = candidates_of(layout, ["imu_clock_skew", "gyro_scale"])
-        selection = Selection(linear_of(phi, w, layout), {c.name: c for c in candidates})
-        full = Joint(names, np.array([0.5]), np.array([[0.08**2]]), 0.0)
-        fitted, stands = Told(base_model(), {}, ()), Confirmed({}, ())
-        found = Found(
-            *(fitted, fitted, full, selection, chosen, {}, {}, stands, selection),
-        )
-        (one,) = told_of(found, {"imu_clock_skew": {"skew": 0.5}})
+    acts, grown = rng.standard_normal(ROWS), np.linspace(0.0, 1.0, ROWS)
+    layout = columns_named(
+        *("imu_clock_skew.skew", "imu_clock_skew.origin", "imu_time_offset.s", "gyro_scale.x")
+    )
+    phi = np.column_stack([grown * acts, acts, acts, rng.standard_normal(ROWS)])
+    w = (rate * grown + constant) * acts + rng.standard_normal(ROWS)
+    candidates = candidates_of(layout, ["imu_clock_skew", "imu_time_offset", "gyro_scale"])
+    selection = Selection(linear_of(phi, w, layout), {c.name: c for c in candidates})
+    # what is weak beside the strongest waits for a round
+    chosen = select(selection, select(selection, Chosen(), 3), 3)
+    true = {"imu_clock_skew": {"skew": rate}, "imu_time_offset": {"s": constant}}
+    there = {name: value for name, value in true.items() if any(value.values())}
+    assert set(chosen.names) == set(there)
+    names = (("imu_clock_skew", "skew"), ("imu_time_offset", "s"))
+    full = Joint(names, np.array([rate, constant]), np.eye(2) * 0.08**2, 0.0)
+    fitted, effects = Told(base_model(), {}, ()), {n: n for n in chosen.names}
+    stands = Confirmed({}, ())
+    found = Found(fitted, fitted, full, selection, chosen, effects, {}, stands, selection)
+    told = told_of(found, there)
+    for one in told:
         assert isinstance(one, Finding)
-        told.append(one.evidence_nats)
-        assert 5.0 < one.evidence_nats < 40.0
-    assert told[1] == pytest.approx(told[0], abs=10.0)
+        assert one.confusable_with == ()
+        # sigmas of a drift about a free constant, and of a constant about a free drift, of which
+        # the one is a quarter of what either shows alone
+        shows = 0.25 if len(told) == 2 or one.effect == "imu_clock_skew" else 1.0
+        size = next(iter(there[one.effect].values())) ** 2 * ROWS * shows
+        size *= np.mean(grown**2) if one.effect == "imu_clock_skew" else 1.0
+        assert one.evidence_nats == pytest.approx(0.5 * size, abs=5.0 + 2.0 * size**0.5)
 
 
 def test_what_held_out_data_refused_is_not_told() -> None:
