@@ -39,13 +39,12 @@ def recovered(path: Path, names: list[str], crops: Tensor) -> FaceNet:
     """
     graph = onnx.load(str(path)).graph
     stored = {i.name: torch.from_numpy(numpy_helper.to_array(i).copy()) for i in graph.initializer}
-    net = FaceNet(len(names), stored["net.net.hidden.bias"].numel())
     own = {name: value for name, value in stored.items() if name.startswith("net.net.")}
-    net.load_state_dict({n.removeprefix("net.net."): v for n, v in own.items()}, strict=False)
     layers = [node for node in graph.node if node.op_type == "Conv" and node.input[1] not in own]
-    if len(layers) != len(net.body) or stored["net.net.out.bias"].numel() != len(names):
+    if len(stored.get("net.net.out.bias", ())) != len(names):
         raise ValueError(f"{path} is not a classifier of these {len(names)} kinds of faces")
-    net.eval()
+    net = FaceNet(len(names), len(stored["net.net.hidden.bias"])).eval()
+    net.load_state_dict({n.removeprefix("net.net."): v for n, v in own.items()}, strict=False)
     with torch.no_grad():
         for layer, node in zip(net.body, layers, strict=True):
             convolution, norm = layer[0], layer[1]
