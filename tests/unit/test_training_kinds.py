@@ -8,9 +8,10 @@ import pytest
 
 torch = pytest.importorskip("torch", reason="the training needs torch")
 
+from pipeline.train.average import averaged  # noqa: E402
 from pipeline.train.classifier_data import label_of, labels  # noqa: E402
 from pipeline.train.classifier_net import FaceNet, Folded, fold, membership  # noqa: E402
-from pipeline.train.export import export_classifier  # noqa: E402
+from pipeline.train.export import export_classifier, note  # noqa: E402
 from pipeline.train.recover import recovered  # noqa: E402
 
 OUTPUTS = ["regulatory--stop--g1", "red-circle/number", "red-circle/no-horns", "other/x", "no-sign"]
@@ -55,6 +56,7 @@ def test_an_exported_network_is_recovered_so_that_training_can_go_on(tmp_path: P
     torch.save(state, tmp_path / "classifier.pt")
     export_classifier(tmp_path / "classifier.pt", tmp_path / "classifier.onnx")
     crops = torch.randint(0, 256, (24, 3, 48, 48)).float()
+    note(tmp_path / "classifier.onnx", {"said": "anew"})
     again = recovered(tmp_path / "classifier.onnx", names, crops)
     with torch.no_grad():
         assert torch.allclose(again(crops), net(crops), atol=1e-3)
@@ -64,3 +66,15 @@ def test_an_exported_network_is_recovered_so_that_training_can_go_on(tmp_path: P
         assert (again(crops) - net(crops)).abs().max() < 0.1
     with pytest.raises(ValueError, match="not a classifier"):
         recovered(tmp_path / "classifier.onnx", names[:-1], crops)
+
+
+def test_an_average_lies_between_two_networks_of_the_same_kinds() -> None:
+    one, other = ({"w": torch.full((2,), x), "n": torch.tensor(3)} for x in (1.0, 5.0))
+    first = {"labels": ["a", "b"], "mean": one, "step": 1}
+    second = {"labels": ["a", "b"], "mean": other, "step": 7}
+    found = averaged(first, second, 0.25)
+    assert found["mean"]["w"].tolist() == [2.0, 2.0]
+    assert int(found["mean"]["n"]) == 3
+    assert found["step"] == 7
+    with pytest.raises(ValueError, match="other kinds"):
+        averaged(first, {**second, "labels": ["a"]}, 0.5)
