@@ -11,7 +11,6 @@ import numpy.typing as npt
 from automap.signs.classes import load_classes
 from pipeline.train.art import Face
 from pipeline.train.composed import on_board, prohibition
-from pipeline.train.near_faces import near_faces
 from pipeline.train.numbers import letter_face, limit_face, on_plate, other_number
 from pipeline.train.pictograms import picture_of, redrawn, silhouette_of, transplanted
 from pipeline.train.recipes import (
@@ -40,9 +39,8 @@ _STRANGE_GROUPS = ("yellow-diamond", "red-triangle-up", "red-circle", "blue-circ
 _GENERATED_KINDS = (
     _OTHER_NUMBER, _OTHER_LETTER, *(f"{group}/strange" for group in _STRANGE_GROUPS)
 )  # fmt: skip
-_STRANGE, _NEAR = 0.4, 0.6
-"""Shares: of the unknown faces of these groups whose picture is one that no sign shows there; and
-of these, that are put together of pictures that signs show elsewhere."""
+_STRANGE = 0.2
+"""Share of the unknown faces of these groups whose picture is one that no sign shows."""
 _GENERATED, _GENERATED_LIMIT = 0.6, 0.85
 _TRANSPLANTED = 0.45
 _VARIANT = 0.25
@@ -135,7 +133,6 @@ class Drawings:
         self._of_group = {group: list(self.unknown.get(group, [])) for group in _STRANGE_GROUPS}
         for name, drawn in self.art.items():
             self._of_group.get(classes[name].group, []).extend(drawn)
-        self._near = near_faces(by_base, self._of_group)
         self._prohibited = {
             kind: pictures
             for kind in self.kinds
@@ -179,8 +176,6 @@ class Drawings:
 
     def _strange(self, group: str, rng: Random) -> Image | None:
         """A face of a class or of none with a picture that no sign shows; None if it has none."""
-        if rng.random() < _NEAR and (near := self._near.draw(group, rng)) is not None:
-            return near
         symbol = strange_symbol(rng)
         if group == "red-circle":
             return prohibition(symbol, bool(rng.random() < 0.5), rng)

@@ -20,7 +20,6 @@ from pipeline.train.numbers import (
 )
 from pipeline.train.pictograms import redrawn, silhouette_of
 from pipeline.train.symbols import hand_in_hand, riding, turn_arrow
-from pipeline.train.worded import STOP, YIELD, worded
 
 Image = npt.NDArray[np.uint8]
 Random = np.random.Generator
@@ -62,9 +61,7 @@ SHOWS = {
     "warning--children--g2": "children",
 }
 """Classes that show a subject as they are, by the subject."""
-COMPOSED = frozenset(
-    {*_LETTERS, *_NO_WAY, *_NO_LETTER, *_NO_PICTURE, _CROSSING, *SHOWS, STOP, YIELD}
-)
+COMPOSED = frozenset({*_LETTERS, *_NO_WAY, *_NO_LETTER, *_NO_PICTURE, _CROSSING, *SHOWS})
 """Classes other than limits that are drawn by rule or with other pictures of their subject."""
 _RIDDEN = 0.35
 """Share of the bicycles with a rider."""
@@ -95,7 +92,7 @@ class Recipes:
         if name == _CROSSING:
             picture = self._silhouette("crossing", rng)
             return None if picture is None else crossing_face(picture, rng)
-        return worded(name, rng)
+        return None
 
     def redrawn(self, name: str, face: Image, rng: Random) -> Image | None:
         """A face of a class with another picture of what it shows; None if none is known."""

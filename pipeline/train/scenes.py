@@ -7,13 +7,9 @@ import numpy as np
 import numpy.typing as npt
 
 from automap.records import FloatArray
-from pipeline.train.look_alikes import LOOK_ALIKES
 
 Image = npt.NDArray[np.uint8]
 Random = np.random.Generator
-
-_PLAIN = 8
-"""Kinds of things that are drawn here, beside those of ``LOOK_ALIKES``."""
 
 
 def worn(face: Image, rng: Random, size: float) -> Image:
@@ -176,10 +172,7 @@ def no_sign(
     x, y = int(at[0]), int(at[1])
     box = np.array([x - size / 2, y - size / 2, x + size / 2, y + size / 2])
     light = _local_light(image, box)
-    kind = int(rng.integers(0, _PLAIN + len(LOOK_ALIKES)))
-    if kind >= _PLAIN:
-        LOOK_ALIKES[kind - _PLAIN](image, (x, y, size), light, rng)
-        return box
+    kind = rng.integers(0, 8)
     any_colour = tuple(float(v) for v in rng.uniform(0, 255, 3))
     if kind == 0:
         body = tuple(float(v) for v in rng.uniform(10, 60, 3))

@@ -21,7 +21,7 @@ from pipeline.train.classifier_net import FaceNet, fold, membership
 from pipeline.train.degrade import tone
 from pipeline.train.loop import Recipe, fit, prepare, read_options
 
-_SHARES = (0.29, 0.39, 0.2, 0.12)
+_SHARES = (0.3, 0.41, 0.21, 0.08)
 """Real signs, drawn classes, unknown faces, no signs."""
 _KINDS_SHARE = 0.2
 Judge = Callable[

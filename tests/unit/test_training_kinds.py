@@ -8,7 +8,6 @@ import pytest
 
 torch = pytest.importorskip("torch", reason="the training needs torch")
 
-from pipeline.train.average import averaged  # noqa: E402
 from pipeline.train.classifier_data import label_of, labels  # noqa: E402
 from pipeline.train.classifier_net import FaceNet, Folded, fold, membership  # noqa: E402
 from pipeline.train.export import export_classifier, note  # noqa: E402
@@ -66,15 +65,3 @@ def test_an_exported_network_is_recovered_so_that_training_can_go_on(tmp_path: P
         assert (again(crops) - net(crops)).abs().max() < 0.1
     with pytest.raises(ValueError, match="not a classifier"):
         recovered(tmp_path / "classifier.onnx", names[:-1], crops)
-
-
-def test_an_average_lies_between_two_networks_of_the_same_kinds() -> None:
-    one, other = ({"w": torch.full((2,), x), "n": torch.tensor(3)} for x in (1.0, 5.0))
-    first = {"labels": ["a", "b"], "mean": one, "step": 1}
-    second = {"labels": ["a", "b"], "mean": other, "step": 7}
-    found = averaged(first, second, 0.25)
-    assert found["mean"]["w"].tolist() == [2.0, 2.0]
-    assert int(found["mean"]["n"]) == 3
-    assert found["step"] == 7
-    with pytest.raises(ValueError, match="other kinds"):
-        averaged(first, {**second, "labels": ["a"]}, 0.5)
