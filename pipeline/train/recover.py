@@ -43,7 +43,8 @@ def recovered(path: Path, names: list[str], crops: Tensor) -> FaceNet:
     layers = [node for node in graph.node if node.op_type == "Conv" and node.input[1] not in own]
     if len(stored.get("net.net.out.bias", ())) != len(names):
         raise ValueError(f"{path} is not a classifier of these {len(names)} kinds of faces")
-    net = FaceNet(len(names), len(stored["net.net.hidden.bias"])).eval()
+    net = FaceNet(len(names), len(stored["net.net.hidden.bias"]))
+    net.eval()
     net.load_state_dict({n.removeprefix("net.net."): v for n, v in own.items()}, strict=False)
     with torch.no_grad():
         for layer, node in zip(net.body, layers, strict=True):
