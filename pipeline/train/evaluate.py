@@ -231,11 +231,11 @@ def scene_figures(data: Path, work: Path, streets: list[Street]) -> dict[str, An
         "Nordic warnings": (default_detector(), foreign_faces(yellow), 3),
         "Australian faces of no class": (default_detector("AU"), foreign_faces(held, "AU_"), 4),
     }
-    figures = {}
+    figures: dict[str, Any] = {}
     for name, (detector, draw, seed) in sets.items():
         outcome = judge_scenes(detector, make_scenes(streets, draw, seed))
-        table = outcome.__dict__
-        figures[name] = {k: round(v, 4) for k, v in table.items() if k != "by_name"}
+        shares = {k: _row(v) for k, v in outcome.__dict__.items() if isinstance(v, Figure)}
+        figures[name] = {"faces": outcome.faces, **shares}
         print(name, json.dumps(figures[name]), flush=True)
         if name == "Australian faces":
             figures["of every Australian face found and right"] = outcome.by_name

@@ -21,6 +21,7 @@ from pipeline.train.detector_net import SignNet
 from pipeline.train.quantize import quantized
 
 MODELS = Path(__file__).resolve().parents[2] / "automap" / "vision" / "models"
+_KEY = "automap"
 _OPSET = 17
 _CALIBRATION = 24
 
@@ -45,13 +46,18 @@ def export_detector(checkpoint: Path, out: Path) -> None:
     net = SignNet()
     net.load_state_dict(torch.load(checkpoint, weights_only=True)["mean"])
     axes = {"image": {2: "height", 3: "width"}, "maps": {2: "rows", 3: "columns"}}
-    scores = checkpoint.with_name("scores.json")
-    notes = {"score": json.loads(scores.read_text(encoding="utf-8"))} if scores.is_file() else {}
+    notes = scores_of(checkpoint.parent)
     plain = checkpoint.with_suffix(".onnx")
     _write(net, torch.zeros(1, 3, 256, 256), plain, ("image", "maps"), axes, notes)
     streets = np.load(checkpoint.with_name("streets.npy"), mmap_mode="r")
     chosen = np.linspace(0, len(streets) - 1, _CALIBRATION).astype(int).tolist()
     quantized(plain, out, (np.array(streets[i]) for i in chosen))
+
+
+def scores_of(work: Path) -> dict[str, Any]:
+    """The weights of the joint score that the calibration left, as a note; none without."""
+    scores = work / "scores.json"
+    return {"score": json.loads(scores.read_text(encoding="utf-8"))} if scores.is_file() else {}
 
 
 def export_classifier(checkpoint: Path, out: Path) -> None:
@@ -79,11 +85,19 @@ def _write(
         net, (example,), str(out), input_names=[names[0]], output_names=[names[1]],
         dynamic_axes=axes, opset_version=_OPSET, dynamo=False,
     )  # fmt: skip
-    model = onnx.load(str(out))
-    entry = model.metadata_props.add()
-    entry.key, entry.value = "automap", json.dumps(notes)
+    note(out, notes)
+
+
+def note(path: Path, notes: dict[str, Any]) -> None:
+    """Write what who runs a network must know into its file, in place of what it said before."""
+    model = onnx.load(str(path))
+    kept = [entry for entry in model.metadata_props if entry.key != _KEY]
+    del model.metadata_props[:]
+    model.metadata_props.extend(kept)
+    added = model.metadata_props.add()
+    added.key, added.value = _KEY, json.dumps(notes)
     model.doc_string = ""
-    onnx.save(model, str(out))
+    onnx.save(model, str(path))
 
 
 def main() -> None:
@@ -95,6 +109,9 @@ def main() -> None:
     options.out.mkdir(parents=True, exist_ok=True)
     if (options.work / "detector.pt").is_file():
         export_detector(options.work / "detector.pt", options.out / "sign-detector.onnx")
+    elif scores := scores_of(options.work):
+        # a classifier trained on alone: the detector that is there joins it with other weights
+        note(options.out / "sign-detector.onnx", scores)
     if (options.work / "classifier.pt").is_file():
         export_classifier(options.work / "classifier.pt", options.out / "sign-classifier.onnx")
 

@@ -100,7 +100,9 @@ def fit(
         state = torch.load(checkpoint, weights_only=True)
         net.load_state_dict(state["net"])
         mean.load_state_dict(state["mean"])
-        optimizer.load_state_dict(state["optimizer"])
+        # weights that were recovered have none
+        if "optimizer" in state:
+            optimizer.load_state_dict(state["optimizer"])
         step = int(state["step"])
     batches = _loader(samples_from(step + 100_000 * options.rank), recipe.batch, options, collate)
     join(options.work / f"{recipe.name}-meeting", options.rank, options.ranks)

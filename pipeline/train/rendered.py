@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import zlib
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,7 +17,7 @@ from automap.vision.network import NetworkDetector
 from pipeline.train import degrade, scenes
 from pipeline.train.art import Face
 from pipeline.train.classifier_data import CropMaker
-from pipeline.train.metrics import overlaps
+from pipeline.train.metrics import Figure, overlaps, share_with_interval
 from pipeline.train.street_data import Street
 
 Image = npt.NDArray[np.uint8]
@@ -28,11 +29,13 @@ _LEAST = 0.3
 
 @dataclass(frozen=True)
 class Scene:
-    """A picture, the boxes [n, 4] of the faces set into it, and what each is called."""
+    """A picture, the boxes [n, 4] of the faces set into it, what each is called, and which drawing
+    it is, as a number."""
 
     image: Image
     boxes: FloatArray
     names: tuple[str, ...]
+    drawings: tuple[int, ...]
 
 
 def _weathered(image: Image, rng: Random) -> Image:
@@ -54,6 +57,7 @@ def make_scenes(streets: list[Street], draw: Chooser, seed: int, each: int = 3) 
         height, width = image.shape[:2]
         boxes: list[FloatArray] = []
         names: list[str] = []
+        drawings: list[int] = []
         for _ in range(20 * each):
             if len(names) == each:
                 break
@@ -72,9 +76,24 @@ def make_scenes(streets: list[Street], draw: Chooser, seed: int, each: int = 3) 
             if placed is not None:
                 boxes.append(placed)
                 names.append(name)
+                drawings.append(zlib.crc32(face.tobytes()))
         image = _weathered(image, rng)
-        result.append(Scene(image, np.array(boxes).reshape(-1, 4), tuple(names)))
+        places = np.array(boxes).reshape(-1, 4)
+        result.append(Scene(image, places, tuple(names), tuple(drawings)))
     return result
+
+
+def in_turn(choices: Sequence[tuple[Image, str]]) -> Chooser:
+    """Draws each of the faces as often as every other: of 200 drawings, a few of which go wrong
+    wherever they stand, those that chance brings up twice would make the figures."""
+    left: list[int] = []
+
+    def draw(rng: Random) -> tuple[Image, str]:
+        if not left:
+            left.extend(rng.permutation(len(choices)).tolist())
+        return choices[left.pop()]
+
+    return draw
 
 
 def australian_faces(faces: list[Face]) -> Chooser:
@@ -90,7 +109,7 @@ def australian_faces(faces: list[Face]) -> Chooser:
             choices += [(face.image, name) for face in art if face.held]
         if name in simulated:
             choices.append((simulated[name], name))
-    return lambda rng: choices[int(rng.integers(len(choices)))]
+    return in_turn(choices)
 
 
 def drawn_by_simulator() -> list[tuple[Image, str]]:
@@ -120,46 +139,47 @@ def foreign_faces(maker: CropMaker, country: str = "") -> Chooser:
         for face in members
         if face.name.startswith(country)
     ]
-    return lambda rng: choices[int(rng.integers(len(choices)))]
+    return in_turn(choices)
 
 
 @dataclass(frozen=True)
 class Outcome:
     """Of ``faces``: shares ``found``, and of those ``right`` in name, ``group`` right by group's
-    name only, and ``wrong``: named as a class that they are not; ``by_name``: of every name how
-    many were found and how many of these were right."""
+    name only, and ``wrong``: named as a class that they are not, with intervals by resampling
+    drawings; ``by_name``: of every name how many were found and how many of these were right."""
 
     faces: int
-    found: float
-    right: float
-    group: float
-    wrong: float
+    found: Figure
+    right: Figure
+    group: Figure
+    wrong: Figure
     by_name: dict[str, tuple[int, int]]
 
 
 def judge_scenes(detector: NetworkDetector, made: list[Scene]) -> Outcome:
     """What the detector makes of the scenes, at a score of 0.3."""
     vocabulary = load_vocabulary()
-    faces = found = right = group = wrong = 0
+    rows: list[tuple[bool, bool, bool]] = []
+    found: list[float] = []
+    drawings: list[int] = []
     by_name: dict[str, tuple[int, int]] = {}
     for scene in made:
         signs = detector.detect(scene.image)
-        faces += len(scene.names)
-        if not len(signs) or not len(scene.names):
-            continue
         table = overlaps(signs.box, scene.boxes)
         table[signs.score < _LEAST] = 0.0
         for j, name in enumerate(scene.names):
-            i = int(table[:, j].argmax())
-            if table[i, j] < 0.5:
+            drawings.append(scene.drawings[j])
+            found.append(float(table[:, j].max(initial=0.0) >= 0.5))
+            if not found[-1]:
                 continue
-            found += 1
-            said = signs.class_name[i]
-            right += said == name
+            said = signs.class_name[int(table[:, j].argmax())]
             before = by_name.get(name, (0, 0))
             by_name[name] = before[0] + 1, before[1] + int(said == name)
             in_group = vocabulary.group_of(said) == vocabulary.group_of(name)
-            group += said != name and in_group and said in vocabulary.groups.values()
-            wrong += said != name and said in load_classes()
-    n = max(found, 1)
-    return Outcome(faces, found / max(faces, 1), right / n, group / n, wrong / n, by_name)
+            group = said != name and in_group and said in vocabulary.groups.values()
+            rows.append((said == name, group, said != name and said in load_classes()))
+    seen = [drawing for drawing, hit in zip(drawings, found, strict=True) if hit]
+    told = np.array(rows, np.float64).reshape(-1, 3).T
+    right, group_only, wrong = (share_with_interval(column.tolist(), seen) for column in told)
+    of_all = share_with_interval(found, drawings)
+    return Outcome(len(found), of_all, right, group_only, wrong, by_name)

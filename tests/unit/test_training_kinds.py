@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
 torch = pytest.importorskip("torch", reason="the training needs torch")
 
 from pipeline.train.classifier_data import label_of, labels  # noqa: E402
 from pipeline.train.classifier_net import FaceNet, Folded, fold, membership  # noqa: E402
+from pipeline.train.export import export_classifier, note  # noqa: E402
+from pipeline.train.recover import recovered  # noqa: E402
 
 OUTPUTS = ["regulatory--stop--g1", "red-circle/number", "red-circle/no-horns", "other/x", "no-sign"]
 WANTED = ["regulatory--stop--g1", "red-circle", "blue-circle", "other", "no-sign"]
@@ -36,3 +40,28 @@ def test_the_network_as_it_is_used_knows_classes_groups_and_no_sign() -> None:
     assert out.shape == (2, len(labels()))
     assert torch.allclose(out[:, :3], own[:, :3], atol=1e-4)
     assert torch.allclose(out[:, -1], own[:, -1], atol=1e-4)
+
+
+def test_an_exported_network_is_recovered_so_that_training_can_go_on(tmp_path: Path) -> None:
+    torch.manual_seed(3)
+    names = [*labels()[:3], "red-circle/number", "no-sign"]
+    net = FaceNet(len(names)).eval()
+    for layer in net.body:
+        # as after a training: no norm is that of new weights
+        torch.nn.init.uniform_(layer[1].weight, 0.5, 1.5)
+        torch.nn.init.uniform_(layer[1].bias, -0.5, 0.5)
+        layer[1].running_mean.uniform_(-0.2, 0.2)
+    state = {"labels": names, "mean": net.state_dict(), "step": 1}
+    torch.save(state, tmp_path / "classifier.pt")
+    export_classifier(tmp_path / "classifier.pt", tmp_path / "classifier.onnx")
+    crops = torch.randint(0, 256, (24, 3, 48, 48)).float()
+    note(tmp_path / "classifier.onnx", {"said": "anew"})
+    again = recovered(tmp_path / "classifier.onnx", names, crops)
+    with torch.no_grad():
+        assert torch.allclose(again(crops), net(crops), atol=1e-3)
+        # batches are normalised as they were told: the outputs are nearly the same in training
+        again.train()
+        again.drop.eval()
+        assert (again(crops) - net(crops)).abs().max() < 0.1
+    with pytest.raises(ValueError, match="not a classifier"):
+        recovered(tmp_path / "classifier.onnx", names[:-1], crops)
