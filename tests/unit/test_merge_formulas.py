@@ -23,6 +23,8 @@ from automap.mapping.candidates import (
     LON,
     PLACES,
     STATE,
+    Columns,
+    MapSigns,
     facing_evidence,
     find_candidates,
     match_gain,
@@ -124,12 +126,13 @@ def test_a_sighting_beyond_the_gate_is_no_candidate_whichever_way_it_lies() -> N
     state[0, [A_EE, A_NN, A_U]] = 2.0
     lat, lon = 0.8 + away[:, 1] / per_lat, 0.2 + away[:, 0] / per_lon
     index, values = np.full((n, MOST), -1, np.int64), np.zeros((n, MOST, PLACES))
-    table = filled_table(state[:, LAT], state[:, LON], CELL_M)
-    find_candidates(
-        *(0, n, lat, lon, np.full(n, 100.0), np.full(n, per_lat), np.full(n, per_lon)),
+    seen = Columns(
+        *(np.zeros(n), lat, lon, np.full(n, 100.0), np.full(n, per_lat), np.full(n, per_lon)),
         *(np.tile([0.5, 0.0, 0.5], (n, 1)), np.full(n, 0.5), np.zeros((n, 3))),
-        *(np.full(n, np.nan), np.zeros(n, np.int64), np.zeros((1, 1))),
-        *(*table, state, np.zeros((1, CLASS_SLOTS), np.int64), np.zeros((1, CLASS_SLOTS))),
-        *(np.ones(1, np.bool_), index, values),
+        *(np.full(n, np.nan), np.zeros(n, np.int64), np.ones(n)),
     )
+    slots = np.zeros((1, CLASS_SLOTS), np.int64), np.zeros((1, CLASS_SLOTS))
+    table = filled_table(state[:, LAT], state[:, LON], CELL_M)
+    signs = MapSigns(state, *slots, np.ones(1, np.bool_), table)
+    find_candidates(0, n, seen, np.zeros((1, 1)), signs, index, values)
     assert (index[:, 0] == 0).tolist() == [True, True, False, False, False, False]
