@@ -13,6 +13,7 @@ from automap.sync.path_match import Estimate
 from automap.sync.receiver_path import ReceiverPath, plausible_sd, windows
 
 FOOT_M = 0.3048
+"""The international foot, by definition."""
 
 
 @dataclass(frozen=True)
