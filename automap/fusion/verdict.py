@@ -163,7 +163,7 @@ def weigh(
         *unexpected_delay(found, delay.mean, delay.sd, float(np.median(speed)), age_sd),
         *(constancy_doubts(result.filtered_parameters, by_carrier(fixes)) if believed else ()),
         *(contradicted_arm(found, lever_arm, STATED_ARM_SD_M, bends) if believed else ()),
-        *height_doubts(path, fixes),
+        *(() if any(r.code == "height_scale" for r in of_receiver) else height_doubts(path, fixes)),
         *askew,
         *weak_heading(result.align_margin, off),
         *at_bound,

@@ -12,18 +12,25 @@ from automap.sync import limits
 from automap.sync.path_match import Estimate
 from automap.sync.receiver_path import ReceiverPath, plausible_sd, windows
 
+FOOT_M = 0.3048
+"""The international foot, by definition."""
+
 
 @dataclass(frozen=True)
 class Vertical:
     """``scale`` is how many times the rate of the heights is told as vertical velocity, None where
     the drive is too level to say; ``turned``: up is told as down, with ``turned_nats`` for it;
     ``stuck``: it is one number throughout, to the last digit, while the horizontal velocity
-    changes: no receiver measures that, it fills a column."""
+    changes: no receiver measures that, it fills a column. ``feet``: heights are told in feet
+    where metres belong (3.28), or the other way round (0.305), else one; ``height_m`` the largest
+    that is told, m."""
 
     scale: Estimate | None
     turned: bool
     turned_nats: float
     stuck: bool
+    feet: float = 1.0
+    height_m: float = 0.0
 
 
 def match_climbs(path: ReceiverPath, use: BoolArray, worse: float) -> Vertical | None:
@@ -40,13 +47,20 @@ def match_climbs(path: ReceiverPath, use: BoolArray, worse: float) -> Vertical |
     upwards = replace(path, velocity=path.climb.astype(complex))
     sd = worse * limits.VERTICAL_FACTOR * plausible_sd(upwards, over)
     scale = _scale(seen, told, sd)
-    costs = [0.5 * float(cauchy_loss(((seen - s * told) / sd) ** 2).sum()) for s in (1.0, -1.0)]
-    nats = costs[0] - costs[1]
+
+    def nats(factor: float) -> float:
+        one, other = (cauchy_loss(((seen - s * told) / sd) ** 2).sum() for s in (1.0, factor))
+        return 0.5 * float(one - other)
+
+    turned = nats(-1.0)
+    unit = max((1.0 / FOOT_M, FOOT_M), key=nats)
     return Vertical(
         scale=scale,
-        turned=bool(nats > limits.CERTAIN_LEAD_NATS),
-        turned_nats=nats,
+        turned=bool(turned > limits.CERTAIN_LEAD_NATS),
+        turned_nats=turned,
         stuck=bool(np.ptp(climb) == 0.0 and np.any(np.diff(path.velocity[use]) != 0.0)),
+        feet=unit if nats(unit) > limits.CERTAIN_LEAD_NATS else 1.0,
+        height_m=float(np.abs(path.height[use]).max()),
     )
 
 

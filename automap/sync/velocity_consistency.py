@@ -358,6 +358,12 @@ def _reasons(found: VelocityConsistency) -> Iterator[Reason]:
     if vertical is not None and vertical.turned:
         odds = _odds(vertical.turned_nats)
         yield Reason("vertical_turned", f"up is told as down: that is {odds} likelier than not")
+    if vertical is not None and vertical.feet != 1.0 and not vertical.turned:
+        yield Reason(
+            "height_scale",
+            f"heights change {vertical.feet:.3g} times as fast as its vertical velocity tells, "
+            f"as {'feet where metres' if vertical.feet > 1.0 else 'metres where feet'} belong",
+        )
     if vertical is not None and vertical.stuck:
         yield Reason("vertical_stuck", "vertical velocity is one number throughout")
     if found.height_stuck:

@@ -49,10 +49,12 @@ def command(
     from pipeline.shared.values import flatten
 
     result = evaluate_run(out, truth, truth_sd)
+    for text in result.get("warnings", ()):
+        click.echo(click.style("warning: ", fg="yellow") + text, err=True)
     if as_json:
         click.echo(json.dumps(result, indent=1))
     else:
-        for key, value in flatten(result).items():
+        for key, value in flatten({k: v for k, v in result.items() if k != "warnings"}).items():
             shown = f"{value:.4g}" if isinstance(value, float) else str(value)
             click.echo(f"{key:<40} {shown}")
     failures = check_requirements(result, list(requirements))

@@ -289,6 +289,20 @@ def test_an_unexpected_failure_of_a_command_is_4(
     assert "no idea" in captured.err
 
 
+def test_warnings_of_a_truth_are_no_figures(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    import pipeline.evaluate.command
+
+    result = {"n_compared": 3, "warnings": ["the truth contradicts itself."]}
+    monkeypatch.setattr(pipeline.evaluate.command, "evaluate_run", lambda *a: result)
+    assert run_command(["evaluate", str(tmp_path)]) == 0
+    told = capsys.readouterr()
+    assert "warning: the truth contradicts itself." in told.err
+    assert "contradicts" not in told.out
+    assert "n_compared" in told.out
+
+
 def test_a_requirement_not_met_is_5(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

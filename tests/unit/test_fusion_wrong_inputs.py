@@ -118,6 +118,29 @@ def test_heights_in_feet_are_told_and_widen_the_heights(factor: float, text: str
     assert np.array_equal(wide.sd_pos_ned[:, :2], path.sd_pos_ned[:, :2])
 
 
+@pytest.mark.parametrize("seed", range(8))
+def test_two_minutes_of_hills_tell_feet_from_metres(seed: int) -> None:
+    path = hilly(seconds=130)
+    assert list(height_doubts(path, fixes_of(path, 1.0, 2.0, seed))) == []
+    (reason,) = height_doubts(path, fixes_of(path, 1.0 / 0.3048, 0.5, seed))
+    assert "as feet where metres" in reason.text
+
+
+@pytest.mark.parametrize("factor", [1.0 / 0.3048, 0.3048])
+def test_vertical_velocities_tell_feet_from_metres(factor: float) -> None:
+    path = hilly(seconds=300, climb=0.1)
+    right = velocity_consistency(fixes_of(path, 1.0, 0.5, 2))
+    assert right.vertical is not None
+    assert right.vertical.feet == 1.0
+    log = fixes_of(path, factor, 0.2, 2)
+    found = velocity_consistency(log)
+    (reason,) = receiver_doubts(found, 0.0)
+    assert reason.code == "height_scale"
+    most = float(np.abs(log.height_m).max())
+    assert reason.height_m == pytest.approx(most * abs(1.0 - 1.0 / factor))
+    assert not found.unusable_vertical_velocity(log).any()
+
+
 def test_a_car_does_not_lean_for_minutes() -> None:
     for lean in (0.0, 0.1, -0.15):
         assert leaning(hilly(lean=lean)) == []

@@ -185,8 +185,9 @@ def arm_by_drive(
     own = np.array(stated, np.float64)
     for k, axis in enumerate("xyz"):
         estimate, sd = found.get(f"gnss_lever_arm_{axis}", (float(stated[k]), stated_sd))
-        taken = max(stated_sd**2 - sd**2, 1e-9)
         off = estimate - float(stated[k])
+        # of a prior that is looser than the tape the estimate is the drive's own
+        taken = stated_sd**2 - sd**2 if sd < stated_sd else stated_sd**2
         if abs(off) > sigmas(DOUBT_PROBABILITY) * math.sqrt(taken):
             own[k] += float(np.clip(off * stated_sd**2 / taken, -MOST_ARM_M, MOST_ARM_M))
     lag = abs(sum(found.get(n, (0.0, 0.0))[0] for n in (VEL_LATENCY_STATE, VEL_LAG_STATE)))

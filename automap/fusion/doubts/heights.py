@@ -8,7 +8,7 @@ import numpy as np
 
 from automap.fusion.doubts import limits
 from automap.fusion.doubts.reason import Reason
-from automap.fusion.limits import DOUBT_PROBABILITY, LEAST_JUDGED
+from automap.fusion.limits import DOUBT_PROBABILITY
 from automap.gates import sigmas
 from automap.records import Fixes, FloatArray, Trajectory
 from automap.robust import cauchy_weight
@@ -55,6 +55,8 @@ def height_doubts(path: Trajectory, fixes: Fixes) -> Iterator[Reason]:
 def _slope(path: Trajectory, t: FloatArray, height: FloatArray) -> tuple[float, float] | None:
     """How many times the climb the ``height`` [m] m at ``t`` [m] s from the path's first row
     changes, and its sigma; None on a road too level to say."""
+    from scipy.special import stdtrit
+
     at = path.gps_s - path.gps_s[0]
     step = np.diff(at, prepend=at[0])
     speed = np.hypot(path.vel_ned[:, 0], path.vel_ned[:, 1])
@@ -65,7 +67,7 @@ def _slope(path: Trajectory, t: FloatArray, height: FloatArray) -> tuple[float, 
     edges = np.arange(0.0, way[-1], limits.CLIMB_WAY_M)
     rows = np.searchsorted(far, edges)
     rows = np.unique(rows[(rows > 0) & (rows < len(t))])
-    if len(rows) < LEAST_JUDGED:
+    if len(rows) < limits.LEAST_CLIMBS:
         return None
     y, x, length = (
         np.diff(np.interp(t[rows], t, v)) for v in (height, np.interp(t, at, climb), far)
@@ -84,5 +86,7 @@ def _slope(path: Trajectory, t: FloatArray, height: FloatArray) -> tuple[float, 
         weight = cauchy_weight((rest / (1.4826 * float(np.median(np.abs(rest))) + 1e-9)) ** 2)
     # no less than heights are told to: a level that never changes is no certainty
     variance = max(float(weight @ rest**2 / weight.sum()), limits.LEAST_HEIGHT_SD_M**2)
-    sd = float(np.sqrt(normal[0, 0] * variance))
+    # of few windows the scatter is little known (Student)
+    wide = -float(stdtrit(len(y) - 2, 0.5 * DOUBT_PROBABILITY)) / sigmas(DOUBT_PROBABILITY)
+    sd = wide * float(np.sqrt(normal[0, 0] * variance))
     return (slope, sd) if sd < limits.KNOWN_CLIMB_SD * max(abs(slope), 1.0) else None

@@ -95,6 +95,9 @@ LEAST_HEIGHT_SD_M = 0.1
 """Heights are told to a decimetre (GGA)."""
 KNOWN_CLIMB_SD = 0.3
 """A slope less sure than this tells no unit from another: feet are 3.28 metres."""
+LEAST_CLIMBS = 7
+"""Edges of so many windows leave four degrees of freedom: with fewer Student's distribution doubts
+nothing that is less than forty of its sigmas off."""
 HEIGHT_UNITS = (
     (1.0 / 0.3048, ", as feet where metres belong"),
     (0.3048, ", as if they were in feet"),

@@ -163,6 +163,12 @@ def _doubts(found: VelocityConsistency, start: float, felt: bool) -> Iterator[Re
             text = f"the receiver's {reason.text}: they were turned back; log them from true north"
             yield Reason(reason.code, text, handled=True)
             continue
+        if reason.code == "height_scale" and found.vertical is not None:
+            text = f"the receiver's {reason.text}: the heights of the path and of the signs are as "
+            text += "wrong; check the unit of the heights in the receiver's log"
+            off = found.vertical.height_m * abs(1.0 - 1.0 / found.vertical.feet)
+            yield Reason(reason.code, text, height_m=off)
+            continue
         if reason.code == "positions_late":
             text = (
                 f"the receiver's {reason.text}: they were dated back; turn its smoothing of "
