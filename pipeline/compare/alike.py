@@ -33,7 +33,7 @@ class MovedAlike:
 
 def alike(findings: Sequence[Finding], listed: Inventory) -> list[tuple[str, Sequence[int]]]:
     """A sentence for each such group, and its rows of the findings."""
-    told = []
+    told: list[tuple[str, Sequence[int]]] = []
     for group in moved_alike(findings):
         ids = [str(listed.ids[findings[k].listed]) for k in group.rows]
         more = f" and {len(ids) - _NAMED} more" if len(ids) > _NAMED else ""
