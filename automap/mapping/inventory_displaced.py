@@ -115,13 +115,17 @@ def with_taken_off(
 
     That is taken off as the map's error, and where it is more than that can be it is the list's.
     """
+    from scipy.spatial import cKDTree
+
     least = _FAR * _usual_sd(signs)
     left = ~parts.displaced[listed]
     listed, common = listed[left], common[left]
     part, way = parts.part.copy(), list(parts.way)
-    while len(far := common[np.hypot(*common.T) > least]):
-        near = np.hypot(*(far[:, None] - far[None]).T) < least
-        way.append(np.median(far[near[int(np.argmax(near.sum(axis=1)))]], axis=0))
+    while len(way) <= _MOST_PARTS and len(far := common[np.hypot(*common.T) > least]):
+        tree = cKDTree(far)
+        crowd = tree.query_ball_point(far, least, return_length=True)
+        near = tree.query_ball_point(far[int(np.argmax(crowd))], least)
+        way.append(np.median(far[near], axis=0))
         # and those at its edge, that are off by rather that than nothing
         own = np.hypot(*(common - way[-1]).T) < np.hypot(*common.T)
         part[listed[own]] = len(way) - 1

@@ -12,12 +12,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from automap.mapping.inventory_findings import Finding
+from automap.mapping.inventory_findings import Finding, Inventory
 from automap.mapping.inventory_limits import LEAST_TURNS, TOLD_BY_CHANCE
 from automap.records import FloatArray, IntArray
 
 _CIRCLE = 2.45
 """Of a normal error in a plane 95 % lie within so many sigmas per axis."""
+_NAMED = 10
+"""Entries of a sentence; larger parts are mostly told as parts."""
 
 
 @dataclass(frozen=True)
@@ -27,6 +29,23 @@ class MovedAlike:
     rows: tuple[int, ...]
     east_m: float
     north_m: float
+
+
+def alike(findings: Sequence[Finding], listed: Inventory) -> list[tuple[str, Sequence[int]]]:
+    """A sentence for each such group, and its rows of the findings."""
+    told: list[tuple[str, Sequence[int]]] = []
+    for group in moved_alike(findings):
+        ids = [str(listed.ids[findings[k].listed]) for k in group.rows]
+        more = f" and {len(ids) - _NAMED} more" if len(ids) > _NAMED else ""
+        told.append((
+            f"{len(ids)} of its entries that are called moved lie off by the same way, "
+            f"{np.hypot(group.east_m, group.north_m):.1f} m ({group.east_m:+.1f} m east, "
+            f"{group.north_m:+.1f} m north): {', '.join(ids[:_NAMED])}{more}. Rather they are of "
+            "another source or datum, or the map is off there, than that each was moved; look at "
+            "one of them. They are not for work.",
+            group.rows,
+        ))  # fmt: skip
+    return told
 
 
 def moved_alike(findings: Sequence[Finding]) -> list[MovedAlike]:

@@ -21,6 +21,7 @@ from automap.mapping.inventory import InventoryComparison, compare_inventory
 from automap.mapping.inventory_classes import same_face
 from automap.mapping.inventory_findings import Finding, Inventory
 from automap.mapping.inventory_limits import (
+    LARGEST_FACE_M,
     LARGEST_SD_M,
     LEAST_TURNS,
     LIKELIER_THAN_NOT,
@@ -29,14 +30,12 @@ from automap.mapping.inventory_limits import (
 from automap.mapping.limits import MOVED_M
 from automap.records import FloatArray, Sign
 from automap.signs.codes import face_of
-from pipeline.compare.alike import moved_alike
+from pipeline.compare.alike import alike
 from pipeline.compare.parts import displaced
 
 _ELSEWHERE_M = 3.0 * MOVED_M
 """Further than two signs can be off from one another that are each taken for the same third one."""
 PAIRED = ("matched", "moved", "class")
-_NAMED = 10
-"""Entries of a sentence; larger parts are mostly told as parts."""
 
 
 def doubts(
@@ -53,12 +52,13 @@ def doubts(
     for sentence, rows in (
         *_places(result, signs, listed),
         *displaced(result, signs, listed),
-        *_alike(result, listed),
+        *alike(result.findings, listed),
         *_accuracy(result, listed),
         *_directions(result),
         *_classes(result, signs, listed),
         *_posts(result, signs),
         *_without_place(result, signs, elsewhere),
+        *_sizes(result, signs),
     ):
         told.append(f"{path}: {sentence}")
         withheld |= set(rows)
@@ -145,23 +145,6 @@ def _pairs_elsewhere(signs: Sequence[Sign], listed: Inventory) -> float:
         result = compare_inventory(signs, moved, [])
         counts.append(len(_rows(result, *PAIRED)))
     return float(np.mean(counts))
-
-
-def _alike(result: InventoryComparison, listed: Inventory) -> _Doubts:
-    """Whether moved signs all moved by the same way."""
-    told: _Doubts = []
-    for group in moved_alike(result.findings):
-        ids = [str(listed.ids[result.findings[k].listed]) for k in group.rows]
-        more = f" and {len(ids) - _NAMED} more" if len(ids) > _NAMED else ""
-        told.append((
-            f"{len(ids)} of its entries that are called moved lie off by the same way, "
-            f"{math.hypot(group.east_m, group.north_m):.1f} m ({group.east_m:+.1f} m east, "
-            f"{group.north_m:+.1f} m north): {', '.join(ids[:_NAMED])}{more}. Rather they are of "
-            "another source or datum, or the map is off there, than that each was moved; look at "
-            "one of them. They are not for work.",
-            group.rows,
-        ))  # fmt: skip
-    return told
 
 
 def _accuracy(result: InventoryComparison, listed: Inventory) -> _Doubts:
@@ -288,6 +271,25 @@ def _without_place(
     return [(
         f"{len(rows)} new signs are of a class that entries without a position have; they may be "
         "these, and are not for work.",
+        rows,
+    )]  # fmt: skip
+
+
+def _sizes(result: InventoryComparison, signs: Sequence[Sign]) -> _Doubts:
+    """Whether what is new is larger than signs are; places and directions are told of on any."""
+    rows = [
+        k
+        for k in _rows(result, "new")
+        if signs[result.findings[k].sign].size_m > LARGEST_FACE_M
+        and signs[result.findings[k].sign].class_name.startswith(("regulatory--", "warning--"))
+    ]
+    if not rows:
+        return []
+    most = max(signs[result.findings[k].sign].size_m for k in rows)
+    return [(
+        f"{'one new sign' if len(rows) == 1 else f'{len(rows)} new signs'} would be wider than "
+        f"{LARGEST_FACE_M:.0f} m (up to {most:.1f} m), which no such face is: walls, boards and "
+        "vehicles are taken for some. Not for work.",
         rows,
     )]  # fmt: skip
 

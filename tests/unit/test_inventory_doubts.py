@@ -286,10 +286,28 @@ def test_signs_that_moved_each_its_own_way_are_not_alike() -> None:
         angle = rng.uniform(0.0, 2.0 * np.pi, n)
         ways = 8.0 * np.column_stack([np.cos(angle), np.sin(angle)]) + rng.normal(size=(n, 2))
         told += bool(
-            moved_alike([Finding("moved", k, k, 0.9, *way, 1.0) for k, way in enumerate(ways)])
+            moved_alike([Finding("moved", k, k, 0.9, e, n, 1.0) for k, (e, n) in enumerate(ways)])
         )
     assert told == 0
     # along a street, this way and the other
     along = [8.0 if k % 3 else -8.0 for k in range(12)]
     ways = np.column_stack([along, np.zeros(12)]) + 0.5 * rng.normal(size=(12, 2))
-    assert not moved_alike([Finding("moved", k, k, 0.9, *way, 1.0) for k, way in enumerate(ways)])
+    assert not moved_alike(
+        [Finding("moved", k, k, 0.9, e, n, 1.0) for k, (e, n) in enumerate(ways)]
+    )
+
+
+def test_what_is_larger_than_signs_are_is_not_for_work() -> None:
+    signs, one, drives = street()
+    result = compare_inventory(signs, one, drives)
+    new = [f.sign for f in result.findings if f.kind == "new" and f.sure]
+    large = [replace(s, size_m=7.0) if k == new[0] else s for k, s in enumerate(signs)]
+    text, findings = said(one, large)
+    assert "one new sign would be wider than 3 m (up to 7.0 m)" in text
+    assert {f.sign for f in findings if f.kind == "new" and f.sure} == set(new[1:])
+    # a board of directions may be as large
+    board = [
+        replace(s, class_name="information--unknown-green-square") if k == new[0] else s
+        for k, s in enumerate(large)
+    ]
+    assert "wider" not in said(one, board)[0]
