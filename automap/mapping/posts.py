@@ -14,9 +14,10 @@ from automap.records.sign_lists import changed, values_of
 
 def with_supports(signs: Sequence[Sign], own_variance: FloatArray) -> Sequence[Sign]:
     """The signs [m] of a map, those of it (with a name) with their supports, by the same rule as
-    within a drive. ``own_variance`` [m] m^2 per level axis of what is a sign's own error:
+    within a drive, named after the first of their signs' names. ``own_variance`` [m] m^2 per level axis of what is a sign's own error:
     neighbours have the offsets of their drives in common."""
-    rows = [k for k, name in enumerate(values_of(signs, "id")) if name]
+    ids = values_of(signs, "id")
+    rows = [k for k, name in enumerate(ids) if name]
     if not rows:
         return signs
     lat, lon, height = (
@@ -31,7 +32,11 @@ def with_supports(signs: Sequence[Sign], own_variance: FloatArray) -> Sequence[S
         own[:, None, None] * np.eye(3),
         [side[k] == "overhead" for k in rows],
     )
+    # by a number the post of every sign would be another one where a sign comes
+    first: dict[int, str] = {}
+    for k, number in zip(rows, numbers, strict=True):
+        first[number] = min(ids[k], first.get(number, ids[k]))
     support = list(values_of(signs, "support"))
     for k, number in zip(rows, numbers, strict=True):
-        support[k] = f"p{number + 1:04d}"
+        support[k] = f"p{first[number]}"
     return changed(signs, support=support)
