@@ -14,8 +14,8 @@ from automap.records.sign_lists import changed, values_of
 
 def with_supports(signs: Sequence[Sign], own_variance: FloatArray) -> Sequence[Sign]:
     """The signs [m] of a map, those of it (with a name) with their supports, by the same rule as
-    within a drive, named after the first of their signs' names. ``own_variance`` [m] m^2 per level axis of what is a sign's own error:
-    neighbours have the offsets of their drives in common."""
+    within a drive, named after the first of their signs' names. ``own_variance`` [m] m^2 per level
+    axis of what is a sign's own error: neighbours have the offsets of their drives in common."""
     ids = values_of(signs, "id")
     rows = [k for k, name in enumerate(ids) if name]
     if not rows:
