@@ -61,7 +61,7 @@ class KmlOptions:
     the signs and at the points of the path; None or NaN where unknown. ``icons`` are pictures
     of classes and ``pictures`` those of signs (by number), as paths within the KMZ archive.
     ``clamp_signs`` puts the signs on the ground even where their altitude is known; ``typed`` gives
-    their fields the types of a schema.
+    their fields the types of a schema; ``keyed`` names the pieces of tracks.
     """
 
     sign_geoid_m: FloatArray | None = None
@@ -71,6 +71,7 @@ class KmlOptions:
     pictures: Mapping[int, Sequence[str]] = field(default_factory=dict)
     clamp_signs: bool = False
     typed: bool = True
+    keyed: bool = False
 
 
 def map_kml(
@@ -127,7 +128,8 @@ def _document(
     yield from ellipse_texts(columns)
     yield "</Folder>"
     if path is not None and len(path):
-        yield from track_elements(path, _altitude(options.path_geoid_m, path.height_m))
+        altitude = _altitude(options.path_geoid_m, path.height_m)
+        yield from track_elements(path, altitude, options.keyed)
     yield "</Document></kml>"
 
 

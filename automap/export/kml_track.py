@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+import hashlib
 import itertools
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import fields
+from functools import partial
+from typing import Any
 
 import numpy as np
 
 from automap.export.clock import iso_texts
 from automap.export.kml_cells import xml_text
 from automap.export.path import Path
+from automap.export.pieces import TextPiece, code
 from automap.export.uncertainty import sigma_classes
-from automap.records import FloatArray
+from automap.records import FloatArray, IntArray
 
 SIGMA_COLOURS = ("#2c7fb8", "#41ae9b", "#8fc447", "#e0b32c", "#d7553a")
 """From the surest to the least sure part of the path."""
@@ -35,8 +40,11 @@ TRACK_SCHEMA = (
 )
 
 
-def track_elements(path: Path, altitude: FloatArray) -> Iterator[str]:
-    """The folder with the track and the uncertainty of it.
+def track_elements(
+    path: Path, altitude: FloatArray, keyed: bool = False
+) -> Iterator[str | TextPiece]:
+    """The folder with the track and the uncertainty of it, a piece of each drive, with a key where
+    they are to be ``keyed``.
 
     ``altitude`` [n] is above the sea, NaN where unknown. Without UTC the track is a line.
     """
@@ -46,9 +54,26 @@ def track_elements(path: Path, altitude: FloatArray) -> Iterator[str]:
     head = f"<altitudeMode>{mode}</altitudeMode>"
     yield "<Folder><name>Trajectory</name>"
     for name, rows in path.pieces:
-        yield from _track(path.part(rows), altitudes[rows], xml_text(name or "Track"), head)
-    yield from _uncertainty(path)
+        own = path.part(rows), altitudes[rows], xml_text(name or "Track"), head
+        yield TextPiece(_key(keyed, "track", *own), partial(_lines, _track, *own))
+    yield from _uncertainty(path, keyed)
     yield "</Folder>"
+
+
+def _lines(write: Callable[..., Iterable[str]], *words: Any) -> Iterator[bytes]:
+    for text in write(*words):
+        yield f"{text}\n".encode("utf-8", "replace")
+
+
+def _key(keyed: bool, kind: str, path: Path, *words: Any) -> str:
+    """Names a text by all that it is made of."""
+    if not keyed:
+        return ""
+    whole = hashlib.sha256(f"{code()} {kind}".encode())
+    for value in (*(getattr(path, f.name) for f in fields(path)), *words):
+        array = isinstance(value, np.ndarray)
+        whole.update(np.ascontiguousarray(value).tobytes() if array else repr(value).encode())
+    return whole.hexdigest()[:32]
 
 
 def _track(path: Path, altitudes: FloatArray, name: str, head: str) -> Iterator[str]:
@@ -85,11 +110,19 @@ def _values(path: Path) -> Iterator[str]:
     yield "</SchemaData></ExtendedData>"
 
 
-def _uncertainty(path: Path) -> Iterator[str]:
+def _uncertainty(path: Path, keyed: bool) -> Iterator[str | TextPiece]:
     classes, labels = sigma_classes(path.sd_h_m)
     if not labels or len(path) < 2:
         return
     yield "<Folder><name>Horizontal sigma</name><visibility>0</visibility>"
+    for _, rows in path.pieces:
+        own = path.part(rows), classes[rows], labels
+        yield TextPiece(_key(keyed, "sigma", *own), partial(_lines, _shaded, *own))
+    yield "</Folder>"
+
+
+def _shaded(path: Path, classes: IntArray, labels: Sequence[str]) -> Iterator[str]:
+    """The lines of a drive, by the classes [n] of their sigmas."""
     ground = np.zeros(len(path))
     shades = np.linspace(0, len(SIGMA_COLOURS) - 1, len(labels)).round().astype(int)
     for run in path.runs:
@@ -108,7 +141,6 @@ def _uncertainty(path: Path) -> Iterator[str]:
                 f"<coordinates>{_corners(path, slice(a, b + 1), ground)}</coordinates>"
                 "</LineString></Placemark>"
             )
-    yield "</Folder>"
 
 
 def _corners(path: Path, run: slice, altitudes: FloatArray) -> str:

@@ -5,17 +5,16 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cache, partial
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from automap import __version__
 from automap.export.assembly import OnPost, on_post
 from automap.export.fields import SIGN_FIELDS, Field
-from automap.export.pieces import edges_of
+from automap.export.pieces import code, edges_of
 from automap.export.sign_columns import SignColumns, SignPiece, columns_of, on_map, wrap_degrees
 from automap.export.uncertainty import ce95
 from automap.io.signs_table import SignRows, sign_pieces, sign_values
@@ -88,7 +87,7 @@ class StoredSigns:
 
     def keyed(self) -> StoredSigns:
         """The same whose pieces are named by all that is in them."""
-        rows, known = SignRows(self.path), (_code(), repr(self.clock), self.country)
+        rows, known = SignRows(self.path), (code(), repr(self.clock), self.country)
         keys = []
         for lo, hi in pairwise(self.edges):
             hung = self.hung.order[lo:hi], self.hung.main[lo:hi]
@@ -119,16 +118,6 @@ class StoredSigns:
         )  # fmt: skip
         found.values["height_msl_m"] = found.height_m - self.geoid_m[own]
         return found
-
-
-@cache
-def _code() -> str:
-    """What writes signs and says what their classes mean: another version may do it otherwise."""
-    root, whole = Path(__file__).resolve().parents[1], hashlib.sha256(__version__.encode())
-    for path in sorted(p for name in ("export", "signs") for p in (root / name).rglob("*")):
-        if path.is_file() and "__pycache__" not in path.parts:
-            whole.update(path.read_bytes())
-    return whole.hexdigest()
 
 
 def _update(digest: Any, column: Any) -> None:

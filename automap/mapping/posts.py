@@ -14,9 +14,10 @@ from automap.records.sign_lists import changed, values_of
 
 def with_supports(signs: Sequence[Sign], own_variance: FloatArray) -> Sequence[Sign]:
     """The signs [m] of a map, those of it (with a name) with their supports, by the same rule as
-    within a drive. ``own_variance`` [m] m^2 per level axis of what is a sign's own error:
-    neighbours have the offsets of their drives in common."""
-    rows = [k for k, name in enumerate(values_of(signs, "id")) if name]
+    within a drive, named after the first of their signs' names. ``own_variance`` [m] m^2 per level
+    axis of what is a sign's own error: neighbours have the offsets of their drives in common."""
+    ids = values_of(signs, "id")
+    rows = [k for k, name in enumerate(ids) if name]
     if not rows:
         return signs
     lat, lon, height = (
@@ -31,7 +32,11 @@ def with_supports(signs: Sequence[Sign], own_variance: FloatArray) -> Sequence[S
         own[:, None, None] * np.eye(3),
         [side[k] == "overhead" for k in rows],
     )
+    # by a number the post of every sign would be another one where a sign comes
+    first: dict[str, str] = {}
+    for k, name in zip(rows, names, strict=True):
+        first[name] = min(ids[k], first.get(name, ids[k]))
     support = list(values_of(signs, "support"))
     for k, name in zip(rows, names, strict=True):
-        support[k] = name
+        support[k] = f"p{first[name]}"
     return changed(signs, support=support)

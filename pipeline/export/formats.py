@@ -42,7 +42,8 @@ def write_rejected(content: MapContent, path: Path) -> None:
 
 def write_kml(content: MapContent, path: Path) -> None:
     """Write signs and track as KML, in one file without pictures."""
-    options = KmlOptions(*geoid_heights(content), lineage=content.lineage)
+    keyed = content.kept is not None
+    options = KmlOptions(*geoid_heights(content), lineage=content.lineage, keyed=keyed)
     texts = kml.kml_texts(content.name, content.source, content.path, options)
     write_pieces(path, texts, content.kept)
 
@@ -74,6 +75,7 @@ def write_kmz(content: MapContent, path: Path) -> None:
         pictures=pictures,
         clamp_signs=True,
         typed=False,
+        keyed=content.kept is not None,
     )
     document = kml.kml_texts(content.name, content.source, content.path, options)
     large = _document_size(content) > _LARGE

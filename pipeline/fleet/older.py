@@ -84,9 +84,9 @@ def shared_with(older: Older, cells: Path, found: StoreMap) -> dict[tuple[int, i
         name = cell.drive << 32 | cell.row
         at = np.minimum(np.searchsorted(older.name, name), len(older.name) - 1)
         same = older.name[at] == name
-        pairs = np.column_stack([cell.sign[same], older.sign[at[same]]])
-        for (now, then), count in zip(*np.unique(pairs, axis=0, return_counts=True), strict=True):
-            shared[int(now), int(then)] = int(count)
+        pairs, count = np.unique(cell.sign[same] << 32 | older.sign[at[same]], return_counts=True)
+        named = zip((pairs >> 32).tolist(), (pairs & 0xFFFFFFFF).tolist(), strict=True)
+        shared.update(zip(named, count.tolist(), strict=True))
     return shared
 
 

@@ -37,11 +37,21 @@ def test_two_faces_of_a_post_share_it_and_its_neighbours_do_not() -> None:
     below = replace(below, height_m=signs[0].height_m - 0.7)
     third = replace(signs[2], id="")
     found = with_supports([signs[0], below, third, *signs[3:]], own)
-    assert found[0].support == found[1].support == "p0001"
+    assert found[0].support == found[1].support == "ps0"
     assert found[2].support == ""
     others = {sign.support for sign in found[3:]}
-    assert "p0001" not in others
+    assert "ps0" not in others
     assert np.array([sign.id for sign in found[3:]]).tolist() == [s.id for s in signs[3:]]
+
+
+def test_a_sign_that_comes_changes_no_post_but_its_own() -> None:
+    merged = merge_drives(passes(3))
+    signs = [replace(sign, id=f"s{k}") for k, sign in enumerate(merged.signs)]
+    own = own_variance(merged.sightings, merged.association.sign)
+    before = {sign.id: sign.support for sign in with_supports(signs[1:], own[1:])}
+    after = {sign.id: sign.support for sign in with_supports(signs, own)}
+    changed = [name for name, support in before.items() if after[name] != support]
+    assert all(after[name] == after["s0"] for name in changed)
 
 
 def test_a_map_without_signs_has_no_posts() -> None:

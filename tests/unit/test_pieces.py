@@ -111,7 +111,7 @@ def test_what_another_version_wrote_is_written_again(
     run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     signs = many(9)
-    monkeypatch.setattr(stored_signs, "_code", lambda: "older")
+    monkeypatch.setattr(stored_signs, "code", lambda: "older")
     written(run, signs, tmp_path / "old", Kept())
     monkeypatch.undo()
     content = stored_content(tmp_path / "old", "town", Kept(tmp_path / "old"))
