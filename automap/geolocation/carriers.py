@@ -22,14 +22,14 @@ from automap.geolocation.landmark import (
     view_sd,
 )
 from automap.geolocation.landmark_kernels import solve_landmark
-from automap.geolocation.views import Views
+from automap.geolocation.views import Views, numbered_tracks
 from automap.records import BoolArray, IntArray
 
 
 def carried_views(views: Views, prior: SizePrior) -> BoolArray:
     """Which views [n] belong to a track that moves along; none of those without a track."""
     carried = np.zeros(len(views), np.bool_)
-    for rows in views.tracked():
+    for rows in numbered_tracks(views):
         carried[rows] = len(rows) >= limits.CARRIER_VIEWS and moves_along(views, rows, prior)
     return carried
 

@@ -155,7 +155,7 @@ def _located(
             observations.note[views.row[mark.rows]] = "unconfirmed"
         elif carried[mark.rows].mean() > 0.5:
             observations.note[views.row[mark.rows]] = "moving"
-        elif not _acceptable(mark, rules):
+        elif len(mark.rows) == 1 and mark.depth_m > rules.max_single_view_m:
             observations.note[views.row[mark.rows]] = "too_far"
         else:
             kept.append(mark)
@@ -256,7 +256,3 @@ def _settled(
         )
         for mark, size in zip(alone, sizes_of_others(views, alone, rules.size), strict=True)
     ]
-
-
-def _acceptable(landmark: Landmark, rules: GeolocationRules) -> bool:
-    return len(landmark.rows) > 1 or landmark.depth_m <= rules.max_single_view_m

@@ -30,7 +30,7 @@ from automap.geolocation.landmark import (
     position_jacobian,
 )
 from automap.geolocation.pass_errors import pass_sd
-from automap.geolocation.views import Views
+from automap.geolocation.views import Views, numbered_tracks
 from automap.records import FloatArray, IntArray
 
 _FREEDOM = 4.0
@@ -104,7 +104,7 @@ def tracked_or_linked(views: Views, landmarks: Sequence[Landmark]) -> list[IntAr
     """Rows of the boxes of single signs, those seen often: by the detector's own tracks where it
     has them, which ask no stamp, else as they were linked."""
     numbered = (views.track >= 0).sum() > 0.5 * len(views)
-    groups = views.tracked() if numbered else [mark.rows for mark in landmarks if mark.ok]
+    groups = numbered_tracks(views) if numbered else [mark.rows for mark in landmarks if mark.ok]
     often = [rows for rows in groups if len(rows) >= limits.SCATTER_VIEWS]
     return often[:: max(1, -(-len(often) // limits.STAMP_SIGNS))]
 

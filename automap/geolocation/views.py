@@ -106,14 +106,6 @@ class Views:
     def __len__(self) -> int:
         return len(self.row)
 
-    def tracked(self) -> list[IntArray]:
-        """Views of each track that the detector numbered, in the order of time."""
-        rows = np.flatnonzero(self.track >= 0)
-        key = np.column_stack([self.camera, self.track])[rows]
-        member = np.unique(key, axis=0, return_inverse=True)[1].ravel()
-        order = np.argsort(member, kind="stable")
-        return np.split(rows[order], np.flatnonzero(np.diff(member[order])) + 1)
-
 
 @dataclass(frozen=True)
 class CameraCorrection:
@@ -216,6 +208,15 @@ def _nothing() -> dict[str, np.ndarray]:
     result |= {k: three for k in (*vectors, "velocity_sd")}
     matrices = {"C_cam_ref": np.zeros((0, 3, 3)), "C_cam_body": np.zeros((0, 3, 3))}
     return result | matrices | {"class_name": np.zeros(0, np.object_)}
+
+
+def numbered_tracks(views: Views) -> list[IntArray]:
+    """Rows of each track that the detector numbered, in the order of time."""
+    rows = np.flatnonzero(views.track >= 0)
+    key = np.column_stack([views.camera, views.track])[rows]
+    member = np.unique(key, axis=0, return_inverse=True)[1].ravel()
+    order = np.argsort(member, kind="stable")
+    return np.split(rows[order], np.flatnonzero(np.diff(member[order])) + 1)
 
 
 def map_origin(trajectory: Trajectory) -> tuple[float, float, float]:

@@ -34,16 +34,14 @@ def group_cell(near: Sightings, own: BoolArray, free: BoolArray) -> Association:
 
 
 def associate_by_cells(
-    sightings: Sightings,
-    progress: Callable[[float], None] = lambda fraction: None,
-    halo_m: float = HALO_M,
+    sightings: Sightings, progress: Callable[[float], None] = lambda fraction: None
 ) -> Association:
     """Group all sightings into signs; neither their order nor that of the cells matters."""
     n = len(sightings)
     sign = np.full(n, -1, np.int64)
     offset, offset_var = np.zeros((n, 3)), np.zeros((n, 3))
     home = cell_of(sightings.lat, sightings.lon)
-    row, cell = touched(sightings.lat, sightings.lon, halo_m)
+    row, cell = touched(sightings.lat, sightings.lon, HALO_M)
     occupied = set(np.unique(home).tolist())
     waiting = [(k, at) for k, at in groups(cell) if k in occupied]
     waiting.sort(key=lambda item: (colour_of(item[0]), item[0]))

@@ -51,13 +51,11 @@ def place_cell(
     passages: Sequence[Passage],
     cell: int,
     levels: ErrorLevels,
-    stride: int = 1,
 ) -> PlacedCell:
     """Places and attributes of the signs that stand in ``cell``.
 
     ``near`` [n] the sightings within ``PLACE_MARGIN_M`` of the cell and ``sign`` [n] whose each is
-    (-1 nobody's); ``passages`` [d] where each drive's cameras looked, of whose paths every
-    ``stride``-th row counts.
+    (-1 nobody's); ``passages`` [d] where each drive's cameras looked, whose paths are thinned.
     """
     rows = np.flatnonzero(sign >= 0)
     grouped, group = near.at(rows), renumbered(sign[rows])
@@ -67,16 +65,10 @@ def place_cell(
     rows = np.flatnonzero(standing[group]) if len(group) else np.zeros(0, np.int64)
     own = grouped.at(rows)
     place = (np.cumsum(standing) - 1)[group[rows]]
-    adjusted = replace(
-        whole,
-        lat=whole.lat[standing],
-        lon=whole.lon[standing],
-        height=whole.height[standing],
-        cov_enu=whole.cov_enu[standing],
-        offset=whole.offset[rows],
-    )
+    columns = {name: getattr(whole, name)[standing] for name in ("lat", "lon", "height", "cov_enu")}
+    adjusted = replace(whole, **columns, offset=whole.offset[rows])
     attributes = combine_attributes(own, place)
-    views = opportunities(passages, adjusted.lat, adjusted.lon, attributes.facing_rad, stride)
+    views = opportunities(passages, adjusted.lat, adjusted.lon, attributes.facing_rad, 1)
     founder = np.unique(place, return_index=True)[1]
     return PlacedCell(
         own, place, founder, adjusted, attributes,
