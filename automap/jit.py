@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from functools import cache
 from hashlib import sha256
 from inspect import getfile
@@ -34,9 +35,24 @@ def kernel_with(**options: Any) -> Any:
         if kept is not None:
             file = kept._cache_file
             file._source_stamp = (file._source_stamp, digest_of_sources(Path(getfile(function))))
+            file._load_index = _or_else(file._load_index, dict)
+            file.load = _or_else(file.load, lambda: None)
         return compiled
 
     return decorated
+
+
+def _or_else(read: Callable[..., Any], nothing: Callable[[], Any]) -> Callable[..., Any]:
+    """``read``, but ``nothing`` where what is kept can't be read: cut off as the power went, or of
+    a version with a class that there is no more. Then it is compiled again."""
+
+    def guarded(*args: Any) -> Any:
+        try:
+            return read(*args)
+        except Exception:  # unpickling what is damaged raises anything
+            return nothing()
+
+    return guarded
 
 
 # to a checker it is numba's own, which has the functions' types

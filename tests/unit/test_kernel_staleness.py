@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-import importlib
+import importlib.util
 import os
+import pickle
 import re
 import shutil
 import subprocess
@@ -12,6 +13,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+import numba
 import pytest
 from numba.core.dispatcher import Dispatcher
 
@@ -158,3 +160,31 @@ def test_no_kernel_lets_the_compiler_reorder_sums_or_leave_out_checks() -> None:
     told = [path.name for path in sources if "fastmath" in path.read_text(encoding="utf-8")]
     assert len(sources) > 100
     assert told == []
+
+
+@pytest.mark.parametrize("damaged", ["*.nbi", "*.nbc"])
+@pytest.mark.parametrize("left", [b"", b"cautomap.jit\nNothing\n."], ids=["empty", "of no class"])
+def test_what_is_kept_and_cannot_be_read_is_compiled_again(
+    tmp_path: Path, damaged: str, left: bytes
+) -> None:
+    source = tmp_path / "lone.py"
+    source.write_text(
+        "from automap.jit import kernel\n\n@kernel\ndef twice(x):\n    return 2 * x\n"
+    )
+
+    def hits() -> int:
+        spec = importlib.util.spec_from_file_location("lone", source)
+        assert spec is not None
+        assert spec.loader is not None
+        module = importlib.util.module_from_spec(spec)
+        spec.loader.exec_module(module)
+        assert module.twice(4) == 8
+        return sum(module.twice.stats.cache_hits.values())
+
+    assert hits() == 0
+    assert hits() == 1
+    (kept,) = tmp_path.rglob(damaged)
+    version = kept.read_bytes()[: len(pickle.dumps(numba.__version__, protocol=-1))]
+    kept.write_bytes((version if damaged == "*.nbi" else b"") + left)
+    assert hits() == 0
+    assert hits() == 1
