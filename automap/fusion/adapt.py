@@ -237,7 +237,7 @@ def scale_problem(problem: Problem, factors: Mapping[str, float]) -> Problem:
         if markov is None:
             continue
         if markov.time_level:
-            tau[rows] *= factors[markov.time_level]
+            tau[rows] *= factors.get(markov.time_level, 1.0)
         size = np.array([factors.get(level, 1.0) for level in markov.size_levels])
         walk[rows] *= size**2
         prior_sd[rows.start - N_NAV : rows.stop - N_NAV] *= size

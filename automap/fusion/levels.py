@@ -15,4 +15,7 @@ SLOPED_LEVELS = (*RUN_LEVELS, *BIAS_LEVELS)
 LEVELS = (*SLOPED_LEVELS, "wander_tau")
 VEHICLE_LEVELS = ("nhc_y", "nhc_z")
 """How far the vehicle slips and how far its springs move: fitted by the gap finder alone."""
-ALL_LEVELS = (*LEVELS, *VEHICLE_LEVELS)
+TIME_LEVELS = ("wander_tau", "velocity_wander_tau")
+"""How long a receiver's errors last: of the position, and of the velocity, which the gap finder
+alone fits."""
+ALL_LEVELS = (*LEVELS, *VEHICLE_LEVELS, TIME_LEVELS[1])

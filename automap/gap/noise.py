@@ -19,7 +19,7 @@ from automap.fusion.kernel_runs import SmoothRun, empty_store, run_forward
 from automap.fusion.kernels import ForwardStore
 from automap.fusion.level_climb import GAIN, climb
 from automap.fusion.level_likelihood import LevelLikelihood, level_likelihood
-from automap.fusion.levels import ALL_LEVELS
+from automap.fusion.levels import ALL_LEVELS, TIME_LEVELS
 from automap.fusion.nodes import Nodes
 from automap.fusion.passes import Pass
 from automap.fusion.problem import Problem
@@ -34,13 +34,15 @@ TAU_STEPS = (2.0, 2.0**0.5)
 
 _LIMITS = {
     "wander_tau": (0.02, 16.0),
+    # from one fix to a minute: what lasts longer is an offset
+    "velocity_wander_tau": (0.25, 16.0),
     "accel_bias_walk": (0.01, 64.0),
     "gyro_bias_walk": (0.01, 64.0),
     # no vehicle keeps to its path so well, but a simulated one does
     "nhc_y": (0.2, 64.0),
     "nhc_z": (1.0, 64.0),
 }
-_BY_SLOPE = tuple(level for level in ALL_LEVELS if level != "wander_tau")
+_BY_SLOPE = tuple(level for level in ALL_LEVELS if level not in TIME_LEVELS)
 
 
 @dataclass(frozen=True)
@@ -173,9 +175,9 @@ def fit_noise(
             lambda trial: noise_slopes(fits, trial, rooms), factors, smooth, limits_of, inverse
         )
         inverse = top.inverse
-        if "wander_tau" not in levels:
-            return top.factors
-        best, factors = _time_constant(fits, top.score, top.factors)
+        best, factors = top.score, top.factors
+        for level in (level for level in TIME_LEVELS if level in levels):
+            best, factors = _time_constant(level, fits, best, factors)
         if best - top.score < GAIN:
             break
     return factors
@@ -256,15 +258,15 @@ def _relative(fits: Sequence[Fit], factors: Mapping[str, float]) -> dict[str, fl
 
 
 def _time_constant(
-    fits: Sequence[Fit], best: float, factors: dict[str, float]
+    level: str, fits: Sequence[Fit], best: float, factors: dict[str, float]
 ) -> tuple[float, dict[str, float]]:
-    """Move the wander's time constant up or down by ever finer steps while that helps."""
-    low, high = _limits("wander_tau")
+    """Move a time constant up or down by ever finer steps while that helps."""
+    low, high = _limits(level)
     for step in TAU_STEPS:
         for way in (step, 1.0 / step):
             moved = False
-            while low <= factors["wander_tau"] * way <= high:
-                trial = factors | {"wander_tau": factors["wander_tau"] * way}
+            while low <= factors[level] * way <= high:
+                trial = factors | {level: factors[level] * way}
                 value = noise_score(fits, trial)
                 if not value > best + GAIN:
                     break

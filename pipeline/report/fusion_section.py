@@ -24,8 +24,9 @@ _NOISE = {
     "wander": ("slow error of GPS positions, horizontal", "what the receiver states"),
     "wander_v": ("slow error of GPS positions, vertical", "what the receiver states"),
     "multipath": ("GPS position error of seconds", "what the receiver states"),
-    "velocity_wander": ("GPS velocity error of seconds", "the setting"),
+    "velocity_wander": ("GPS velocity error that lasts", "the setting"),
     "wander_tau": ("correlation time of the slow error", "the setting"),
+    "velocity_wander_tau": ("correlation time of the velocity's error", "the setting"),
 }
 _METHODS = {
     "none": "There was neither a usable IMU nor a usable receiver log: there is no path.",

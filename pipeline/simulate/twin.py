@@ -153,7 +153,7 @@ def _noise(settings: Mapping[str, Any], factors: Mapping[str, float]) -> NoiseMo
         white=options.white_share * by_axis("position_h", "position_v"),
         bias=unseen_errors(np.ones((1, 3)), options, factors)[0],
         velocity=by_axis("velocity_h", "velocity_v"),
-        velocity_wander_tau_s=options.velocity_wander_tau_s,
+        velocity_wander_tau_s=options.velocity_wander_tau_s * level("velocity_wander_tau"),
         velocity_wander=options.velocity_wander_sd * level("velocity_wander"),
         position_sd=sizes(options.horizontal_sd_m, options.vertical_sd_m),
         common_sd=sizes(options.common_horizontal_sd_m, options.common_vertical_sd_m),

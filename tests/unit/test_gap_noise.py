@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import cast
 
 import numpy as np
 import pytest
 
-from automap.fusion.levels import ALL_LEVELS
+from automap.fusion.levels import ALL_LEVELS, TIME_LEVELS
 from automap.gap import base_model, noise
 from automap.gap.drive import open_drive
 from automap.gap.fit import Fit, fit_drive
@@ -23,8 +24,6 @@ STEP = 1e-3
 @pytest.fixture(scope="module", params=[0.0, 0.05], ids=["white", "wandering"])
 def ungated(request: pytest.FixtureRequest) -> Fit:
     """A drive whose every measurement counts in full: trust by surprise has no slope."""
-    from dataclasses import replace
-
     model = base_model()
     options = replace(model.options, gate_probability=1e-12, velocity_wander_sd=request.param)
     model = replace(model, options=options)
@@ -39,7 +38,7 @@ def test_slopes_are_those_of_the_likelihood(ungated: Fit, off: float) -> None:
     assert score == pytest.approx(noise_score([ungated], factors), rel=1e-9)
     assert (info >= 0.0).all()
     for i, level in enumerate(ALL_LEVELS):
-        if level == "wander_tau":
+        if level in TIME_LEVELS:
             continue
         ends = [
             noise_score([ungated], factors | {level: factors[level] * float(np.exp(s * STEP))})
@@ -58,9 +57,26 @@ def test_the_climb_ends_where_no_level_wants_to_move(ungated: Fit) -> None:
     slope, info = there.slope, there.info
     for i, level in enumerate(ALL_LEVELS):
         inside = 0.21 < found[level] < 60.0 and not (level == "nhc_z" and found[level] < 1.01)
-        if inside and level != "wander_tau":
+        if inside and level not in TIME_LEVELS:
             # nats by a factor of e: what is left to gain is less than one
             assert abs(slope[i]) < 2.0 + np.sqrt(max(info[i], 0.0)), level
+
+
+@pytest.mark.parametrize("tau_s", [1.5, 24.0])
+def test_how_long_velocities_err_is_the_drives_to_say(tau_s: float) -> None:
+    drive = simulated({})
+    tags = drive.fixes.gps_s
+    keep = np.exp(-np.diff(tags) / tau_s)
+    rng = np.random.default_rng(5)
+    error = 0.2 * rng.standard_normal((len(tags), 3))
+    for i, k in enumerate(keep):
+        error[i + 1] = k * error[i] + np.sqrt(1.0 - k**2) * error[i + 1]
+    fixes = replace(drive.fixes, vel_ned=drive.fixes.vel_ned + error)
+    model = base_model()
+    fit = fit_drive(open_drive(replace(drive, fixes=fixes), model.options), model)
+    found = model.options.velocity_wander_tau_s * fit_noise([fit])["velocity_wander_tau"]
+    # two minutes hold five of the longer ones
+    assert tau_s / 4.0 < found < 4.0 * tau_s
 
 
 def test_levels_that_may_not_move_stay(ungated: Fit) -> None:

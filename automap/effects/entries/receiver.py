@@ -110,7 +110,10 @@ RECEIVER = (
         (Parameter("sigma", "m/s", 0.1, 0.0), Parameter("tau", "s", 2.0, 0.0)),
         "velocity error that lasts",
         axes(VELOCITY, names="n e d"),
-        markov=GaussMarkov("velocity_wander_tau_s", "velocity_wander_sd", ("velocity_wander",) * 3),
+        markov=GaussMarkov(
+            *("velocity_wander_tau_s", "velocity_wander_sd"),
+            *(("velocity_wander",) * 3, "velocity_wander_tau"),
+        ),
         setting="fuse.velocity_wander_sd",
         nuisance=True,
     ),
