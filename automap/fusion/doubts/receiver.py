@@ -199,6 +199,13 @@ def _doubts(found: VelocityConsistency, start: float, felt: bool) -> Iterator[Re
             "evenly: nothing was measured there, so they were left out; log the receiver's own"
         )
         yield Reason("fixes_interpolated", text, state="good", handled=True)
+    if found.straight_m:
+        text = (
+            f"the receiver's positions go straight through bends, {found.straight_m:.1f} m aside "
+            "of where its velocities turn: they were put on a map's roads, or on lines between few "
+            "of them; log the receiver's own"
+        )
+        yield Reason("positions_straight", text, error_m=found.straight_m)
     if found.parted:
         worst = max(interval.metres for interval in found.parted)
         yield Reason(
