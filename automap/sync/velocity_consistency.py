@@ -351,6 +351,12 @@ def _reasons(found: VelocityConsistency) -> Iterator[Reason]:
             f"positions are older than the velocities beside them by {found.positions_late_s:.2f} "
             "s, as a filter that follows slowly makes them",
         )
+    if found.straight_m:
+        yield Reason(
+            "positions_straight",
+            f"positions go straight through bends, {found.straight_m:.1f} m aside of where the "
+            "velocities turn, as those that were put on a map's roads or between few of them",
+        )
     for code, held, what in (
         ("velocity_stuck", found.velocity_stuck, "velocities repeat while the positions move on"),
         ("position_frozen", found.position_frozen, "positions repeat while velocities go on"),

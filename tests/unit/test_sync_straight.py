@@ -11,6 +11,7 @@ from automap.earth import metres_per_radian
 from automap.fusion.doubts.receiver import receiver_doubts
 from automap.records import Fixes
 from automap.sync.velocity_consistency import velocity_consistency
+from pipeline.check.velocity import check
 from tests.unit.fusion_motion import city_drive
 from tests.unit.fusion_receiver import Receiver, receive
 
@@ -39,6 +40,8 @@ def test_positions_on_a_maps_roads_are_told(rate: float) -> None:
     (reason,) = receiver_doubts(velocity_consistency(fixes), float(fixes.gps_s[0]))
     assert (reason.code, reason.state) == ("positions_straight", "doubtful")
     assert 0.3 < reason.error_m < 5.0
+    finding = next(f for f in check(fixes) if f.code == "positions_straight")
+    assert finding.severity == "warning"
 
 
 @pytest.mark.parametrize("late", [0.0, 0.6])

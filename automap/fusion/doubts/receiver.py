@@ -177,6 +177,10 @@ def _doubts(found: VelocityConsistency, start: float, felt: bool) -> Iterator[Re
             # a filter that follows slowly is late by differing times, and velocities have an age
             yield Reason(reason.code, text, late_s=found.positions_late_s + DELAY_SD_S)
             continue
+        if reason.code == "positions_straight":
+            text = f"the receiver's {reason.text}; log the receiver's own"
+            yield Reason(reason.code, text, error_m=found.straight_m)
+            continue
         if reason.code in held:
             # a receiver that lost its view repeats a fix now and then
             if max(i.seconds for i in held[reason.code]) < limits.HELD_S:
@@ -199,13 +203,6 @@ def _doubts(found: VelocityConsistency, start: float, felt: bool) -> Iterator[Re
             "evenly: nothing was measured there, so they were left out; log the receiver's own"
         )
         yield Reason("fixes_interpolated", text, state="good", handled=True)
-    if found.straight_m:
-        text = (
-            f"the receiver's positions go straight through bends, {found.straight_m:.1f} m aside "
-            "of where its velocities turn: they were put on a map's roads, or on lines between few "
-            "of them; log the receiver's own"
-        )
-        yield Reason("positions_straight", text, error_m=found.straight_m)
     if found.parted:
         worst = max(interval.metres for interval in found.parted)
         yield Reason(
