@@ -17,14 +17,16 @@ from automap.errors import InputError
 from automap.fusion.aside import Aside, whole_trajectory
 from automap.fusion.consistency import channel_consistency, innovation_doubts
 from automap.fusion.delay_states import LATENCY_STATE, SKEW_STATE
-from automap.fusion.doubts import limits
+from automap.fusion.doubts import limits, outcome
 from automap.fusion.doubts.constancy import constancy_doubts
 from automap.fusion.doubts.difference import off_course
 from automap.fusion.doubts.estimates import (
     Estimates,
     arm_by_drive,
     bend_speed,
+    beside_scale,
     contradicted_arm,
+    early_velocities,
     final_estimates,
     impossible_ages,
     impossible_errors,
@@ -33,7 +35,6 @@ from automap.fusion.doubts.estimates import (
 )
 from automap.fusion.doubts.heights import height_doubts
 from automap.fusion.doubts.offsets import offset_doubts
-from automap.fusion.doubts.outcome import leaning, mounted_askew, refused, unsure_path, weak_heading
 from automap.fusion.doubts.path import fix_misses, off_the_fixes
 from automap.fusion.doubts.position_jump import (
     beside_readings,
@@ -111,18 +112,19 @@ def weigh(
         *turn_doubts(bridged.imu, result.mounting.matrix, fix_s, fixes.vel_ned[told]),
         *impossible_ages(found, dated_by_arrival=delay_is_clock and clock.method == "arrival"),
         *impossible_errors(found),
-        *leaning(path),
+        *outcome.leaning(path),
     ]
     at_bound = levels_at_bound(result.noise_factors, options.tune)
     felt = not any(reason.inertial for reason in (*of_imu, *at_bound))
     of_receiver = receiver_doubts(receiver, float(path.gps_s[0]), felt)
     of_receiver += accuracy_doubts(fixes, options)
-    askew, lean = mounted_askew(path, fused.sd_roll())
+    askew, lean = outcome.mounted_askew(path, fused.sd_roll())
 
     def known() -> Iterator[tuple[slice, Trajectory]]:
         for rows, stretch in fused.stretches():
             leaning_too = np.hypot(stretch.sd_rpy, [lean, 0.0, 0.0])
-            yield rows, uncorrected(replace(stretch, sd_rpy=leaning_too), fixes, options)
+            unsure = beside_scale(replace(stretch, sd_rpy=leaning_too), found)
+            yield rows, uncorrected(unsure, fixes, options)
 
     # an IMU that errs by itself is no witness, and what errs in one way seems to in others
     if not any(reason.inertial for reason in of_imu):
@@ -161,13 +163,14 @@ def weigh(
         *steps,
         *of_imu,
         *unexpected_delay(found, delay.mean, delay.sd, float(np.median(speed)), age_sd),
+        *early_velocities(found),
         *(constancy_doubts(result.filtered_parameters, by_carrier(fixes)) if believed else ()),
         *(contradicted_arm(found, lever_arm, STATED_ARM_SD_M, bends) if believed else ()),
         *(() if any(r.code == "height_scale" for r in of_receiver) else height_doubts(path, fixes)),
         *askew,
-        *weak_heading(result.align_margin, off),
+        *outcome.weak_heading(result.align_margin, off),
         *at_bound,
-        *refused(result.innovations),
+        *outcome.refused(result.innovations),
         *innovation_doubts(channel_consistency(result.innovations)),
     ]
     model = as_shown(model_fixes(fixes, fixes.gps_s, options), options, result.noise_factors)
@@ -182,7 +185,7 @@ def weigh(
         beside = fix_misses(alone, model)
         own, left = off_the_fixes(beside, options.wander_tau_s)
         if left < limits.AGREEING_SHARE:
-            reasons = [_worse(share), *reasons]
+            reasons = [outcome.inertial_worse(share), *reasons]
             # what speaks against the IMU's path leaves that of the fixes as it is
             path = uncorrected(unaveraged(alone, fixes, options, levels), fixes, options)
             return _alone(widen(path, [*of_receiver, *own], beside, None), reasons)
@@ -200,11 +203,11 @@ def _weighed(
 ) -> Weighed:
     level = np.concatenate([np.hypot(*stretch.sd_pos_ned[:, :2].T) for stretch in run()])
     sd = float(np.median(level))
-    return Weighed(verdict_of([*reasons, *unsure_path(sd)]), run, len(level), sd, alone)
+    return Weighed(verdict_of([*reasons, *outcome.unsure_path(sd)]), run, len(level), sd, alone)
 
 
 def _alone(path: Trajectory, reasons: Sequence[Reason]) -> Weighed:
-    return _weighed(lambda: iter([path]), reasons, True)
+    return _weighed(lambda: iter([path]), reasons, alone=True)
 
 
 def weigh_alone(
@@ -287,12 +290,3 @@ def _steps(
     # the less a drive seems to show of what comes and goes, the less it is believed
     wander = options.velocity_wander_sd * max(result.noise_factors.get(VELOCITY_WANDER, 1.0), 1.0)
     return step_doubts(velocity_steps(seen, wander), path)
-
-
-def _worse(share: float) -> Reason:
-    return Reason(
-        "inertial_worse",
-        f"the IMU contradicts good fixes over {share:.0%} of the drive, so the path is "
-        "that of the fixes alone, with the course for a heading: check the axes, signs, units and "
-        "stamps of the IMU",
-    )

@@ -2,22 +2,26 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 
 import numpy as np
+import numpy.typing as npt
 
 from automap.errors import InputError
 from automap.io.angle_text import DEGREES_MINUTES, may_be_degrees_minutes
-from automap.io.speed_unit import speed_unit, tracks
+from automap.io.speed_unit import WINDOW_S, speed_unit, tracks
 from automap.io.table_units import to_si
 from automap.records import FloatArray
 
-_FULL_TURN_RAD, _FEW = 2.0 * np.pi, 10
+_FULL_TURN, _FEW = {"rad": 2.0 * np.pi, "deg": 360.0, "gon": 400.0}, 10
 _MOST_MINUTES = 18_060.0
 """No degrees with minutes are more; less may be a few wrong cells, or the wrong columns."""
 _CLOSE_RAD = 0.2
 """Courses of a receiver that moves are that close to those of its positions in the median: 11 deg
 are a metre of error against five of way."""
+_CERTAIN_NATS = math.log(1e6)
+"""Odds of a million, as for every other mistake of a unit."""
 
 
 def told_by_numbers(
@@ -39,8 +43,10 @@ def told_by_numbers(
         unit = speed_unit(seconds, lat, lon, columns["speed"])
         if unit != "m/s":
             found["speed"] = unit
-    if "course" in assumed and _in_radians(seconds, lat, lon, np.degrees(columns["course"])):
-        found["course"] = "rad"
+    if "course" in assumed:
+        unit = _course_unit(seconds, lat, lon, np.degrees(columns["course"]))
+        if unit != "deg":
+            found["course"] = unit
     return found
 
 
@@ -66,18 +72,37 @@ def _position_unit(path: object, lat: FloatArray, lon: FloatArray) -> str:
     return "deg"
 
 
-def _in_radians(seconds: FloatArray, lat: FloatArray, lon: FloatArray, course: FloatArray) -> bool:
-    """Whether courses [n], as numbers, are those of the positions in rad and not in deg."""
-    if not np.nanmax(np.abs(course), initial=0.0) <= _FULL_TURN_RAD + 1e-3:
-        return False
+def _course_unit(seconds: FloatArray, lat: FloatArray, lon: FloatArray, course: FloatArray) -> str:
+    """The unit in which courses [n], as numbers, are those of the positions: "deg" where no other
+    is beyond doubt."""
+    largest = float(np.nanmax(np.abs(course), initial=0.0))
+    if largest > _FULL_TURN["gon"]:
+        return "deg"
+    other = "rad" if largest <= _FULL_TURN["rad"] + 1e-3 else "gon"
     first, last, north, east = tracks(seconds, lat, lon)
-    along = np.arctan2(east, north)
+    along = np.exp(-1j * np.arctan2(east, north))
     off = {}
-    for unit, factor in (("rad", 1.0), ("deg", np.pi / 180.0)):
-        turns = np.exp(1j * factor * course[first]) + np.exp(1j * factor * course[last])
-        off[unit] = np.abs(np.angle(turns * np.exp(-1j * along)))
-    known = np.isfinite(off["rad"])
+    for unit in ("deg", other):
+        told = np.exp(1j * to_si(course, unit, "angle"))
+        off[unit] = along * (told[first] + told[last])
+    known = np.isfinite(off["deg"])
     if np.count_nonzero(known) < _FEW:
-        return False
-    middle = {unit: float(np.median(values[known])) for unit, values in off.items()}
-    return middle["rad"] < _CLOSE_RAD < middle["deg"]
+        return "deg"
+    middle = {unit: _middle(values[known]) for unit, values in off.items()}
+    if middle[other] > _CLOSE_RAD:
+        return "deg"
+    if other == "rad":
+        return other if middle["deg"] > _CLOSE_RAD else "deg"
+    if largest > _FULL_TURN["deg"] + 1.0:  # digits may go beyond by less
+        return other
+    # degrees from another north are off by one angle, which is no matter of the unit: likelihoods
+    # with sizes by the median, of windows that do not overlap
+    one = np.exp(-1j * np.angle(np.mean(off["deg"][known])))
+    many = len(np.unique(seconds[first[known]] // WINDOW_S))
+    gain = many * math.log(max(_middle(one * off["deg"][known]), 1e-9) / max(middle[other], 1e-9))
+    return other if gain > _CERTAIN_NATS else "deg"
+
+
+def _middle(turns: npt.NDArray[np.complex128]) -> float:
+    """Median size, rad, of the angles of ``turns`` [n]."""
+    return float(np.median(np.abs(np.angle(turns))))

@@ -11,7 +11,7 @@ from automap.records import FloatArray, IntArray
 SAME_RATIO = 0.07
 """Two units of speed differ by 15 % or more (knots and mph do), so half of it parts them all."""
 
-_MOVING_M_S, _WINDOW_S, _FEW = 3.0, 2.0, 10
+WINDOW_S, _MOVING_M_S, _FEW = 2.0, 3.0, 10
 
 
 def tracks(
@@ -19,13 +19,13 @@ def tracks(
 ) -> tuple[IntArray, IntArray, FloatArray, FloatArray]:
     """Where positions [n], rad, at ``seconds`` [n] move: rows [k] from and to, some seconds apart,
     and the way between them to the north and the east [k], m."""
-    ahead = np.searchsorted(seconds, seconds + _WINDOW_S)
+    ahead = np.searchsorted(seconds, seconds + WINDOW_S)
     first = np.flatnonzero(ahead < len(seconds))
     last = ahead[first]
     length = seconds[last] - seconds[first]
     north, east = metres_per_radian(np.nan_to_num(lat[first]), np.zeros(len(first)))
     north, east = north * (lat[last] - lat[first]), east * (lon[last] - lon[first])
-    use = (length < 2 * _WINDOW_S) & (np.hypot(north, east) > _MOVING_M_S * length)
+    use = (length < 2 * WINDOW_S) & (np.hypot(north, east) > _MOVING_M_S * length)
     return first[use], last[use], north[use], east[use]
 
 

@@ -28,6 +28,7 @@ from automap.sync.held_values import (
 from automap.sync.parting import asides, excess, partings
 from automap.sync.path_match import Estimate, Match, match_paths
 from automap.sync.receiver_path import ReceiverPath, receiver_path
+from automap.sync.straight_bends import straight_in_bends
 from automap.timebase import gps_to_iso
 
 
@@ -93,7 +94,8 @@ class VelocityConsistency:
     ``worse`` is how many times what is plausible they usually part by, one at least. ``means``:
     the velocities are right, and the ways between positions; None where they tell more than that.
     ``height_stuck``: the height is one number throughout: no receiver measures that. ``between``:
-    so many positions lie on the lines between others and were not measured.
+    so many positions lie on the lines between others and were not measured; ``straight_m``: they
+    go straight through bends, and lie as far aside of the velocities' path there.
     """
 
     compared_s: float
@@ -111,6 +113,7 @@ class VelocityConsistency:
     height_stuck: bool = False
     aside: tuple[Interval, ...] = ()
     between: int = 0
+    straight_m: float = 0.0
 
     @property
     def can_tell(self) -> bool:
@@ -237,6 +240,7 @@ def velocity_consistency(fixes: Fixes) -> VelocityConsistency:
         height_stuck=_height_stuck(path),
         aside=_intervals(path, asides(path, right, parted)),
         between=between,
+        straight_m=0.0 if wrong or unrelated else straight_in_bends(path, right, use & position),
     )
 
 
@@ -346,6 +350,12 @@ def _reasons(found: VelocityConsistency) -> Iterator[Reason]:
             "positions_late",
             f"positions are older than the velocities beside them by {found.positions_late_s:.2f} "
             "s, as a filter that follows slowly makes them",
+        )
+    if found.straight_m:
+        yield Reason(
+            "positions_straight",
+            f"positions go straight through bends, {found.straight_m:.1f} m aside of where the "
+            "velocities turn, as those that were put on a map's roads or between few of them",
         )
     for code, held, what in (
         ("velocity_stuck", found.velocity_stuck, "velocities repeat while the positions move on"),

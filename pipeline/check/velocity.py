@@ -26,6 +26,7 @@ ADVICE: dict[str, str] = {
     "so, or take them out",
     "course_off": "courses are against true north, not against the compass; they are turned back "
     "until then",
+    "positions_straight": "log the positions of the receiver itself",
     "positions_late": "turn the receiver's smoothing of positions off, or log those that belong to "
     "the times; they are dated back until then",
     "sign_turned": "longitudes are positive east, latitudes north, velocities north, east, down: "

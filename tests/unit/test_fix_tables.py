@@ -188,3 +188,40 @@ def test_speeds_without_a_unit_are_those_of_the_positions(
     assert any(f"speed is in {unit}, by its numbers" in text for text in found.notes)
     stated = read_fix_table(path, TableForm(units={"speed": "m/s"}))
     np.testing.assert_allclose(stated.fixes.vel_ned[:, 0], 12.0 * factor, rtol=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("first", "last", "off_deg", "unit"),
+    [
+        (0.0, 359.9, 0.0, "gon"),  # up to 400
+        (20.0, 200.0, 0.0, "gon"),  # none that degrees have not
+        (20.0, 200.0, 0.0, "deg"),
+        (20.0, 200.0, 15.0, "deg"),  # from magnetic north, where it is far off
+        (70.0, 70.0, 0.0, "deg"),
+        (125.0, 145.0, 15.0, "deg"),  # as degrees of gon would be
+    ],
+)
+def test_courses_of_400_a_turn_are_told_from_those_of_another_north(
+    tmp_path: Path, first: float, last: float, off_deg: float, unit: str
+) -> None:
+    course = np.linspace(first, last, 120)
+    way = 12.0 * np.cumsum(np.exp(1j * np.radians(course))) / 6.371e6
+    lat = 48.0 + np.degrees(way.real)
+    lon = 11.0 + np.degrees(way.imag) / np.cos(np.radians(48.0))
+    rng = np.random.default_rng(3)
+    told = (course + off_deg + rng.normal(0.0, 1.0, 120)) % 360.0 / {"deg": 1.0, "gon": 0.9}[unit]
+    lines = [
+        f"{UNIX_S + k},{a:.7f},{b:.7f},12.0,{c:.2f}"
+        for k, (a, b, c) in enumerate(zip(lat, lon, told, strict=True))
+    ]
+    path = _write(tmp_path, "time,lat,lon,speed,course\n" + "\n".join(lines) + "\n")
+    found = read_fix_table(path)
+    velocity = found.fixes.vel_ned[:, 0] + 1j * found.fixes.vel_ned[:, 1]
+    off = np.angle(velocity * np.exp(-1j * np.radians(course + off_deg)))
+    assert np.abs(off).max() < np.radians(5.0)
+    assert any("course is in gon, by its numbers" in text for text in found.notes) == (
+        unit == "gon"
+    )
+    if unit == "gon":
+        stated = read_fix_table(path, TableForm(units={"course": "gon"}))
+        np.testing.assert_allclose(stated.fixes.vel_ned, found.fixes.vel_ned, atol=1e-9)

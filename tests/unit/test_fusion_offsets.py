@@ -50,6 +50,11 @@ def every_second(fixes: Fixes) -> Fixes:
     return moved(fixes, np.arange(len(fixes)) % 2 == 1, 2.0, 2.0)
 
 
+def every_second_a_little(fixes: Fixes) -> Fixes:
+    """By less than the path is unsure by."""
+    return moved(fixes, np.arange(len(fixes)) % 2 == 1, 0.5, 0.5)
+
+
 def second_half(fixes: Fixes) -> Fixes:
     return moved(fixes, np.arange(len(fixes)) >= len(fixes) // 2, -3.0, 1.5)
 
@@ -129,6 +134,7 @@ def in_ellipses(weighed: Weighed, seed: int) -> float:
     ("spoil", "code"),
     [
         (every_second, "fixes_alternate"),
+        (every_second_a_little, "fixes_alternate"),
         (second_half, "positions_shift"),
         (throughout, "positions_beside"),
     ],

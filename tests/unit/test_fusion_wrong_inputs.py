@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from tempfile import TemporaryFile
 
@@ -9,6 +10,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+from automap.earth import metres_per_radian
 from automap.fusion import limits
 from automap.fusion.aside import put_aside
 from automap.fusion.doubts.estimates import (
@@ -28,6 +30,7 @@ from automap.fusion.options import FusionOptions
 from automap.fusion.result import FusionResult, Prior
 from automap.fusion.verdict import Weighed, weigh
 from automap.fusion.widening import widen
+from automap.gates import OUTSIDE_95, gate
 from automap.io.drive import load_drive
 from automap.io.recording import read_recording
 from automap.records import ClockModel, Fixes, FloatArray, ImuData, Trajectory
@@ -37,7 +40,7 @@ from pipeline.run.fusion_inputs import _delay_prior, _stated_arm
 from tests.unit.foreign_tables import SAMPLE
 from tests.unit.fusion_drive import CLOCK, Sensor, record
 from tests.unit.fusion_motion import city_drive
-from tests.unit.fusion_receiver import Receiver, receive
+from tests.unit.fusion_receiver import GPS0, Receiver, receive
 from tests.unit.test_fusion_verdict import misses_of
 
 BY_MOTION = replace(CLOCK, method="correlation", sd_offset_s=0.02)
@@ -275,21 +278,26 @@ def test_bends_tell_an_arm_by_their_own_speed() -> None:
 
 
 def fused(
-    receiver: Receiver, clock: ClockModel, lever: tuple[float, float, float] = LEVER
+    receiver: Receiver,
+    clock: ClockModel,
+    lever: tuple[float, float, float] = LEVER,
+    logged: Callable[[Fixes], Fixes] = lambda fixes: fixes,
 ) -> tuple[FusionResult, Weighed]:
     """A drive of three minutes, and what is said of its path."""
     motion = city_drive(180.0, 4)
-    imu, fixes = record(motion, Sensor(), 4), receive(motion, receiver, 5)
+    imu, fixes = record(motion, Sensor(), 4), logged(receive(motion, receiver, 5))
     delay, is_clock = _delay_prior(clock, 0.05)
     arm, options = np.array(lever), FusionOptions()
     result = fuse_imu_gnss(imu, fixes, clock, options, delay, arm, delay_is_clock=is_clock)
     seen = velocity_consistency(fixes)
     with TemporaryFile() as file:
         aside = put_aside(result.path_run(), result.t_ns, file)
-        return result, weigh(
+        weighed = weigh(
             *(result, aside, imu, lambda read: read, fixes, clock, options),
             *(delay, is_clock, seen, arm),
         )
+        path = weighed.trajectory
+        return result, replace(weighed, run=lambda: iter([path]))
 
 
 def test_late_velocities_beside_prompt_positions_are_no_contradiction() -> None:
@@ -304,6 +312,26 @@ def test_late_velocities_beside_prompt_positions_are_no_contradiction() -> None:
     assert impossible_ages(found, dated_by_arrival=False) == []
     prior = Prior(-0.1, 0.1)
     assert unexpected_delay(found, prior.mean, prior.sd, 10.0)[0].code == "delay_unexpected"
+
+
+def overshot(fixes: Fixes) -> Fixes:
+    """Positions of a filter that goes on as it went, for 1.5 s of what the velocity changed by in
+    the last second."""
+    keeps = float(np.exp(-np.median(np.diff(fixes.gps_s))))
+    was = lfilter([1.0 - keeps], [1.0, -keeps], fixes.vel_ned - fixes.vel_ned[0], axis=0)
+    beyond = 1.5 * (was + fixes.vel_ned[0] - fixes.vel_ned)
+    north, east = metres_per_radian(fixes.lat_rad, fixes.height_m)
+    lat, lon = fixes.lat_rad + beyond[:, 0] / north, fixes.lon_rad + beyond[:, 1] / east
+    return replace(fixes, lat_rad=lat, lon_rad=lon)
+
+
+def test_velocities_are_as_unsure_as_their_ways_differ_from_those_of_positions() -> None:
+    """Ways through bends that a receiver's filter made too long make the path's speeds too high."""
+    _, weighed = fused(Receiver(lever=LEVER), BY_MOTION, logged=overshot)
+    path, motion = weighed.trajectory, city_drive(180.0, 4)
+    true = motion.at(path.gps_s - GPS0).vel
+    off = ((path.vel_ned - true)[:, :2] / path.sd_vel_ned[:, :2]) ** 2
+    assert np.mean(off.sum(axis=1) < gate(OUTSIDE_95, 2)) > 0.9
 
 
 # what a log says throughout

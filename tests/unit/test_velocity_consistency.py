@@ -38,6 +38,7 @@ def test_sound_receivers_are_not_blamed(seeds: range) -> None:
         found = velocity_consistency(fixes)
         assert found.reasons == (), f"seed {seed}"
         assert not found.unrelated
+        assert found.straight_m == 0.0
         assert not found.unusable_velocity(fixes).any()
         assert not found.unusable_vertical_velocity(fixes).any()
         assert not found.unusable_position(fixes).any()

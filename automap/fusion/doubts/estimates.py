@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -20,7 +21,7 @@ from automap.fusion.doubts.reason import Reason
 from automap.fusion.limits import DOUBT_PROBABILITY, MAX_DELAY_S, MAX_SKEW, MOST_ARM_M
 from automap.fusion.result import FusionResult
 from automap.gates import OUTSIDE_95, sigmas
-from automap.records import FloatArray
+from automap.records import FloatArray, Trajectory
 
 Estimates = Mapping[str, tuple[float, float]]
 """Value and sd by the parameter's name, at the end of the drive."""
@@ -33,6 +34,7 @@ _LEVELS = {
     "velocity_h": "horizontal noise of the fixes' velocities",
     "velocity_v": "vertical noise of the fixes' velocities",
 }
+_SCALE_STATE = "gnss_velocity_scale_relative"
 INERTIAL_LEVELS = ("accel", "gyro")
 
 
@@ -123,6 +125,25 @@ def unexpected_delay(
     return [Reason("delay_unexpected", text, error_m=off * speed, late_s=off)]
 
 
+def early_velocities(found: Estimates) -> list[Reason]:
+    """Velocities ahead of the positions beside them, which no receiver's are: positions are later
+    than they say, or not of a filter that bends as the road does."""
+    known = [found[name] for name in (VEL_LATENCY_STATE, VEL_LAG_STATE) if name in found]
+    early = -sum(value for value, _ in known)
+    if early <= sigmas(OUTSIDE_95) * math.sqrt(sum(sd**2 for _, sd in known)):
+        return []
+    return [
+        Reason(
+            "velocities_early",
+            f"the receiver's velocities seem to be {early:.2f} s ahead of its positions, as where "
+            "its filter overshoots bends: those of the path are as unsure; turn the receiver's "
+            "smoothing off",
+            moved_s=early,
+            state="good",
+        )
+    ]
+
+
 def impossible_errors(found: Estimates) -> list[Reason]:
     """Sensor errors larger than any sensor has."""
     reasons = []
@@ -141,6 +162,16 @@ def impossible_errors(found: Estimates) -> list[Reason]:
                 )
             )
     return reasons
+
+
+def beside_scale(path: Trajectory, found: Estimates) -> Trajectory:
+    """The path with velocities as unsure as the scale of the receiver's against them.
+
+    Doppler shifts have no scale. Where one shows, speeds are not of Doppler shifts, or the ways of
+    the positions are too short or long: corners that were cut or overshot. Nothing tells which.
+    """
+    scale = found.get(_SCALE_STATE, (0.0, 0.0))[0]
+    return replace(path, sd_vel_ned=np.hypot(path.sd_vel_ned, scale * path.vel_ned))
 
 
 def levels_at_bound(factors: Mapping[str, float], tuned: bool) -> list[Reason]:

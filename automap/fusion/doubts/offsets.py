@@ -62,12 +62,13 @@ def offset_doubts(
 
     apart = 2.0 * alternation(at, options, levels)
     if apart:
-        # two receivers tell little of how far their mean is off
-        yield reason(
+        # two receivers tell little of how far their mean is off; and beside what goes to and fro,
+        # which no white noise is, a drive shows too little of what lasts
+        yield Reason(
             "fixes_alternate",
-            apart,
             f"every second position lies {apart:.1f} m aside of those between: the log holds two "
             "receivers or antennas in turn; keep those of one",
+            error_m=apart,
         )
         return
     change, aside = offsets(at, alone, options, levels)

@@ -135,3 +135,13 @@ def unsure_path(sd: float) -> list[Reason]:
             state="unusable",
         )
     ]
+
+
+def inertial_worse(share: float) -> Reason:
+    """The reason that fixes which agree contradict the IMU over a ``share`` of the drive."""
+    return Reason(
+        "inertial_worse",
+        f"the IMU contradicts good fixes over {share:.0%} of the drive, so the path is "
+        "that of the fixes alone, with the course for a heading: check the axes, signs, units and "
+        "stamps of the IMU",
+    )

@@ -177,6 +177,10 @@ def _doubts(found: VelocityConsistency, start: float, felt: bool) -> Iterator[Re
             # a filter that follows slowly is late by differing times, and velocities have an age
             yield Reason(reason.code, text, late_s=found.positions_late_s + DELAY_SD_S)
             continue
+        if reason.code == "positions_straight":
+            text = f"the receiver's {reason.text}; log the receiver's own"
+            yield Reason(reason.code, text, error_m=found.straight_m)
+            continue
         if reason.code in held:
             # a receiver that lost its view repeats a fix now and then
             if max(i.seconds for i in held[reason.code]) < limits.HELD_S:
