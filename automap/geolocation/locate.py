@@ -162,7 +162,7 @@ def _located(
             stands.append(float(likely))
     covariances = camera_covariances(views, cameras, corrections, rules.camera)
     sightings = [
-        make_sighting(views, mark, covariances, disagreement(views, mark, size))
+        make_sighting(views, mark, covariances, disagreement(views, mark, size), size)
         for mark, size in _settled(views, kept, rules)
     ]
     focal = np.array([focal_length(cameras[name]) for name in views.camera_names])
