@@ -2,9 +2,8 @@
 
 Boxes that fit one place say that something stands there, whatever it is: the front of a house is
 found again as a sign is. How large it is tells them apart. Faces of a class are about as large as
-the table says, and now and then of any size up to the largest that is made; other things are as
-often of one size as of another (log-uniform). What share of the things of a drive are no faces is
-found from their own sizes (expectation maximisation), held by a few imaginary ones.
+the table says, or of any size up to the largest that is made; other things are as often of one size
+as of another (log-uniform).
 """
 
 from __future__ import annotations
@@ -20,8 +19,6 @@ from automap.geolocation.views import Views
 from automap.records import FloatArray
 from automap.robust import cauchy_weight
 
-_ROUNDS = 20
-"""Of the expectation maximisation."""
 _LIMITED = ("warning--", "regulatory--")
 
 
@@ -31,23 +28,12 @@ def largest_face_m(name: str) -> float:
     return limits.LARGEST_FACE_M if name.startswith(_LIMITED) else np.inf
 
 
-def face_probabilities(
-    views: Views, landmarks: Sequence[Landmark], exists: FloatArray, prior: SizePrior
-) -> FloatArray:
-    """Probability [m] that each of some landmarks is a face of a sign, if something ``exists`` [m]
-    there; 1 where the class has no largest face or bearings do not tell the size."""
+def face_probabilities(views: Views, landmarks: Sequence[Landmark], prior: SizePrior) -> FloatArray:
+    """Probability [m] that each of some landmarks is a face of a sign, if something stands there; 1
+    where the class has no largest face or bearings do not tell the size."""
     nats = np.array([_told(views, mark, prior) for mark in landmarks], np.float64)
-    known = np.isfinite(nats)
-    weight, odds = exists[known], np.exp(np.clip(nats[known], -50.0, 50.0))
-    share, other = limits.NO_FACE, np.zeros(len(odds))
-    for _ in range(_ROUNDS):
-        other = share / (share + (1.0 - share) * odds)
-        share = (limits.IMAGINARY * limits.NO_FACE + float(weight @ other)) / (
-            limits.IMAGINARY + float(weight.sum())
-        )
-    result = np.ones(len(landmarks))
-    result[known] = 1.0 - other
-    return result
+    odds = (1.0 / limits.NO_FACE - 1.0) * np.exp(np.clip(nats, -50.0, 50.0))
+    return np.where(np.isfinite(nats), odds / (1.0 + odds), 1.0)
 
 
 def _told(views: Views, mark: Landmark, prior: SizePrior) -> float:

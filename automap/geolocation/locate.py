@@ -147,7 +147,7 @@ def _located(
     observations.note[views.row[misfits]] = "misfit"
 
     exists = existence_probabilities(views, landmarks, trajectory, detections, found)
-    exists = exists * face_probabilities(views, landmarks, exists, rules.size)
+    exists = exists * face_probabilities(views, landmarks, rules.size)
     carried = carried_views(views, rules.size)
     kept, stands = [], []
     for mark, likely in zip(landmarks, exists, strict=True):
