@@ -49,4 +49,4 @@ def _split(own: FloatArray, effect: FloatArray, sign: IntArray) -> tuple[FloatAr
     common = np.linalg.solve(total, pull[:, :, None])[:, :, 0]
     rest = effect - common[sign]
     outer = rest[:, :, None] * rest[:, None, :] - effect[:, :, None] * effect[:, None, :]
-    return own + outer, common
+    return np.asarray(own + outer), common
