@@ -46,7 +46,7 @@ def _split(own: FloatArray, effect: FloatArray, sign: IntArray) -> tuple[FloatAr
     total, pull = np.zeros((m, *own.shape[1:])), np.zeros((m, effect.shape[1]))
     np.add.at(total, sign, information)
     np.add.at(pull, sign, np.einsum("nij,nj->ni", information, effect))
-    common = np.linalg.solve(total, pull[:, :, None])[:, :, 0]
+    common = np.asarray(np.linalg.solve(total, pull[:, :, None])[:, :, 0], np.float64)
     rest = effect - common[sign]
     outer = rest[:, :, None] * rest[:, None, :] - effect[:, :, None] * effect[:, None, :]
     return np.asarray(own + outer), common
