@@ -10,7 +10,7 @@ import numpy as np
 from automap.earth import from_local_ned, tangent_rotation
 from automap.geolocation import limits
 from automap.geolocation.facing import Facing
-from automap.geolocation.merging import member_rows
+from automap.geolocation.merging import member_rows, size_effect
 from automap.geolocation.path_relation import Path, relate, side_of_path
 from automap.geolocation.sightings import Sighting
 from automap.geolocation.views import Views
@@ -61,6 +61,7 @@ def assemble_sign(
     to_ned_here = tangent_rotation(np.array([lat]), np.array([lon]), views.origin)[0].T
     C = C_ENU_NED @ to_ned_here
     cov_enu = C @ cov_ned @ C.T
+    by_size = C @ size_effect(sightings)
 
     best = min(sightings, key=lambda s: float(np.trace(s.covariance)))
     seen = views.t_ns[best.landmark.rows]
@@ -105,6 +106,9 @@ def assemble_sign(
         path_offset_m=lateral,
         status=status,
         drives=(rules.drive,) if rules.drive else (),
+        by_size_e_m=float(by_size[0]),
+        by_size_n_m=float(by_size[1]),
+        by_size_u_m=float(by_size[2]),
         detection_rows=np.sort(views.row[rows]),
     )
 

@@ -20,6 +20,7 @@ from automap.geolocation.contradiction import disagreement
 from automap.geolocation.control import ControlSigns
 from automap.geolocation.course_yaw import yaw_by_course
 from automap.geolocation.existence import existence_probabilities
+from automap.geolocation.face_sizes import face_probabilities
 from automap.geolocation.facing import find_facings
 from automap.geolocation.landmark import Landmark, SizePrior, fit_landmark
 from automap.geolocation.merging import combine
@@ -146,6 +147,7 @@ def _located(
     observations.note[views.row[misfits]] = "misfit"
 
     exists = existence_probabilities(views, landmarks, trajectory, detections, found)
+    exists = exists * face_probabilities(views, landmarks, rules.size)
     carried = carried_views(views, rules.size)
     kept, stands = [], []
     for mark, likely in zip(landmarks, exists, strict=True):
@@ -162,7 +164,7 @@ def _located(
             stands.append(float(likely))
     covariances = camera_covariances(views, cameras, corrections, rules.camera)
     sightings = [
-        make_sighting(views, mark, covariances, disagreement(views, mark, size))
+        make_sighting(views, mark, covariances, disagreement(views, mark, size), size)
         for mark, size in _settled(views, kept, rules)
     ]
     focal = np.array([focal_length(cameras[name]) for name in views.camera_names])

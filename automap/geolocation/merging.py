@@ -103,20 +103,36 @@ def combine(sightings: Sequence[Sighting], adjusted: bool = False) -> tuple[Floa
 
     Weights are the inverse covariances. The trajectory's error is correlated between passes
     that follow one another closely, the camera's effect between all passes of one camera:
-    neither is averaged down as if it were new. After an adjustment of the trajectory by these
+    and what size the sign was taken for is one error of all passes: none of these is averaged down
+    as if it were new. After an adjustment of the trajectory by these
     very passes (``adjusted``) what remains of its error is common to them.
     """
-    weights = [np.linalg.inv(s.covariance + 1e-6 * np.eye(3)) for s in sightings]
-    inverse = np.linalg.inv(np.sum(weights, axis=0))
-    shares = [inverse @ w for w in weights]
+    shares = shares_of(sightings)
     mean = np.sum([share @ s.position for share, s in zip(shares, sightings, strict=True)], axis=0)
     covariance = np.zeros((3, 3))
     for share_a, a in zip(shares, sightings, strict=True):
-        covariance += share_a @ (a.own_cov + a.pass_cov) @ share_a.T
+        alone = a.own_cov + a.pass_cov - np.outer(a.size_effect, a.size_effect)
+        covariance += share_a @ alone @ share_a.T
         for share_b, b in zip(shares, sightings, strict=True):
             both = _common_covariance(a, b, 1.0 if adjusted else _alike(a, b))
             covariance += share_a @ both @ share_b.T
+    by_size = size_effect(sightings)
+    covariance += np.outer(by_size, by_size)
     return mean, 0.5 * (covariance + covariance.T)
+
+
+def shares_of(sightings: Sequence[Sighting]) -> list[FloatArray]:
+    """The part [3, 3] that each of one sign's sightings has in their mean."""
+    weights = [np.linalg.inv(s.covariance + 1e-6 * np.eye(3)) for s in sightings]
+    inverse = np.linalg.inv(np.sum(weights, axis=0))
+    return [inverse @ weight for weight in weights]
+
+
+def size_effect(sightings: Sequence[Sighting]) -> FloatArray:
+    """How far a sigma of the size that a sign was taken for moves its mean position [3], m."""
+    shares = shares_of(sightings)
+    moved = [share @ s.size_effect for share, s in zip(shares, sightings, strict=True)]
+    return np.asarray(np.sum(moved, axis=0))
 
 
 def member_rows(sightings: Sequence[Sighting]) -> IntArray:

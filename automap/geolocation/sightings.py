@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from automap.geolocation import limits
 from automap.geolocation.boresight import N_CAMERA
 from automap.geolocation.contradiction import AGREED, Disagreement
-from automap.geolocation.landmark import Landmark, position_jacobian
+from automap.geolocation.landmark import Landmark, SizePrior, position_jacobian
 from automap.geolocation.views import Views
 from automap.records import FloatArray
+from automap.robust import cauchy_weight
 
 
 @dataclass(frozen=True)
@@ -26,7 +27,9 @@ class Sighting:
     of the boxes);
     ``path_sd`` [3] the trajectory's position error at the nearest view, m; ``time_s`` the
     middle of the pass; ``facing`` [2] unit vector (north, east) from the sign towards the
-    cameras; ``class_score`` sum of scores by class.
+    cameras; ``class_score`` sum of scores by class. ``size_effect`` [3] what of ``own_cov`` and
+    ``pass_cov`` comes of the size that the sign was taken for: how far a sigma of that moves the
+    place, m. Every pass and every drive takes the sign for that size.
     """
 
     landmark: Landmark
@@ -41,6 +44,7 @@ class Sighting:
     facing: FloatArray
     class_score: dict[str, float]
     contradictory: bool = False
+    size_effect: FloatArray = field(default_factory=lambda: np.zeros(3))
 
     @property
     def covariance(self) -> FloatArray:
@@ -62,14 +66,24 @@ def _without_lever_arm(covariance: FloatArray) -> FloatArray:
     return result
 
 
+def _by_size(views: Views, landmark: Landmark, size: SizePrior) -> FloatArray:
+    """How far a landmark's parameters [4] move when its size prior does by its sigma."""
+    prior = size.of(views.class_name[landmark.rows].tolist())
+    off = (landmark.parameters[3] - np.log(prior.size_m)) / prior.log_sd
+    weight = float(cauchy_weight(np.array([off**2]))[0])  # as the fit weighs the prior
+    stated = landmark.covariance / max(1.0, landmark.chi2 / landmark.dof)
+    return np.asarray((stated + landmark.pass_covariance)[:, 3] * (weight / prior.log_sd))
+
+
 def make_sighting(
     views: Views,
     landmark: Landmark,
     camera_covariances: Sequence[FloatArray],
     found: Disagreement = AGREED,
+    size: SizePrior | None = None,
 ) -> Sighting:
     """Turn a landmark into a sighting; ``camera_covariances`` [9, 9] one per camera, ``found`` of
-    its bearings and heights."""
+    its bearings and heights, ``size`` that it was taken for (None: as if boxes alone told it)."""
     rows = landmark.rows
     J = position_jacobian(views, landmark)
     effect = J @ landmark.common[:, :N_CAMERA]
@@ -94,4 +108,5 @@ def make_sighting(
         facing=mean / max(float(np.linalg.norm(mean)), 1e-6),
         class_score=scores,
         contradictory=found.contradictory,
+        size_effect=np.zeros(3) if size is None else J @ _by_size(views, landmark, size),
     )

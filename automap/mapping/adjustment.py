@@ -15,6 +15,7 @@ from automap.geolocation.path_errors import Equations, Network, Solution, correl
 from automap.mapping import limits
 from automap.mapping.association import Association, Members
 from automap.mapping.sightings import Sightings
+from automap.mapping.size_errors import own_parts
 from automap.mapping.tiles import Tile, cut_tiles
 from automap.records import FloatArray, IntArray
 
@@ -60,7 +61,9 @@ class Adjusted:
 class TileData:
     """Sightings of a tile's signs: ``rows`` [n] of all sightings, ``first`` [d + 1] where each
     drive begins, ``sign`` [n] place in ``tile.signs``, ``measured`` [n, 3] east, north, up of
-    ``origin`` (lat, lon rad, height m)."""
+    ``origin`` (lat, lon rad, height m); ``own`` [n, 3] (ee, en, nn) and ``own_u`` [n] of each
+    sighting's own error, without what all of a sign's have in common: ``common`` [m, 3] east,
+    north, up of every sign of the tile, one sigma."""
 
     tile: Tile
     rows: IntArray
@@ -68,6 +71,9 @@ class TileData:
     sign: IntArray
     measured: FloatArray
     origin: tuple[float, float, float]
+    own: FloatArray
+    own_u: FloatArray
+    common: FloatArray
 
 
 def adjust(
@@ -161,7 +167,8 @@ def tile_data(
     measured = np.column_stack(
         [turn * east, (sightings.lat[rows] - origin[0]) * north, height - origin[2]]
     )
-    return TileData(tile, rows, first.astype(np.int64), place, measured, origin)
+    own = own_parts(sightings, rows, place)
+    return TileData(tile, rows, first.astype(np.int64), place, measured, origin, *own)
 
 
 def network_of(sightings: Sightings, data: TileData, levels: ErrorLevels, axes: int) -> Network:
@@ -172,11 +179,11 @@ def network_of(sightings: Sightings, data: TileData, levels: ErrorLevels, axes: 
     alike = correlations(time, levels.tau_s)
     alike[data.first[:-1]] = 0.0
     if axes == 2:
-        own = levels.own**2 * sightings.own[rows][:, [0, 1, 1, 2]].reshape(-1, 2, 2)
+        own = levels.own**2 * data.own[:, [0, 1, 1, 2]].reshape(-1, 2, 2)
         shared, measured = sightings.shared_sd[rows, :2], data.measured[:, :2]
     else:
         known = np.isfinite(data.measured[:, 2:])
-        own = np.where(known, levels.own**2 * sightings.own_u[rows][:, None], _NO_HEIGHT)
+        own = np.where(known, levels.own**2 * data.own_u[:, None], _NO_HEIGHT)
         own = own[:, :, None]
         shared = np.where(known, sightings.shared_sd[rows, 2:], 0.0)
         measured = np.where(known, data.measured[:, 2:], 0.0)
@@ -231,7 +238,8 @@ def _store(result: Adjusted, data: TileData, placed: Placed, drive: IntArray) ->
     result.lat[core] = data.origin[0] + placed.place[:, 1] / north
     turn = data.origin[1] + placed.place[:, 0] / east
     result.lon[core] = (turn + np.pi) % (2 * np.pi) - np.pi
-    cov = placed.cov
+    common = data.common[: len(core)]
+    cov = placed.cov + common[:, :, None] * common[:, None, :]
     known = cov[:, 2, 2] < 1e-3 * _NO_HEIGHT
     result.height[core] = np.where(known, data.origin[2] + placed.place[:, 2], np.nan)
     cov[:, 2, 2] = np.where(known, cov[:, 2, 2], np.nan)

@@ -20,9 +20,6 @@ SURE = 0.9
 asked of each kind: nine of ten."""
 LIKELIER_THAN_NOT = 0.5
 """What is less likely is not for work, however sure the others of its kind are."""
-LARGEST_FACE_M = 3.0
-"""Of warnings and regulations: the largest boards of AS 1742 and the VzKat are 2.4 m wide, and a
-map's sizes are good to a fifth."""
 MOST_DRIVES = 9
 """Further drives that an unconfirmed sign is said to need, at most: that many say "many"."""
 HIGHEST_RATE = 0.99

@@ -10,6 +10,7 @@ import numpy as np
 from automap.mapping import limits
 from automap.mapping.review_state import Verdict, standing, verdicts
 from automap.records import TRACK_PROBABILITIES, FloatArray, PlacedSign, ReviewAction, Sign
+from automap.records.signs import BY_SIZE
 
 __all__ = ["Renamed", "Reviewed", "Verdict", "apply_review", "match", "standing", "verdicts"]
 
@@ -188,7 +189,7 @@ def _changed(sign: Sign, verdict: Verdict) -> Sign:
             "lon_rad": float(np.radians(verdict.lon_deg)),
             "lat_rad": float(np.radians(verdict.lat_deg)),
             "cov_enu": covariance,
-            "path_offset_m": float("nan"),
+            **dict.fromkeys(("path_offset_m", *BY_SIZE), float("nan")),
         }
     if verdict.facing_deg is not None:
         changes |= {
@@ -217,7 +218,7 @@ def _placed(sign: Sign, place: PlacedSign) -> Sign:
         "side": place.side or sign.side,
         "path_offset_m": float("nan"),
         # measured of other views
-        **dict.fromkeys(("contrast", "contrast_sd", "seen_share"), float("nan")),
+        **dict.fromkeys(("contrast", "contrast_sd", "seen_share", *BY_SIZE), float("nan")),
         **{"contrast_note": "", "n_looked": 0},
     }
     if place.n_views:

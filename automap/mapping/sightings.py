@@ -12,11 +12,12 @@ import numpy.typing as npt
 from automap.earth import metres_per_radian
 from automap.mapping import limits
 from automap.records import DrivePath, FloatArray, IntArray
+from automap.records.signs import BY_SIZE
 
 UNTOLD: dict[str, float | str] = {
     "existence": np.nan, "class_probability": np.nan, "group_probability": np.nan,
     "contrast": np.nan, "contrast_sd": np.nan, "contrast_note": "", "seen_share": np.nan,
-    "n_looked": 0.0, "n_back_views": 0.0,
+    "n_looked": 0.0, "n_back_views": 0.0, **dict.fromkeys(BY_SIZE, np.nan),
 }  # fmt: skip
 """What columns hold of drives that do not tell them."""
 
@@ -40,7 +41,7 @@ class DriveSigns:
     ``last_gps_s`` [n] when the sign was in view; ``class_probability``, ``group_probability`` [n]
     what the detector tells of the class, and of its colour and shape (None: of none);
     ``existence`` [n] how probable each is by this drive alone (None: it does not tell);
-    ``contrast`` to ``n_back_views`` [n] as a sign has them (None: likewise). Unknown numbers are
+    ``contrast`` to ``by_size_u_m`` [n] as a sign has them (None: likewise). Unknown numbers are
     NaN.
     """
 
@@ -75,6 +76,9 @@ class DriveSigns:
     seen_share: FloatArray | None = None
     n_looked: FloatArray | None = None
     n_back_views: FloatArray | None = None
+    by_size_e_m: FloatArray | None = None
+    by_size_n_m: FloatArray | None = None
+    by_size_u_m: FloatArray | None = None
 
     def __len__(self) -> int:
         return len(self.ids)
@@ -126,6 +130,9 @@ class Sightings:
     seen_share: FloatArray
     n_looked: FloatArray
     n_back_views: FloatArray
+    by_size_e_m: FloatArray
+    by_size_n_m: FloatArray
+    by_size_u_m: FloatArray
     classes: tuple[str, ...]
 
     def __len__(self) -> int:
@@ -167,7 +174,7 @@ def stack_sightings(drives: Sequence[DriveSigns]) -> Sightings:
         return Sightings(
             none, none, np.zeros(1, np.int64), zero, zero, zero, zero, zero, zero, three, zero,
             three, zero, none, zero, text, none, zero, zero, zero, zero, zero, zero, text, text,
-            zero, zero, zero, zero, zero, text, zero, zero, zero, (),
+            zero, zero, zero, zero, zero, text, zero, zero, zero, zero, zero, zero, (),
         )  # fmt: skip
     names = sorted({str(name) for drive in drives for name in set(drive.class_name)})
     number = {name: k for k, name in enumerate(names)}

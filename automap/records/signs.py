@@ -14,6 +14,8 @@ ReviewKind = Literal[
     "accept", "reject", "correct", "note", "reset", "undo", "add", "split", "merge"
 ]
 
+BY_SIZE = ("by_size_e_m", "by_size_n_m", "by_size_u_m")
+
 
 @dataclass(frozen=True)
 class Sign:
@@ -31,6 +33,8 @@ class Sign:
     with the standard deviation ``contrast_sd`` from view to view (NaN: ``contrast_note`` says why,
     "" where nothing looked); of the ``n_looked`` frames that should have shown it the part
     ``seen_share`` that did (NaN unknown); ``n_back_views`` views of its back in other passes.
+    ``by_size_e_m``, ``by_size_n_m``, ``by_size_u_m`` how far a sigma of the size that a drive took
+    the sign for moves it east, north and up (NaN unknown): every drive takes it for that size.
     """
 
     id: str
@@ -67,6 +71,9 @@ class Sign:
     note: str = ""
     reviewer: str = ""
     reviewed: str = ""
+    by_size_e_m: float = float("nan")
+    by_size_n_m: float = float("nan")
+    by_size_u_m: float = float("nan")
 
 
 @dataclass(frozen=True)

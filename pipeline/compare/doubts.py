@@ -21,7 +21,6 @@ from automap.mapping.inventory import InventoryComparison, compare_inventory
 from automap.mapping.inventory_classes import same_face
 from automap.mapping.inventory_findings import Finding, Inventory
 from automap.mapping.inventory_limits import (
-    LARGEST_FACE_M,
     LARGEST_SD_M,
     LEAST_TURNS,
     LIKELIER_THAN_NOT,
@@ -58,7 +57,6 @@ def doubts(
         *_classes(result, signs, listed),
         *_posts(result, signs),
         *_without_place(result, signs, elsewhere),
-        *_sizes(result, signs),
     ):
         told.append(f"{path}: {sentence}")
         withheld |= set(rows)
@@ -271,25 +269,6 @@ def _without_place(
     return [(
         f"{len(rows)} new signs are of a class that entries without a position have; they may be "
         "these, and are not for work.",
-        rows,
-    )]  # fmt: skip
-
-
-def _sizes(result: InventoryComparison, signs: Sequence[Sign]) -> _Doubts:
-    """Whether what is new is larger than signs are; places and directions are told of on any."""
-    rows = [
-        k
-        for k in _rows(result, "new")
-        if signs[result.findings[k].sign].size_m > LARGEST_FACE_M
-        and signs[result.findings[k].sign].class_name.startswith(("regulatory--", "warning--"))
-    ]
-    if not rows:
-        return []
-    most = max(signs[result.findings[k].sign].size_m for k in rows)
-    return [(
-        f"{'one new sign' if len(rows) == 1 else f'{len(rows)} new signs'} would be wider than "
-        f"{LARGEST_FACE_M:.0f} m (up to {most:.1f} m), which no such face is: walls, boards and "
-        "vehicles are taken for some. Not for work.",
         rows,
     )]  # fmt: skip
 

@@ -20,6 +20,7 @@ from automap.mapping.identity import drive_key
 from automap.mapping.sightings import UNTOLD, CameraView, DriveSigns, Sightings, stack_sightings
 from automap.mapping.visibility import STRIDE
 from automap.records import DrivePath, FloatArray, IntArray
+from automap.records.signs import BY_SIZE
 
 DRIVES, SIGHTINGS, PATHS = "drives", "sightings", "paths"
 GROUPS, PLACED, COVERED = "groups", "placed", "covered"
@@ -29,7 +30,7 @@ _PLAIN = (
     "confidence", "id", "n_views", "first_gps_s", "last_gps_s", "height_above_road_m",
     "sd_above_road_m", "facing_sd_rad", "size_m", "side", "status", "class_probability",
     "group_probability", "existence", "contrast", "contrast_sd", "contrast_note", "seen_share",
-    "n_looked", "n_back_views",
+    "n_looked", "n_back_views", *BY_SIZE,
 )  # fmt: skip
 
 

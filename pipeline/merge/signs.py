@@ -12,6 +12,7 @@ import numpy.typing as npt
 from automap.errors import InputError
 from automap.io import names
 from automap.records import NO_TIME, ClockModel, FloatArray, IntArray, Sign
+from automap.records.signs import BY_SIZE
 
 GPS_CLOCK = ClockModel(0, 0.0, 0.0, 0.0, 0.0, "gps")
 """Stamps that are GPS time in nanoseconds."""
@@ -76,7 +77,7 @@ def _table_columns(path: Path, clock: ClockModel | None) -> dict[str, Any]:
         name: floats(table, name) if name in told else unknown
         for name in (
             "sd_above_road_m", "facing_sd_rad", "class_probability", "group_probability",
-            "existence", *CONDITION,
+            "existence", *CONDITION, *BY_SIZE,
         )
     } | {
         name: floats(table, name)
@@ -100,7 +101,7 @@ def _columns(signs: Sequence[Sign], clock: ClockModel | None) -> dict[str, Any]:
     numbers = (
         "lat_rad", "lon_rad", "height_m", "confidence", "height_above_road_m", "sd_above_road_m",
         "facing_rad", "facing_sd_rad", "size_m", "class_probability", "group_probability",
-        "existence", *CONDITION,
+        "existence", *CONDITION, *BY_SIZE,
     )  # fmt: skip
     return {
         "ids": tuple(sign.id for sign in signs),

@@ -179,7 +179,7 @@ def mapping_series() -> Any:
         + base
     )
     tiles = error_levels.level_tiles(stacked, found.sign, home, 2)
-    surer = [(replace(own, own=0.1 * own.own), data) for own, data in tiles]
+    surer = [(own, replace(data, own=0.1 * data.own)) for own, data in tiles]
     drives = np.array([0, 0, 1])
     states = [
         np.array(s, object)

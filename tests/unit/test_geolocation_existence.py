@@ -5,8 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from geolocation_scene import boxes, camera, drive_path, roadside
 
+from automap.geolocation.face_sizes import largest_face_m, size_nats
+from automap.geolocation.landmark import SizePrior
 from automap.geolocation.locate import locate_signs
 from automap.geolocation.result import GeolocationResult
 from automap.records import Detections, IntArray, Trajectory
@@ -41,3 +44,37 @@ def test_a_single_box_before_many_frames_without_one_is_no_sign() -> None:
     result = located(path, found, kept)
     assert len(result.signs) == len(np.unique(owner)) - 1
     assert "unconfirmed" in result.observations.note.tolist()
+
+
+def test_a_wall_that_is_seen_again_and_again_is_no_warning() -> None:
+    path = drive_path(40.0)
+    scene = roadside(path)
+    size = scene.size_m.copy()
+    size[4], size[7] = 5.0, 2.0
+    names = tuple("warning--children--g2" for _ in size)
+    placed = replace(scene, size_m=size, class_name=names)
+    found, owner = boxes(path, placed, camera(), np.random.default_rng(2))
+    assert (owner == 4).sum() > 5
+    signs = locate_signs(path, [found], {"front": camera()}).signs
+    sizes = np.array([sign.size_m for sign in signs])
+    # a face of three times the usual size stays
+    assert len(signs) == len(size) - 1
+    assert sizes.max() == pytest.approx(2.0, rel=0.1)
+    assert min(sign.existence for sign in signs) > 0.94
+    # boards are as large as what stands on them
+    assert largest_face_m("information--unknown-green-square") == np.inf
+
+
+def test_sizes_tell_faces_from_other_things() -> None:
+    usual = SizePrior(0.75, 0.25)
+    nats = [size_nats(np.log(size), 0.05**2, usual, 2.4) for size in (0.75, 2.0, 2.4, 3.0, 8.0)]
+    # of any size that is made, and about the usual with a density of 1 / (0.25 sqrt(2 pi)); others
+    # as often of one size as of another
+    odd = 2.0 / 3.0 / np.log(12.0)
+    assert nats[0] == pytest.approx(np.log((odd + 1.565 / 3.0) * np.log(50.0)), abs=0.05)
+    assert nats[1] == pytest.approx(np.log(odd * np.log(50.0)), abs=0.05)
+    assert nats[1] > 0.0
+    assert nats[2] == pytest.approx(nats[1] - np.log(2.0), abs=0.05)
+    assert max(nats[3:]) < -8.0
+    # nothing is told by a size that nobody measured
+    assert abs(size_nats(0.0, 1e4, usual, 2.4)) < 0.05

@@ -284,6 +284,7 @@ def test_a_sign_of_the_map_has_place_and_covariance_where_it_stands() -> None:
             ),
             covariance=np.diag([1.0, 1.0, 4.0 + 9.0 * k]), path_sd=np.array([9.0, 9.0, 1.5]),
             class_score={"a": 1.0, "b": 1.5 * k}, contradictory=False,
+            size_effect=np.array([1.0 - k, 0.5, 0.2]),
         )
         for k, rows in enumerate(([4, 1], [2]))
     ]  # fmt: skip
@@ -306,6 +307,8 @@ def test_a_sign_of_the_map_has_place_and_covariance_where_it_stands() -> None:
         change = moved - [lat, lon, height]
         axes[:, k] = change[1] * 6.386e6 * np.cos(lat), change[0] * 6.357e6, change[2]
     np.testing.assert_allclose(found.cov_enu, axes @ covariance @ axes.T, atol=0.03)
+    by_size = [found.by_size_e_m, found.by_size_n_m, found.by_size_u_m]
+    np.testing.assert_allclose(by_size, axes @ [0.5, 0.5, 0.2], atol=0.01)
     C = tangent_rotation(np.array([lat]), np.array([lon]), ORIGIN)[0].T
     turn = np.arctan2(C[1, 0], C[0, 0])
     assert abs(turn) > 1e-3

@@ -295,19 +295,3 @@ def test_signs_that_moved_each_its_own_way_are_not_alike() -> None:
     assert not moved_alike(
         [Finding("moved", k, k, 0.9, e, n, 1.0) for k, (e, n) in enumerate(ways)]
     )
-
-
-def test_what_is_larger_than_signs_are_is_not_for_work() -> None:
-    signs, one, drives = street()
-    result = compare_inventory(signs, one, drives)
-    new = [f.sign for f in result.findings if f.kind == "new" and f.sure]
-    large = [replace(s, size_m=7.0) if k == new[0] else s for k, s in enumerate(signs)]
-    text, findings = said(one, large)
-    assert "one new sign would be wider than 3 m (up to 7.0 m)" in text
-    assert {f.sign for f in findings if f.kind == "new" and f.sure} == set(new[1:])
-    # a board of directions may be as large
-    board = [
-        replace(s, class_name="information--unknown-green-square") if k == new[0] else s
-        for k, s in enumerate(large)
-    ]
-    assert "wider" not in said(one, board)[0]

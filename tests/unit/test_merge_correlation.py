@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from merge_scene import ORIGIN, to_enu, to_geodetic
@@ -317,3 +319,43 @@ def test_offsets_along_a_drive_are_the_conditional_mean_of_the_process() -> None
         assert offset[:, axis] == pytest.approx(gain @ places[rows, axis], abs=1e-9)
         left = np.diag(prior - gain @ prior[rows])
         assert variance[:, axis] == pytest.approx(left, abs=1e-9)
+
+
+def test_a_size_that_all_drives_took_a_sign_for_is_not_averaged_away() -> None:
+    # ten signs seen from afar, whose sizes move them 5 m to the east in every drive, and ten near
+    # ones; drives scatter by a third of what they state
+    rng = np.random.default_rng(5)
+    places = np.column_stack([rng.uniform(-150, 150, (20, 2)), np.full(20, 2.0)])
+    places[:, 0] = np.linspace(-500, 500, 20)
+    far = np.arange(20) % 2 == 1
+    effect = np.where(far, 5.0, 0.05)
+    cov = np.array([ellipse(6.0 if f else 0.6, 0.6, 90.0) for f in far])
+    wrong = np.column_stack([effect * rng.standard_normal(20), np.zeros((20, 2))])
+
+    def once(number: int, along: np.ndarray = effect, moved: np.ndarray = wrong) -> DriveSigns:
+        scatter = rng.normal(0.0, 0.2, (20, 3))
+        told = drive(number, places + moved + scatter, cov)
+        nothing = np.zeros(20)
+        return replace(told, by_size_e_m=along, by_size_n_m=nothing, by_size_u_m=nothing)
+
+    def merged(drives: list[DriveSigns]) -> tuple[Adjusted, ErrorLevels]:
+        sightings, same = stack_sightings(drives), Association(*_grouped(len(drives), 20))
+        levels = estimate_levels(sightings, same)
+        return adjust(sightings, same, levels), levels
+
+    found, levels = merged([once(k) for k in range(4)])
+    sd = np.sqrt(found.cov_enu[:, 0, 0])
+    assert levels.own < 0.6
+    assert np.all((sd[far] > 5.0) & (sd[far] < 5.7))
+    assert sd[~far].max() < 0.25
+    # one drive that sees all from near settles it
+    near = once(4, np.full(20, 0.05), 0.01 * wrong)
+    near = replace(near, cov_enu=np.tile(cov[0], (20, 1, 1)))
+    sd = np.sqrt(merged([*(once(k) for k in range(3)), near])[0].cov_enu[:, 0, 0])
+    assert sd.max() < 0.7
+
+
+def _grouped(drives: int, signs: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Association of drives that see the same signs in one order."""
+    nothing = np.zeros((drives * signs, 3))
+    return np.tile(np.arange(signs), drives), nothing, nothing

@@ -1,0 +1,52 @@
+"""What the drives' errors of one sign have in common: the size that all took it for.
+
+A sign seen from afar only is as far as its size says. That it is larger than its class moves every
+drive's place of it the same way: such an error shows in no scatter between the drives, and their
+number does not average it away. With x_i = place + a_i s + e_i, s ~ N(0, 1) the same in all, a mean
+effect A of a sign is split off: A s is common, (a_i - A) s and e_i are a sighting's own (s is a
+considered parameter: Tapley, Schutz and Born, Statistical Orbit Determination, 2004, chapter 6). A
+is the mean by weight of the sightings: a sign which one drive saw from near has nearly none.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from automap.mapping import limits
+from automap.mapping.sightings import Sightings
+from automap.records import FloatArray, IntArray
+from automap.records.signs import BY_SIZE
+
+
+def own_parts(
+    sightings: Sightings, rows: IntArray, sign: IntArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Own errors [n, 3] (ee, en, nn) and [n] up, m^2, of some ``rows`` [n] without the common part,
+    and that: [m, 3] east, north, up of every sign, one sigma in m. ``sign`` [n] whose each is."""
+    effect = np.nan_to_num(np.column_stack([getattr(sightings, name)[rows] for name in BY_SIZE]))
+    plan = sightings.own[rows][:, [0, 1, 1, 2]].reshape(-1, 2, 2)
+    up = sightings.own_u[rows][:, None, None]
+    own_plan, common = _split(plan, effect[:, :2], sign)
+    own_up, common_up = _split(up, effect[:, 2:], sign)
+    return (
+        own_plan.reshape(-1, 4)[:, [0, 1, 3]],
+        own_up[:, 0, 0],
+        np.column_stack([common, common_up]),
+    )
+
+
+def _split(own: FloatArray, effect: FloatArray, sign: IntArray) -> tuple[FloatArray, FloatArray]:
+    """Own errors [n, a, a] without the common part, and that [m, a]."""
+    information = np.linalg.inv(own)
+    # an effect is part of the error, whatever rounding and later passes left of that
+    part = np.einsum("ni,nij,nj->n", effect, information, effect)
+    most = 1.0 - limits.LEAST_OWN_SHARE
+    effect = effect * np.sqrt(most / np.maximum(part, most))[:, None]
+    m = int(sign.max()) + 1
+    total, pull = np.zeros((m, *own.shape[1:])), np.zeros((m, effect.shape[1]))
+    np.add.at(total, sign, information)
+    np.add.at(pull, sign, np.einsum("nij,nj->ni", information, effect))
+    common = np.asarray(np.linalg.solve(total, pull[:, :, None])[:, :, 0], np.float64)
+    rest = effect - common[sign]
+    outer = rest[:, :, None] * rest[:, None, :] - effect[:, :, None] * effect[:, None, :]
+    return np.asarray(own + outer), common
