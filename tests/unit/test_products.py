@@ -58,7 +58,8 @@ def test_signs_are_dated_by_the_clock_of_the_path(tmp_path: Path) -> None:
         assert np.abs(clock.gps_s(stamps) - read_run(out).signs.first_gps_s).max() < 1e-5
     (out / names.TRAJECTORY).unlink()
     found = load_products(out).clock
-    assert found is not None and found.method == "arrival"
+    assert found is not None
+    assert found.method == "arrival"
 
 
 def test_many_signs_of_few_drives_hold_their_names_once(tmp_path: Path) -> None:
