@@ -44,14 +44,14 @@ def evaluate_run(
     out = results_of(Path(out))
     if not out.is_dir():
         raise InputError(f"{out}: no such output folder; give the folder that a run wrote.")
-    if not any((out / name).is_file() for name in _RESULTS):
-        raise InputError(f"{out} holds neither a trajectory nor signs; run the drive first.")
     drive_dir = drive_of(out)[1]
     truth = Path(truth_dir) if truth_dir is not None else drive_dir / names.TRUTH_DIR
     trajectory_truth = truth / names.TRUTH_TRAJECTORY
     signs_truth = truth / names.TRUTH_SIGNS
     for path in (trajectory_truth, signs_truth):
         check_inside(path, drive_dir if truth_dir is None else truth, str(truth))
+    if not any((out / name).is_file() for name in _RESULTS):
+        raise InputError(f"{out} holds neither a trajectory nor signs; run the drive first.")
     if not trajectory_truth.is_file() and not signs_truth.is_file():
         raise InputError(
             f"{truth}: no truth found ({names.TRUTH_TRAJECTORY} or {names.TRUTH_SIGNS}); "
