@@ -446,6 +446,16 @@ def test_the_key_of_settings_follows_settings_versions_and_files(
         Order(echo, other, (), 1).settings()
 
 
+@pytest.mark.parametrize("words", [("add", "store", "none/*"), ("run", "store", "--drives", "no")])
+def test_no_store_is_made_for_drives_that_are_not_there(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, words: tuple[str, ...]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    result = CliRunner().invoke(cli, ["fleet", *words])
+    assert result.exit_code != 0
+    assert not (tmp_path / "store").exists()
+
+
 def changed(stage):  # type: ignore[no-untyped-def]
     from dataclasses import replace
 
