@@ -16,7 +16,11 @@ TimeArray = npt.NDArray[np.datetime64]
 
 
 def clock_from_trajectory(trajectory: Trajectory) -> ClockModel | None:
-    """The straight line through a trajectory's two clocks; None when it has no GPS time."""
+    """The straight line through a trajectory's two clocks; None when it has no GPS time.
+
+    It goes before the clock of ``sync.json``, which does not know the receiver's delay that the
+    fusion estimates: signs would be dated by so much earlier than the path beside them.
+    """
     good = np.flatnonzero(np.isfinite(trajectory.gps_s))
     if len(good) < 2:
         return None

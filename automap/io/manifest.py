@@ -17,7 +17,7 @@ from pydantic import (
 )
 
 from automap.errors import ConfigError, InputError
-from automap.io import limits
+from automap.io import limits, names
 from automap.io.axes import axes_matrix, triad_matrix
 from automap.io.table_form import (
     Separator,
@@ -244,9 +244,14 @@ def read_manifest(path: Path) -> Manifest:
     try:
         raw = path.read_bytes()
     except FileNotFoundError:
+        folder = path.parent
+        if (folder / names.RUN).is_file():
+            raise InputError(
+                f"{folder} holds results, no recordings; give the folder of the drive."
+            ) from None
         raise InputError(
-            f"{path} is missing: it makes a folder a drive. "
-            f"Write a file of that name with at least the line {MINIMAL}"
+            f"{path} is missing: it makes a folder a drive. automap init makes it of recordings "
+            f"that lie there; or write a file of that name with at least the line {MINIMAL}"
         ) from None
     except OSError as error:
         raise InputError(f"{path} cannot be read: {error.strerror}.") from error

@@ -65,9 +65,11 @@ def add_command(url: str, drives: tuple[str, ...], quiet: bool) -> None:
 
     Nothing is run. A drive whose files have changed takes its own place.
     """
+    from pipeline.fleet.add import check_there
     from pipeline.fleet.status import write_status
     from pipeline.fleet.store import Store
 
+    check_there(drives)
     store = Store.at(url, make=True)
     _added(store, drives, quiet)
     write_status(store)
@@ -114,6 +116,7 @@ def run_command(
     Each is run in a process of its own. What cannot be read for a moment is tried three times; a
     drive that is damaged is put aside and named with the reason. The exit code is then 3.
     """
+    from pipeline.fleet.add import check_there
     from pipeline.fleet.orders import keep_done as keep
     from pipeline.fleet.orders import settings_of
     from pipeline.fleet.run import order_for, run
@@ -121,6 +124,7 @@ def run_command(
     from pipeline.fleet.store import Store
     from pipeline.shared.terminal import progress_bar
 
+    check_there(drives)
     store = Store.at(url, make=bool(drives))
     if drives:
         _added(store, drives, quiet)

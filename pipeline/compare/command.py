@@ -68,8 +68,9 @@ def compare_with_inventory(
     from pipeline.compare.doubts import doubts
     from pipeline.compare.listing import listed_signs, placeless
     from pipeline.compare.report import comparison_report
-    from pipeline.shared.run_record import country_of, drive_of
+    from pipeline.shared.run_record import country_of, drive_of, results_of
 
+    folder = results_of(folder)
     if out.resolve() == folder.resolve() or (out / names.RUN).is_file():
         raise ConfigError(f"-o {out} holds a map; choose another folder for the comparison.")
     products = _map(folder)

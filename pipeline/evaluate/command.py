@@ -24,9 +24,11 @@ from automap.io.trust import check_inside
 from automap.io.truth_trajectory import read_truth_trajectory
 from automap.records import NO_TIME, Fixes, FloatArray, SignPoints, Trajectory
 from pipeline.evaluate.requirements import check_requirements
-from pipeline.shared.run_record import drive_of
+from pipeline.shared.run_record import drive_of, results_of
 
 __all__ = ["check_requirements", "evaluate_run"]
+
+_RESULTS = (names.TRAJECTORY, names.SIGNS_GEOJSON, names.SIGNS_RAW)
 
 
 def evaluate_run(
@@ -39,7 +41,7 @@ def evaluate_run(
     has no truth, or no result, is left out of the file. Raises InputError when nothing can
     be compared.
     """
-    out = Path(out)
+    out = results_of(Path(out))
     if not out.is_dir():
         raise InputError(f"{out}: no such output folder; give the folder that a run wrote.")
     drive_dir = drive_of(out)[1]
@@ -48,6 +50,8 @@ def evaluate_run(
     signs_truth = truth / names.TRUTH_SIGNS
     for path in (trajectory_truth, signs_truth):
         check_inside(path, drive_dir if truth_dir is None else truth, str(truth))
+    if not any((out / name).is_file() for name in _RESULTS):
+        raise InputError(f"{out} holds neither a trajectory nor signs; run the drive first.")
     if not trajectory_truth.is_file() and not signs_truth.is_file():
         raise InputError(
             f"{truth}: no truth found ({names.TRUTH_TRAJECTORY} or {names.TRUTH_SIGNS}); "

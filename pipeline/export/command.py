@@ -12,7 +12,7 @@ from pipeline.export.formats import FORMATS, TRAJECTORY_FORMATS, write_dictionar
 from pipeline.export.projected import check_projected, in_projection
 from pipeline.export.roads import put_on_roads
 from pipeline.export.trajectory_view import TrajectoryView, viewed
-from pipeline.shared.run_record import drive_of
+from pipeline.shared.run_record import drive_of, results_of
 from pipeline.shared.targets import spare_recordings, spare_results
 
 
@@ -46,6 +46,7 @@ def export_run(
         )
     check_format(datum, fmt)
     check_projected(crs, heights, datum, fmt)
+    out = results_of(out)
     check_run(out)
     file_name, write = FORMATS[fmt]
     path = target if target is not None else out / file_name

@@ -73,6 +73,13 @@ def add(store: Store, patterns: Sequence[str]) -> Added:
     return Added(added.new, added.replaced, again, added.warnings)
 
 
+def check_there(patterns: Sequence[str]) -> None:
+    """Raise InputError where not one folder is found: no store is to be made for it."""
+    told: list[str] = []
+    if patterns and not _found(patterns, told):
+        raise InputError(told[0])
+
+
 def digest_of(place: Place, name: str, files: Sequence[tuple[str, int]]) -> str:
     """A drive's name in the store, from names, sizes and content of its files."""
     whole = hashlib.sha256()

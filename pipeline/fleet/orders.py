@@ -41,10 +41,13 @@ def settings_of(store: Store, config: Path | None, assignments: Sequence[str]) -
     """The store's settings, or those given, which then are the store's."""
     told = store.read(SETTINGS)
     if told and config is None and not assignments:
-        return settings_of_echo(told["settings"], f"{store.place.url}/{SETTINGS}")
-    settings = load_settings(config, assignments)
-    if settings.echo() != told.get("settings"):
-        store.write(SETTINGS, {"settings": settings.echo(), "key": key_of(settings)})
+        settings = settings_of_echo(told["settings"], f"{store.place.url}/{SETTINGS}")
+    else:
+        settings = load_settings(config, assignments)
+    now = {"settings": settings.echo(), "key": key_of(settings)}
+    if now != told:
+        # the key is another with another version too: status counts what is done by it
+        store.write(SETTINGS, now)
     return settings
 
 

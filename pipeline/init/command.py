@@ -72,7 +72,9 @@ def init_drive(
         _copy(run, found)
         draft = _drafted(run.folder, look(run.folder), joined, ask)
         run.write_manifest(draft.text(), NOTES)
-    return Outcome(out, _told(found, joined, draft) + run.warnings)
+        # the folder that was filled has gone by now
+        told = [text.replace(str(run.folder), str(out)) for text in _told(found, joined, draft)]
+    return Outcome(out, told + run.warnings)
 
 
 _MOST_ZONE_H = 14.0

@@ -15,6 +15,7 @@ from automap.io import names
 from pipeline.merge.inputs import RunSigns, read_run
 from pipeline.merge.outcome import MergeOutcome
 from pipeline.shared.progress import Progress
+from pipeline.shared.run_record import results_of
 
 if TYPE_CHECKING:
     from automap.mapping.changes import Change, OlderMap
@@ -47,6 +48,7 @@ def merge_runs(
     from pipeline.merge.output import write_map
 
     started = time.monotonic()
+    folders = [results_of(folder) for folder in folders]
     _check_folders(folders, out)
     if background is not None and not background.is_file():
         raise ConfigError(f"--background {background}: no such file.")

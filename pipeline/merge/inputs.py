@@ -54,10 +54,10 @@ def read_run(folder: Path) -> RunSigns:
         )
     warnings: list[str] = []
     record = json_object(folder / names.RUN)
-    clock = _clock(folder)
     table = _trajectory(folder, warnings)
-    if clock is None and table is not None:
-        clock = _clock_of(table)
+    clock = None if table is None else _clock_of(table)
+    if clock is None:
+        clock = _clock(folder)
     columns = sign_columns(folder, clock)
     path = None if table is None else _path(table)
     cameras = cameras_of_run(folder, record)

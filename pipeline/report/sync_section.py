@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from automap.io import names
+from automap.io.clock_json import read_clock
 from automap.records import FloatArray
 from pipeline.pages.section import Section, draw_over_time
 from pipeline.pages.svg_plot import Series, thin_dots
@@ -28,7 +29,7 @@ def sync_section(products: RunProducts) -> Section:
     """Offset, drift and their uncertainty in words, all figures, and the delays."""
     section = Section(header=("figure", "value"), folded="All figures")
     content = products.json(names.SYNC)
-    clock = products.clock
+    clock = products.attempt(names.SYNC, read_clock)  # before the fusion mended it
     if not content or clock is None:
         section.absent = "The clocks of this drive were not tied to each other."
         return section

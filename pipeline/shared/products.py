@@ -169,10 +169,10 @@ def _clock(products: RunProducts) -> ClockModel | None:
     from automap.export.clock import clock_from_trajectory
     from automap.io.clock_json import read_clock
 
-    clock = products.attempt(names.SYNC, read_clock)
-    if clock is None and products.trajectory is not None:
-        return clock_from_trajectory(products.trajectory)
-    return clock
+    found = products.attempt(names.SYNC, read_clock)
+    if products.trajectory is None:
+        return found
+    return clock_from_trajectory(products.trajectory) or found
 
 
 def geoid_separation(products: RunProducts, t_ns: np.ndarray) -> np.ndarray | None:

@@ -56,6 +56,12 @@ def _sound(value: Any) -> dict[str, Any]:
     return record
 
 
+def results_of(folder: Path) -> Path:
+    """The folder of results that is meant: a drive's own where the drive is given."""
+    own = folder / names.DEFAULT_OUT
+    return own if (folder / names.MANIFEST).is_file() and own.is_dir() else folder
+
+
 def drive_of(out: Path) -> tuple[str, Path]:
     """Name and folder of the drive that a run in ``out`` was made of, as its record says.
 

@@ -69,12 +69,15 @@ class MapDrive:
         from automap.export.clock import clock_from_trajectory
         from automap.io.clock_json import read_clock
 
+        clock = None if self.trajectory is None else clock_from_trajectory(self.trajectory)
+        if clock is not None:
+            return clock
         try:
             if self.out is not None and (self.out / names.SYNC).is_file():
                 return read_clock(self.out / names.SYNC)
         except (AutoMapError, OSError, ValueError, KeyError, TypeError) as error:
             self.problems.append(f"Times of {self.name} are host stamps: {error}")
-        return None if self.trajectory is None else clock_from_trajectory(self.trajectory)
+        return None
 
     @cached_property
     def boxes(self) -> Boxes | None:

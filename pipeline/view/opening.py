@@ -8,7 +8,7 @@ from automap.errors import InputError
 from automap.io import names
 from automap.io.json_text import parse_json
 from automap.io.review_json import read_review
-from pipeline.shared.run_record import drive_of
+from pipeline.shared.run_record import drive_of, results_of
 from pipeline.view.drives import MapDrive
 from pipeline.view.signs import read_sign_table
 from pipeline.view.viewed_map import ViewedMap
@@ -19,8 +19,7 @@ def open_map(out: Path) -> ViewedMap:
 
     Raises InputError when there is neither a sign nor a trajectory, or a damaged review.
     """
-    if (out / names.MANIFEST).is_file() and (out / names.DEFAULT_OUT).is_dir():
-        out = out / names.DEFAULT_OUT
+    out = results_of(out)
     if not out.is_dir():
         raise InputError(f"{out} is no output folder of automap run; run the drive first.")
     signs = read_sign_table(out)

@@ -437,10 +437,23 @@ def test_the_key_of_settings_follows_settings_versions_and_files(
     assert key_of(settings_of(store, None, ())) == other
     stages = [s if s.name != "fuse" else changed(s) for s in load_stages()]
     monkeypatch.setattr("pipeline.fleet.orders.load_stages", lambda: stages)
-    assert key_of(settings_of(store, None, ())) != other
+    newer = key_of(settings_of(store, None, ()))
+    assert newer != other
+    # status counts by it: with the old one all that a newer version did was told to wait
+    assert store.read("settings.json")["key"] == newer
     echo = settings_of(store, None, ()).echo()
     with pytest.raises(ConfigError, match="another version of automap"):
         Order(echo, other, (), 1).settings()
+
+
+@pytest.mark.parametrize("words", [("add", "store", "none/*"), ("run", "store", "--drives", "no")])
+def test_no_store_is_made_for_drives_that_are_not_there(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, words: tuple[str, ...]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    result = CliRunner().invoke(cli, ["fleet", *words])
+    assert result.exit_code != 0
+    assert not (tmp_path / "store").exists()
 
 
 def changed(stage):  # type: ignore[no-untyped-def]

@@ -107,6 +107,9 @@ def test_into_another_folder(tmp_path: Path) -> None:
     assert check_drive(tmp_path / "drive").usable
     with pytest.raises(ConfigError, match="--force"):
         init_drive(tmp_path / "d", tmp_path / "drive", not_converted)
+    # what is told names files that are there: they were named where they lay before the drive
+    for text in outcome.told:
+        assert Path(text.split(": ")[0]).is_file(), text
 
 
 def test_a_negated_accelerometer_is_found(tmp_path: Path) -> None:

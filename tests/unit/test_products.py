@@ -5,13 +5,19 @@ from __future__ import annotations
 import errno
 from pathlib import Path
 
+import numpy as np
 import pytest
 from export_inputs import sign, write_run
 
 from automap.errors import StageError
 from automap.io import names
+from automap.io.clock_json import write_clock
 from automap.io.signs_table import read_signs, write_signs
+from automap.io.trajectory_table import read_trajectory
+from automap.records import ClockModel
+from pipeline.merge.inputs import read_run
 from pipeline.shared.products import load_products
+from pipeline.view.drives import MapDrive
 
 
 def test_a_damaged_file_is_left_out(tmp_path: Path) -> None:
@@ -35,6 +41,25 @@ def test_a_file_that_the_system_refuses_is_no_missing_one(
     assert products.signs is None
     with pytest.raises(StageError, match=r"signs_raw.*cannot be read \(refused\)"):
         products.readable()
+
+
+def test_signs_are_dated_by_the_clock_of_the_path(tmp_path: Path) -> None:
+    """That of sync.json lacks the receiver's delay that the fusion found: signs and path of one
+    run were dated apart by it, in every format, in merged maps and in the viewer."""
+    out = write_run(tmp_path / "out", signs=3, seconds=20.0)
+    path = read_trajectory(out / names.TRAJECTORY)
+    late = ClockModel(int(path.t_ns[0]), float(path.gps_s[0]) - 0.4, 0.0, 1e-3, 1e-6, "arrival")
+    write_clock(out / names.SYNC, late)
+    products, seen = load_products(out), MapDrive("out", out, None)
+    for clock in (products.clock, seen.clock):
+        assert clock is not None
+        assert np.abs(clock.gps_s(path.t_ns) - path.gps_s).max() < 1e-5
+        stamps = np.array([s.first_seen_ns for s in products.signs or []])
+        assert np.abs(clock.gps_s(stamps) - read_run(out).signs.first_gps_s).max() < 1e-5
+    (out / names.TRAJECTORY).unlink()
+    found = load_products(out).clock
+    assert found is not None
+    assert found.method == "arrival"
 
 
 def test_many_signs_of_few_drives_hold_their_names_once(tmp_path: Path) -> None:
