@@ -158,6 +158,8 @@ class PortReader(threading.Thread):
             assert process.stdout is not None
             pipe = process.stdout.fileno()
             _widen(pipe)
+            # one place for all readings: of a million bytes made anew for each, holes stay
+            room = memoryview(bytearray(1 << 20))
             held = bytearray()
             told = False
             while True:
@@ -167,10 +169,10 @@ class PortReader(threading.Thread):
                 ready, _, _ = select.select([pipe], [], [], _WAIT_S)
                 if not ready:
                     continue
-                data = os.read(pipe, 1 << 20)
-                if not data:
+                count = os.readv(pipe, [room])
+                if not count:
                     break
-                held += data
+                held += room[:count]
                 self._unpack(held)
         if not told:
             raise PortLostError("the device was unplugged")
