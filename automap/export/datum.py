@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from automap.earth import MEAN_RADIUS
 from automap.errors import ConfigError, InputError
 from automap.export.operations import area_missed, find_crs, route
 from automap.records import FloatArray
@@ -196,7 +197,7 @@ def to_datum(
         )
     out_height[good] = np.where(np.isfinite(height[good]), moved[2], np.nan)
     turn = np.radians((out_lon - lon + 180.0) % 360.0 - 180.0) * np.cos(np.radians(lat))
-    shift = 6.371e6 * np.hypot(turn, np.radians(out_lat - lat))
+    shift = MEAN_RADIUS * np.hypot(turn, np.radians(out_lat - lat))
     return InDatum(
         datum,
         out_lon,

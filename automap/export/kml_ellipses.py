@@ -7,13 +7,13 @@ from functools import partial
 
 import numpy as np
 
+from automap.earth import MEAN_RADIUS
 from automap.export.kml_cells import Pieces, name_column, xml_text
 from automap.export.pieces import TextPiece
 from automap.export.sign_columns import SignPiece, Signs, ellipse_rings
 from automap.export.text_columns import line_chunks, ring_column
 from automap.records import BoolArray, FloatArray
 
-RADIUS_M = 6.371e6
 _RING_POINTS = 20
 _ELLIPSE_HEAD = "<Placemark><name>"
 _ELLIPSE_STYLE = "</name><visibility>0</visibility><styleUrl>#ellipse</styleUrl><MultiGeometry>"
@@ -40,7 +40,7 @@ def _far_from_date_line(signs: Signs) -> BoolArray:
     """Which signs [n] are so far from it that their ellipses surely do not meet it."""
     with np.errstate(all="ignore"):
         # a half axis is at most 1.25 radii, and the Earth no sphere; what is not known is not drawn
-        wide = 1.4 * np.degrees(signs.radii_m() / RADIUS_M) / np.cos(np.radians(signs.lat_deg))
+        wide = 1.4 * np.degrees(signs.radii_m() / MEAN_RADIUS) / np.cos(np.radians(signs.lat_deg))
         return ~np.asarray(np.abs(signs.lon_deg) + np.abs(wide) >= 180.0, np.bool_)
 
 

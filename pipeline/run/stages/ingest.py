@@ -169,7 +169,7 @@ def sensor_input(drive: Drive) -> Path | None:
 
 STAGE = Stage(
     name="ingest",
-    version=7,
+    version=8,
     run=run,
     inputs=_inputs,
     needs=(),
