@@ -17,14 +17,12 @@ import numpy as np
 from automap.earth import ecef, metres_per_radian
 from automap.mapping.inventory_classes import same_face
 from automap.mapping.inventory_findings import Inventory
-from automap.mapping.inventory_limits import TOLD_BY_CHANCE, USUAL_SD_M
+from automap.mapping.inventory_limits import CIRCLE_95, TOLD_BY_CHANCE, USUAL_SD_M
 from automap.mapping.limits import FACING_LIMIT
 from automap.records import BoolArray, FloatArray, IntArray, Sign
 
 REACH_M = 300.0
 """National datums of before satellites lie up to some 300 m off."""
-_CIRCLE = 2.45
-"""Of a normal error in a plane 95 % lie within so many sigmas per axis."""
 _FAR = 4.45
 """Of twenty places of a map one is off by more than so many sigmas once in a thousand times."""
 _APART = 6.3
@@ -82,7 +80,7 @@ def displaced_parts(signs: Sequence[Sign], inventory: Inventory) -> Parts:
     if not signs or not m:
         return whole
     sd = _usual_sd(signs)
-    radius, least = _CIRCLE * sd, _APART * sd
+    radius, least = CIRCLE_95 * sd, _APART * sd
     street = _Street(signs, inventory)
     sign, listed, ways = street.ways(street.some(), np.zeros(2), REACH_M)
     modes: list[FloatArray] = []

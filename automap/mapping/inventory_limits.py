@@ -57,3 +57,5 @@ LARGEST_SD_M = 6.0
 """Where signs stand some ten metres apart, worse positions cannot be told from moved ones."""
 ROUNDS = 40
 """Of the expectation maximisation; the sd settles to a centimetre in some twenty."""
+CIRCLE_95 = 2.45
+"""Of a normal error in a plane 95 % lie within so many sigmas per axis."""

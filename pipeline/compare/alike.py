@@ -13,11 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from automap.mapping.inventory_findings import Finding, Inventory
-from automap.mapping.inventory_limits import LEAST_TURNS, TOLD_BY_CHANCE
+from automap.mapping.inventory_limits import CIRCLE_95, LEAST_TURNS, TOLD_BY_CHANCE
 from automap.records import FloatArray, IntArray
 
-_CIRCLE = 2.45
-"""Of a normal error in a plane 95 % lie within so many sigmas per axis."""
 _NAMED = 10
 """Entries of a sentence; larger parts are mostly told as parts."""
 
@@ -71,9 +69,9 @@ def _most_alike(ways: FloatArray, sd: FloatArray) -> IntArray | None:
     length = np.hypot(*ways.T)
     best, chosen = TOLD_BY_CHANCE / len(ways), None
     for k in range(len(ways)):
-        about = np.hypot(*(ways - ways[k]).T) < _CIRCLE * np.hypot(sd, sd[k])
+        about = np.hypot(*(ways - ways[k]).T) < CIRCLE_95 * np.hypot(sd, sd[k])
         way = np.median(ways[about], axis=0)
-        radius, far = _CIRCLE * sd, float(np.hypot(*way))
+        radius, far = CIRCLE_95 * sd, float(np.hypot(*way))
         near, opposite = (np.hypot(*(ways - each).T) < radius for each in (way, -way))
         if near.sum() < LEAST_TURNS or (near & opposite).any():
             continue
