@@ -43,7 +43,9 @@ from pipeline.merge.cell_store import (
     read_near,
 )
 
-_FORMAT = f"{__version__} 6"
+STEPS_VERSION = 6
+"""Raised by hand when the steps give something else for the same input."""
+_FORMAT = f"{__version__} {STEPS_VERSION}"
 """What another version of the steps made is made again."""
 VIEW_MARGIN_M = FARTHEST_M + 5.0
 """Round a cell, where a path may have its signs in view, and a little for the Earth's shape."""

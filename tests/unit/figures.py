@@ -1,12 +1,15 @@
 """Results as figures: what a computation gives, small enough to be kept and compared.
 
 ``python -m tests.unit.figures`` writes those of all scenarios anew, for who changes results on
-purpose; ``CHANGELOG.md`` says by how much.
+purpose; ``CHANGELOG.md`` says by how much. Where those of a stage move, its version has to be
+raised first: results that its code of before wrote would count as current.
 """
 
 from __future__ import annotations
 
+import importlib
 import json
+import zlib
 from collections.abc import Callable, Iterator
 from dataclasses import fields, is_dataclass
 from pathlib import Path
@@ -15,6 +18,18 @@ from typing import Any
 import numpy as np
 
 FOLDER = Path(__file__).parent / "figures"
+KEPT_FOR = Path(__file__).parent / "figure_versions.json"
+"""Of each file of figures its checksum, and the version of its stage that it is of."""
+STAGES = {
+    "ingest": "ingest",
+    "sync": "sync",
+    "fusion": "fuse",
+    "kernels": "fuse",
+    "calibration": "fuse",
+    "geolocation": "geolocate",
+    "mapping": "merge",
+}
+"""The stage whose results move with the figures whose name begins so."""
 Figure = str | list[float]
 
 
@@ -87,6 +102,39 @@ def kept(name: str) -> dict[str, Figure]:
     return found
 
 
+def stage_version(name: str) -> int | None:
+    """The version of the stage that the figures are of; None where they are of none."""
+    stage = STAGES.get(name.partition("_")[0])
+    if stage is None:
+        return None
+    if stage == "merge":
+        from pipeline.merge.cell_steps import STEPS_VERSION
+
+        return STEPS_VERSION
+    found: int = importlib.import_module(f"pipeline.run.stages.{stage}").STAGE.version
+    return found
+
+
+def checksum(name: str) -> int:
+    """Of a file of figures."""
+    return zlib.crc32((FOLDER / f"{name}.json").read_bytes())
+
+
+def not_raised(name: str, versions: dict[str, list[int]]) -> str | None:
+    """What is to be done where figures moved and the version of their stage did not."""
+    now = stage_version(name)
+    if now is None or name not in versions:
+        return None
+    before, version = versions[name]
+    if checksum(name) == before or now > version:
+        return None
+    return (
+        f"the figures {name} moved: raise the version {now} of the stage "
+        f"{STAGES[name.partition('_')[0]]}, so that older results are made again, then keep them "
+        "by `python -m tests.unit.figures` (or with --same-results where only the scenario moved)"
+    )
+
+
 def main() -> None:
     """Write the figures of all scenarios, or of those named."""
     import sys
@@ -95,11 +143,23 @@ def main() -> None:
 
     FOLDER.mkdir(exist_ok=True)
     scenarios: dict[str, Callable[[], Any]] = SCENARIOS
-    for name in sys.argv[1:] or scenarios:
+    names = [word for word in sys.argv[1:] if word != "--same-results"] or sorted(scenarios)
+    versions: dict[str, list[int]] = json.loads(KEPT_FOR.read_text())
+    told = []
+    for name in names:
         lines = (
             f"{json.dumps(k)}: {json.dumps(v)}" for k, v in figures_of(scenarios[name]()).items()
         )
         (FOLDER / f"{name}.json").write_text("{\n" + ",\n".join(lines) + "\n}\n")
+        said = None if "--same-results" in sys.argv else not_raised(name, versions)
+        now = stage_version(name)
+        if said is not None:
+            told.append(said)
+        elif now is not None and versions.get(name, [None])[0] != checksum(name):
+            versions[name] = [checksum(name), now]
+    rows = (f"{json.dumps(name)}: {json.dumps(versions[name])}" for name in sorted(versions))
+    KEPT_FOR.write_text("{\n" + ",\n".join(rows) + "\n}\n")
+    sys.exit("\n".join(told))
 
 
 if __name__ == "__main__":

@@ -328,6 +328,7 @@ from tests.unit import (  # noqa: E402, F401
     scenarios_geolocation,
     scenarios_geolocation_plane,
     scenarios_geolocation_search,
+    scenarios_ingest,
     scenarios_kernels,
     scenarios_mapping,
     scenarios_mapping_changes,

@@ -6,9 +6,13 @@ Where results are meant to move, ``python -m tests.unit.figures`` writes them an
 
 from __future__ import annotations
 
+import json
+from pathlib import Path
+
 import pytest
 
-from tests.unit.figures import FOLDER, differences, figures_of, kept
+from tests.unit import figures
+from tests.unit.figures import FOLDER, KEPT_FOR, STAGES, differences, figures_of, kept
 from tests.unit.scenarios import SCENARIOS
 
 SAME = 5e-5
@@ -24,6 +28,33 @@ def test_figures_are_those_that_were_kept(name: str) -> None:
 
 def test_every_file_of_figures_has_its_scenario() -> None:
     assert {path.stem for path in FOLDER.glob("*.json")} == SCENARIOS.keys()
+
+
+def test_figures_of_a_stage_move_with_its_version() -> None:
+    versions = json.loads(KEPT_FOR.read_text())
+    told = [figures.not_raised(name, versions) for name in sorted(SCENARIOS)]
+    assert not any(told), "\n".join(text for text in told if text)
+    of_stages = {name for name in SCENARIOS if figures.stage_version(name) is not None}
+    assert versions.keys() == of_stages, "run python -m tests.unit.figures"
+    assert {name.partition("_")[0] for name in of_stages} == STAGES.keys()
+    for name, (checksum, version) in versions.items():
+        assert checksum == figures.checksum(name), f"python -m tests.unit.figures {name}"
+        assert version <= (figures.stage_version(name) or 0)
+
+
+def test_figures_that_move_ask_for_a_version(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(figures, "FOLDER", tmp_path)
+    (tmp_path / "sync_words.json").write_text("{}")
+    version = figures.stage_version("sync_words")
+    assert version is not None
+    before = {"sync_words": [figures.checksum("sync_words"), version]}
+    assert figures.not_raised("sync_words", before) is None
+    (tmp_path / "sync_words.json").write_text('{"a": "b"}')
+    assert f"version {version} of the stage sync" in str(figures.not_raised("sync_words", before))
+    before["sync_words"][1] -= 1
+    assert figures.not_raised("sync_words", before) is None
 
 
 @pytest.mark.parametrize("rows", [2, 7, 40])
