@@ -12,7 +12,7 @@ from automap.errors import InputError
 from automap.io.cut_times import uncut_stamps
 from automap.io.epoch_fix_type import GGA_FIX
 from automap.io.epoch_velocity import STANDSTILL_SPEED
-from automap.io.fix_units import told_by_numbers
+from automap.io.fix_units import exchanged, told_by_numbers
 from automap.io.named_table import NamedTable, read_table
 from automap.io.rtklib import QUALITY
 from automap.io.stamps import order_stamps
@@ -96,6 +96,13 @@ def read_fix_table(
         lost = len(rows) - len(order.keep)
         warnings.append(f"{path}: {lost} fixes whose times do not continue were left out")
     rows = rows[order.keep]
+    columns = table.columns
+    if exchanged(columns["lat"][rows], columns["lon"][rows]):
+        table = replace(table, columns={**columns, "lat": columns["lon"], "lon": columns["lat"]})
+        warnings.append(
+            f"{path}: latitudes and longitudes stand in each other's columns, by their numbers, "
+            "and were exchanged; name the columns in drive.toml."
+        )
     table, units = _in_si(path, table, rows)
     fixes, said = _fixes(path, table, rows, written)
     if not np.any(fixes.fix_type != FixType.NONE):

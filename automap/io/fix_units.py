@@ -50,6 +50,18 @@ def told_by_numbers(
     return found
 
 
+def exchanged(lat: FloatArray, lon: FloatArray) -> bool:
+    """Whether latitudes and longitudes [n], in rad as they are read, can only be each other's.
+
+    None is a latitude; as degrees and minutes all would lie in the open sea off Guinea. Courses
+    do not tell: those from east, counter-clockwise, look alike.
+    """
+    known = np.isfinite(lat) & np.isfinite(lon)
+    north, east = np.abs(lat[known]), np.abs(lon[known])
+    beyond = (north > 0.5 * np.pi) & (north <= np.pi) & (east <= 0.5 * np.pi)
+    return bool(len(north)) and bool(beyond.all())
+
+
 def _position_unit(path: object, lat: FloatArray, lon: FloatArray) -> str:
     """The unit of latitudes and longitudes [n] that no name tells, as numbers."""
     known = np.isfinite(lat) & np.isfinite(lon) & ((lat != 0.0) | (lon != 0.0))

@@ -60,6 +60,7 @@ def ingest_fix_tables() -> Any:
         "cut": (t // 2 * 2, lat, lon, speed, course, accuracy),
         "held": (*(np.repeat(c, 3)[:150] for c in (t, lat, lon)), speed, course, accuracy),
         "back": (np.concatenate([t[:60], t[50:140]]), lat, lon, speed, course, accuracy),
+        "exchanged": (t, lon + 100.0, lat, speed, course, accuracy),
         "radians": (t, np.radians(lat), np.radians(lon), speed, course, accuracy),
     }
     return {name: _read(read_fix_table, _lines(head, *case)) for name, case in cases.items()}

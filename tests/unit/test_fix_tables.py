@@ -190,6 +190,29 @@ def test_speeds_without_a_unit_are_those_of_the_positions(
     np.testing.assert_allclose(stated.fixes.vel_ned[:, 0], 12.0 * factor, rtol=1e-3)
 
 
+@pytest.mark.parametrize("swapped", [False, True])
+@pytest.mark.parametrize("place", [(-35.0, 149.0), (48.0, 11.0)])
+def test_latitudes_and_longitudes_in_each_other_s_columns(
+    tmp_path: Path, place: tuple[float, float], swapped: bool
+) -> None:
+    course = 40.0 + 60.0 * np.sin(np.arange(120) / 20.0)
+    way = 12.0 * np.cumsum(np.exp(1j * np.radians(course))) / np.radians(6.371e6)
+    lat, lon = place[0] + way.real, place[1] + way.imag / np.cos(np.radians(place[0]))
+    told = (course + np.random.default_rng(3).normal(0.0, 1.0, 120)) % 360.0
+    lines = [
+        f"{UNIX_S + k},{b:.7f},{a:.7f},12.0,{c:.2f}"
+        if swapped
+        else f"{UNIX_S + k},{a:.7f},{b:.7f},12.0,{c:.2f}"
+        for k, (a, b, c) in enumerate(zip(lat, lon, told, strict=True))
+    ]
+    path = _write(tmp_path, "time,lat,lon,speed,course\n" + "\n".join(lines) + "\n")
+    found = read_fix_table(path)
+    mended = swapped and place[1] > 90.0  # else courses from east would look alike
+    assert any("in each other's columns" in text for text in found.warnings) == mended
+    wanted = lat if mended or not swapped else lon
+    np.testing.assert_allclose(np.degrees(found.fixes.lat_rad), wanted, atol=1e-6)
+
+
 @pytest.mark.parametrize(
     ("first", "last", "off_deg", "unit"),
     [

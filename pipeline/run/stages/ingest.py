@@ -169,7 +169,7 @@ def sensor_input(drive: Drive) -> Path | None:
 
 STAGE = Stage(
     name="ingest",
-    version=8,
+    version=9,
     run=run,
     inputs=_inputs,
     needs=(),
