@@ -37,7 +37,7 @@ from automap.geolocation.rules import GeolocationRules
 from automap.geolocation.sightings import make_sighting
 from automap.geolocation.splitting import clean_tracks, join_pieces
 from automap.geolocation.stamp_scatter import stamp_scatter, told, tracked_or_linked
-from automap.geolocation.supports import support_names
+from automap.geolocation.supports import support_numbers
 from automap.geolocation.tracking import link_views
 from automap.geolocation.trajectory_adjustment import AdjustedTrajectory
 from automap.geolocation.views import CameraCorrection, Views, build_views
@@ -202,8 +202,11 @@ def _located(
             record_sign(observations, views, member.landmark, k, sign.id, focal)
     if signs:
         overhead = [sign.side == "overhead" for sign in signs]
-        names = support_names(np.array(places), np.array(own), overhead)
-        signs = [replace(sign, support=s) for sign, s in zip(signs, names, strict=True)]
+        numbers = support_numbers(np.array(places), np.array(own), overhead)
+        signs = [
+            replace(sign, support=f"p{number + 1:04d}")
+            for sign, number in zip(signs, numbers, strict=True)
+        ]
     sentences = warnings_of(observations, signs, corrections, stated, focal_sd)
     sentences += told(rules.noise.stamp_sd_s, [d.t_ns for d in detections])
     unused = 0 if control is None else len(control) - len(passes.controlled)

@@ -37,8 +37,3 @@ def support_numbers(
     label = connected_components(links, directed=False)[1].tolist()
     number = {k: index for index, k in enumerate(dict.fromkeys(label))}
     return [number[k] for k in label]
-
-
-def support_names(position: FloatArray, own_cov: FloatArray, overhead: Sequence[bool]) -> list[str]:
-    """What the supports are called by their numbers."""
-    return [f"p{number + 1:04d}" for number in support_numbers(position, own_cov, overhead)]

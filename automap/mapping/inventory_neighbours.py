@@ -13,8 +13,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from automap.earth import ecef, metres_per_radian
+from automap.earth import ecef
 from automap.mapping.candidates import facing_evidence
+from automap.mapping.grid import east_north
 from automap.mapping.inventory_classes import same_face
 from automap.mapping.inventory_findings import Inventory
 from automap.mapping.inventory_limits import LEAST_SD_M
@@ -60,9 +61,7 @@ def neighbours_of(inventory: Inventory) -> FloatArray:
     lat, lon, facing = inventory.lat_rad, inventory.lon_rad, inventory.facing_rad
     tree = cKDTree(ecef(lat, lon, np.zeros(len(inventory))))
     a, b = tree.query_pairs(_REACH_M, output_type="ndarray").T
-    north, east = metres_per_radian(lat[a], 0.0)
-    across = (lon[b] - lon[a] + np.pi) % (2.0 * np.pi) - np.pi
-    apart = np.hypot(across * east, (lat[b] - lat[a]) * north)
+    apart = np.hypot(*east_north(lat[a], lon[a], lat[b], lon[b]).T)
     step = np.minimum((apart / _STEP_M).astype(np.int64), count.shape[1] - 1)
     names = inventory.class_name
     both = zip(a.tolist(), b.tolist(), strict=True)

@@ -15,15 +15,17 @@ from typing import Any
 import numpy as np
 
 from automap.assignment import assign_near
-from automap.earth import ecef, metres_per_radian
+from automap.earth import ecef
 from automap.mapping import inventory_limits as limits
 from automap.mapping.candidates import facing_evidence
+from automap.mapping.grid import east_north
 from automap.mapping.inventory_classes import of_another_class, same_face
 from automap.mapping.inventory_findings import Inventory, class_belief
 from automap.mapping.inventory_neighbours import Looks, neighbour_density, neighbours_of
 from automap.mapping.inventory_wander import Anchors, common_errors
 from automap.mapping.limits import MOVED_M
 from automap.records import BoolArray, FloatArray, IntArray, Sign
+from automap.records.sign_lists import numbers_of
 from automap.signs.codes import face_of
 
 AREA_M2 = math.pi * MOVED_M**2
@@ -67,14 +69,12 @@ def near_pairs(
     """Signs and listed ones within MOVED_M of one another, and from listed to found [k, 2], m."""
     from scipy.spatial import cKDTree
 
-    lat, lon = np.array([s.lat_rad for s in signs]), np.array([s.lon_rad for s in signs])
+    lat, lon = numbers_of(signs, "lat_rad", "lon_rad")
     ours = cKDTree(ecef(lat, lon, np.zeros(len(lat))))
     theirs = cKDTree(ecef(inventory.lat_rad, inventory.lon_rad, np.zeros(len(inventory))))
     near: Any = ours.sparse_distance_matrix(theirs, MOVED_M, output_type="coo_matrix")
     i, j = near.row.astype(np.int64), near.col.astype(np.int64)
-    north, east = metres_per_radian(lat[i], 0.0)
-    turn = (lon[i] - inventory.lon_rad[j] + np.pi) % (2.0 * np.pi) - np.pi
-    return i, j, np.column_stack([turn * east, (lat[i] - inventory.lat_rad[j]) * north])
+    return i, j, east_north(lat[i], lon[i], inventory.lat_rad[j], inventory.lon_rad[j])
 
 
 def belief_in_another(sign: Sign, shares: Mapping[str, float], listed: str) -> float:

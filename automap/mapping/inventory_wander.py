@@ -17,6 +17,7 @@ import numpy as np
 
 from automap.earth import ecef
 from automap.records import FloatArray, IntArray, Sign
+from automap.records.sign_lists import numbers_of
 
 SHARES = (0.3, 0.5, 0.7, 0.85, 0.95)
 """Of the variance of pairs in place that neighbours may have in common; 0 is tried besides."""
@@ -56,9 +57,8 @@ def common_errors(
     n = len(anchors.sign)
     if n < 2 or not len(sign):
         return none
-    lat, lon = np.array([s.lat_rad for s in signs]), np.array([s.lon_rad for s in signs])
+    lat, lon, facing = numbers_of(signs, "lat_rad", "lon_rad", "facing_rad")
     place = ecef(lat, lon, np.zeros(len(signs)))
-    facing = np.array([s.facing_rad for s in signs], np.float64)
     # a direction that is not known agrees half with each
     look = np.where(np.isfinite(facing), np.exp(1j * np.nan_to_num(facing)), 0.0)
     level = float(np.mean(anchors.variance))

@@ -8,6 +8,8 @@ from typing import Protocol
 
 import numpy as np
 
+from automap.earth import metres_per_radian
+from automap.frames import wrap_pi
 from automap.jit import kernel
 from automap.mapping import limits
 from automap.mapping.grid import Table, delta, filled_table, neighbours
@@ -90,8 +92,6 @@ def in_view(
 ) -> tuple[IntArray, FloatArray, FloatArray, IntArray]:
     """Signs in view from a path, ascending, with heading, offset and rows as ``Opportunities`` has
     them; ``table`` holds the signs in cells of FARTHEST_M."""
-    from automap.earth import metres_per_radian
-
     per_lat, per_lon = metres_per_radian(path.lat_rad, 0.0)
     views = np.array([[c.yaw_rad, limits.EDGE_SHARE * c.half_angle_rad] for c in cameras])
     count = np.zeros(len(lat), np.int64)
@@ -207,7 +207,5 @@ def head_on(views: Opportunities, facing: FloatArray) -> Opportunities:
 
     For signs [m] of which nobody knows any more from where they were seen.
     """
-    turn = views.heading + np.pi - facing[views.sign]
-    turn = np.abs((turn + np.pi) % (2.0 * np.pi) - np.pi)
-    good = ~(turn > limits.HEAD_ON) & (np.abs(views.offset) < limits.HEAD_ON_M)
-    return views.at(good)
+    turn = np.abs(wrap_pi(views.heading + np.pi - facing[views.sign]))
+    return views.at(~(turn > limits.HEAD_ON) & (np.abs(views.offset) < limits.HEAD_ON_M))
