@@ -67,6 +67,8 @@ def assemble_sign(
     seen = views.t_ns[best.landmark.rows]
     lateral, above = relate(path, position, int(seen.min()), int(seen.max()))
     above_road = above + rules.imu_above_road_m
+    # the path's own error lifts both
+    over_path = max(best.covariance[2, 2] - best.path_sd[2] ** 2, 0.0)
     # meridians converge between the local frame's origin and the sign
     looks = to_ned_here[:2, :2] @ [np.cos(facing.rad), np.sin(facing.rad)]
     size_weights = np.array([1.0 / s.landmark.covariance[3, 3] for s in sightings])
@@ -98,7 +100,7 @@ def assemble_sign(
         first_seen_ns=int(views.t_ns[rows].min()),
         last_seen_ns=int(views.t_ns[rows].max()),
         height_above_road_m=above_road,
-        sd_above_road_m=float(np.hypot(_relative_sd(best), rules.imu_above_road_sd_m)),
+        sd_above_road_m=float(np.hypot(np.sqrt(over_path), rules.imu_above_road_sd_m)),
         facing_rad=float(np.arctan2(looks[1], looks[0]) % (2.0 * np.pi)),
         facing_sd_rad=facing.sd_rad,
         size_m=size,
@@ -111,12 +113,6 @@ def assemble_sign(
         by_size_u_m=float(by_size[2]),
         detection_rows=np.sort(views.row[rows]),
     )
-
-
-def _relative_sd(sighting: Sighting) -> float:
-    """One sigma of a sign's height above the path that it was seen from, m: the path's own error
-    lifts both."""
-    return float(np.sqrt(max(sighting.covariance[2, 2] - sighting.path_sd[2] ** 2, 0.0)))
 
 
 def _status(

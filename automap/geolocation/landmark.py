@@ -33,7 +33,7 @@ from automap.geolocation.landmark_kernels import (
 )
 from automap.geolocation.views import Views
 from automap.records import FloatArray, IntArray
-from automap.robust import BY_CAUCHY, PLAIN
+from automap.robust import BY_CAUCHY, PLAIN, cauchy_weight
 
 
 @dataclass(frozen=True)
@@ -47,10 +47,17 @@ class SizePrior:
 
     def of(self, names: Iterable[str]) -> SizePrior:
         """The prior of a sign whose boxes have these class names: the commonest decides."""
-        if not self.by_class:
-            return self
-        name = min(Counter(names).items(), key=lambda item: (-item[1], item[0]))[0]
-        return self.by_class.get(name, self)
+        return self.by_class.get(commonest(names), self) if self.by_class else self
+
+    def weight(self, mark: Landmark) -> float:
+        """What the fit of a landmark with this prior gave it (Cauchy)."""
+        off = (mark.parameters[3] - np.log(self.size_m)) / self.log_sd
+        return float(cauchy_weight(off**2))
+
+
+def commonest(names: Iterable[str]) -> str:
+    """The name that is there most often; the alphabet decides between equals."""
+    return min(Counter(names).items(), key=lambda item: (-item[1], item[0]))[0]
 
 
 @dataclass(frozen=True)

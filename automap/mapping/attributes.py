@@ -55,6 +55,7 @@ def combine_attributes(sightings: Sightings, sign: IntArray) -> Attributes:
     m = int(sign.max()) + 1 if len(sign) else 0
     members = Members(sign)
     order, edges = members.order, members.edges
+    spans = list(zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True))
     views = sightings.n_views
     weight = np.maximum(views, 1).astype(np.float64)
     doubt = 1.0 - np.clip(sightings.confidence, 0.0, 0.999)
@@ -91,9 +92,9 @@ def combine_attributes(sightings: Sightings, sign: IntArray) -> Attributes:
         # what the road's direction lends all drives have in common
         facing_sd_rad=np.sqrt(_mean(sign, facing_sd**2, sure, m)),
         size_m=np.exp(_mean(sign, _log(sightings.size_m), weight, m)),
-        side=[_most(sides[order[a:b]], weight[order[a:b]]) for a, b in _spans(edges)],
-        status=[_status(states[order[a:b]], seen_by[a:b]) for a, b in _spans(edges)],
-        drives=[tuple(sorted(set(seen_by[a:b].tolist()))) for a, b in _spans(edges)],
+        side=[_most(sides[order[a:b]], weight[order[a:b]]) for a, b in spans],
+        status=[_status(states[order[a:b]], seen_by[a:b]) for a, b in spans],
+        drives=[tuple(sorted(set(seen_by[a:b].tolist()))) for a, b in spans],
         seen=1.0 - np.exp(np.bincount(sign, np.log(doubt), m)),
         class_probability=class_probabilities(*told, sightings.class_probability, holds, code),
         group_probability=group_probabilities(*told, sightings.group_probability, holds, code),
@@ -101,7 +102,7 @@ def combine_attributes(sightings: Sightings, sign: IntArray) -> Attributes:
         contrast_sd=contrast_sd,
         contrast_note=[
             "" if np.isfinite(value) else _most(notes[a:b], weight[order[a:b]])
-            for value, (a, b) in zip(contrast.tolist(), _spans(edges), strict=True)
+            for value, (a, b) in zip(contrast.tolist(), spans, strict=True)
         ],
         seen_share=_mean(sign, sightings.seen_share, looked, m),
         n_looked=np.rint(np.bincount(sign, looked, m)).astype(np.int64),
@@ -116,10 +117,6 @@ def _contrast(sightings: Sightings, sign: IntArray, m: int) -> tuple[FloatArray,
     value = _mean(sign, sightings.contrast, one, m)
     square = _mean(sign, sightings.contrast**2 + sightings.contrast_sd**2, one, m)
     return value, np.sqrt(np.maximum(square - value**2, 0.0))
-
-
-def _spans(edges: IntArray) -> list[tuple[int, int]]:
-    return list(zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True))
 
 
 def _extreme(pick: np.ufunc, values: FloatArray, edges: IntArray) -> FloatArray:

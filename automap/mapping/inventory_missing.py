@@ -47,34 +47,27 @@ def standing(
     # of signs that one drive had in view the spread tells nothing
     spreads = SPREADS if (tries > 1).any() else (SPREAD,)
     fits = [_fitted(hits, np.maximum(tries - hits, 0), group, seen, prior, s) for s in spreads]
-    likely = np.array([fit.log_likely for fit in fits])
+    likely = np.array([log_likely for _, _, log_likely in fits])
     weight = np.exp(likely - likely.max())
     weight /= weight.sum()
     by_more = np.zeros((limits.MOST_DRIVES + 1, len(tries)))
-    for w, fit in zip(weight, fits, strict=True):
-        by_more += w * fit.gone
+    overall = 0.0
+    for w, (with_more, rate, _) in zip(weight.tolist(), fits, strict=True):
+        by_more += w * with_more
+        overall += w * rate
     gone = by_more[0]
     sure = by_more >= limits.SURE
     more = np.where(sure.any(axis=0), np.argmax(sure, axis=0), limits.MOST_DRIVES)
-    overall = float(sum(w * fit.overall for w, fit in zip(weight, fits, strict=True)))
     return Standing(np.where(seen, gone, np.nan), overall, np.where(seen & (hits == 0), more, 0))
-
-
-@dataclass(frozen=True)
-class _Fit:
-    """With one spread: ``gone`` [1 + more drives, m], the ``overall`` rate, and how likely the
-    counts are."""
-
-    gone: FloatArray
-    overall: float
-    log_likely: float
 
 
 def _fitted(
     hits: IntArray, misses: IntArray, group: IntArray, seen: BoolArray, prior: FloatArray,
     spread: float,
-) -> _Fit:  # fmt: skip
-    """Share of gone signs and the groups' rates, ``prior`` [g, 2], by expectation maximisation."""
+) -> tuple[FloatArray, float, float]:  # fmt: skip
+    """Share of gone signs and the groups' rates, ``prior`` [g, 2], by expectation maximisation:
+    how probably each is gone after so many more drives [1 + more drives, m], the rate of all, and
+    how likely the counts are."""
     rate = prior[:, 0] / prior.sum(axis=1)
     share = limits.STALE
     total = float(seen.sum())
@@ -97,7 +90,7 @@ def _fitted(
     usual = sum(limits.DETECTION_PRIOR)
     overall = float((stands * hits).sum()) + limits.DETECTION_PRIOR[0]
     overall /= float((stands * (hits + misses)).sum()) + usual
-    return _Fit(by_more, overall, log_likely)
+    return by_more, overall, log_likely
 
 
 def _log_counts(hits: IntArray, misses: IntArray, rate: FloatArray, spread: float) -> FloatArray:
