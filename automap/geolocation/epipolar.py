@@ -137,7 +137,7 @@ class PairGeometry:
         return PairGeometry(*self._scene, _some(self._pairs, n))
 
     def __len__(self) -> int:
-        return self._pairs.shape[1]
+        return len(self._pairs[0])
 
     def _place(self, offset_s: float) -> None:
         trajectory, camera, origin, _, _ = self._scene

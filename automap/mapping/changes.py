@@ -117,12 +117,12 @@ def _costs(
     names = sorted({*values_of(signs, "class_name"), *values_of(older, "class_name")})
     code = {name: k for k, name in enumerate(names)}
     evidence = class_evidence(names)
-    now, before = (
-        ecef(*numbers_of([among[k] for k in own], "lat_rad", "lon_rad"), np.zeros(len(own)))
-        for among, own in ((signs, rows), (older, older_rows))
-    )
+    places = []
+    for among, own in ((signs, rows), (older, older_rows)):
+        lat, lon = numbers_of([among[k] for k in own], "lat_rad", "lon_rad")
+        places.append(ecef(lat, lon, np.zeros(len(own))))
     costs = []
-    found: Any = cKDTree(before).query_ball_point(now, reach_m * 1.01)
+    found: Any = cKDTree(places[1]).query_ball_point(places[0], reach_m * 1.01)
     for i, near in zip(rows, found, strict=True):
         for place in near:
             j = older_rows[place]
