@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from scipy.special import ndtr
 
 from automap.geolocation import limits
 from automap.geolocation.class_sizes import measured_size
@@ -64,7 +65,5 @@ def size_nats(log_size: float, variance: float, usual: SizePrior, largest_m: flo
 
 def _even(log_size: float, variance: float, low_m: float, high_m: float) -> float:
     """Density of a measured size whose true one is log-uniform between two."""
-    from scipy.special import ndtr
-
     sd, low, high = np.sqrt(variance), np.log(low_m), np.log(high_m)
     return float((ndtr((high - log_size) / sd) - ndtr((low - log_size) / sd)) / (high - low))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from automap.gates import gate
 from automap.geolocation import limits
@@ -65,8 +66,6 @@ def group_sightings(views: Views, sightings: Sequence[Sighting]) -> list[list[in
     Sightings that share a frame are different signs, and so are any two of their groups; the
     closest pair is joined first, until none is left within the gate.
     """
-    from scipy.spatial import cKDTree
-
     groups = {k: [k] for k in range(len(sightings))}
     if len(sightings) > 1:
         tree = cKDTree(np.array([s.position for s in sightings]))

@@ -91,7 +91,7 @@ def link_views(
         active = still
         # a box starts a new track at the price of the gate
         partner = assign(_link_costs(views, active, frame_rows, rules), rules.gate)
-        for row, index in zip(frame_rows.tolist(), partner.tolist(), strict=True):
+        for row, index in dict(zip(frame_rows.tolist(), partner.tolist(), strict=True)).items():
             if index < 0:
                 track = _Track([row], fit_landmark(views, np.array([row]), prior), row)
                 active.append(track)

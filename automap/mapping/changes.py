@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from automap.earth import ecef
 from automap.mapping import limits
@@ -110,8 +111,6 @@ def _costs(
     far: bool,
 ) -> list[tuple[float, int, int]]:
     """Costs of pairs within reach; unless ``far``, only those that agree within sigmas."""
-    from scipy.spatial import cKDTree
-
     if not rows or not older_rows:
         return []
     names = sorted({*values_of(signs, "class_name"), *values_of(older, "class_name")})

@@ -20,6 +20,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import betaln
 
 from automap.geolocation.existence import probability
 from automap.jit import kernel
@@ -183,8 +184,6 @@ def _by_drive(
 def _mixture(pairs: Chances, rates: DetectionRates, evidence: FloatArray) -> FloatArray:
     """Probability [m] that each sign is real, if signs never changed; ``evidence`` [m] nats of
     what the drives saw. Of its series of drives the first that saw it is why it is known."""
-    from scipy.special import betaln
-
     hits, misses = _counts(pairs, rates, len(evidence))
     a, b = rates.beta
     real = betaln(a + hits, b + misses) - betaln(a + 1.0, b)
@@ -197,8 +196,6 @@ def _mixture(pairs: Chances, rates: DetectionRates, evidence: FloatArray) -> Flo
 
 def _with_spread(pairs: Chances, rates: DetectionRates, belief: FloatArray) -> DetectionRates:
     """The spread that makes the counts of real signs most likely, with a log-normal prior."""
-    from scipy.special import betaln
-
     hits, misses = _counts(pairs, rates, len(belief))
     weight = np.where(hits + misses > limits.TELLING_DRIVES - 1.0, belief, 0.0)
     best, highest = rates, -np.inf
@@ -301,8 +298,6 @@ def still_there(
     """Probability [m] that signs of ``belief`` [m], seen by ``hits`` [m] drives before, stand
     after having been in view of further drives, pairs [p] of ``sign`` and the ``weight`` of the
     miss, and seen by none."""
-    from scipy.special import betaln
-
     a, b = rates.beta
     misses = np.bincount(sign, weight, len(belief))
     kept = np.exp(betaln(a + hits, b + misses) - betaln(a + hits, b))

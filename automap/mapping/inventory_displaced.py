@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from automap.earth import ecef, metres_per_radian
 from automap.frames import wrap_pi
@@ -66,8 +67,6 @@ class Parts:
     def about(self, place: FloatArray, among: FloatArray) -> FloatArray:
         """The share of displaced ones among the entries nearest to each ``place`` [k, d], by what
         stands for an entry's place ``among`` [m, d]; such as no way tells of do not count."""
-        from scipy.spatial import cKDTree
-
         known = np.flatnonzero(self.part >= 0)
         count = min(NEAREST, len(known))
         if not count or not len(place):
@@ -116,8 +115,6 @@ def with_taken_off(
 
     That is taken off as the map's error, and where it is more than that can be it is the list's.
     """
-    from scipy.spatial import cKDTree
-
     least = _FAR * _usual_sd(signs)
     left = ~parts.displaced[listed]
     listed, common = listed[left], common[left]
@@ -145,8 +142,6 @@ class _Street:
     """A map's signs and a list's by place, class and direction."""
 
     def __init__(self, signs: Sequence[Sign], inventory: Inventory) -> None:
-        from scipy.spatial import cKDTree
-
         self.inventory = inventory
         self.lat, self.lon, self.facing = numbers_of(signs, "lat_rad", "lon_rad", "facing_rad")
         self.tree = cKDTree(ecef(self.lat, self.lon, np.zeros(len(self.lat))))
@@ -185,7 +180,6 @@ class _Street:
 
 def _mode(listed: IntArray, ways: FloatArray, radius: float) -> FloatArray | None:
     """The way [2] that the most entries have in common, None where that may be chance."""
-    from scipy.spatial import cKDTree
     from scipy.stats import poisson
 
     if not len(ways):

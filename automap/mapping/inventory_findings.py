@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.special import expit, logit
 
 from automap.mapping import inventory_limits as limits
 from automap.mapping.inventory_hidden import gaps, gone_by_gaps
@@ -181,7 +182,6 @@ def new_signs(signs: Sequence[Sign], unknown: IntArray) -> list[Finding]:
     Advances in Large Margin Classifiers, 1999), are the likeliest for who is listed and who is not.
     """
     from scipy.optimize import minimize
-    from scipy.special import expit, logit
 
     exists = np.clip([_exists(s) for s in signs], 1.0 - limits.MOST_SURE, limits.MOST_SURE)
     doubt = logit(limits.MOST_SURE) - logit(np.asarray(exists, np.float64).reshape(-1))

@@ -14,6 +14,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import betaln
 
 from automap.mapping import inventory_limits as limits
 from automap.mapping.limits import SPREAD, SPREAD_LOG_SD, SPREADS
@@ -95,8 +96,6 @@ def _fitted(
 
 def _log_counts(hits: IntArray, misses: IntArray, rate: FloatArray, spread: float) -> FloatArray:
     """Beta-binomial log likelihood [m] of hits and misses of signs that stand."""
-    from scipy.special import betaln
-
     a, b = spread * rate, spread * (1.0 - rate)
     return np.asarray(betaln(a + hits, b + misses) - betaln(a, b), np.float64)
 

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from automap.assignment import assign_near
 from automap.earth import ecef
@@ -67,8 +68,6 @@ def near_pairs(
     signs: Sequence[Sign], inventory: Inventory
 ) -> tuple[IntArray, IntArray, FloatArray]:
     """Signs and listed ones within MOVED_M of one another, and from listed to found [k, 2], m."""
-    from scipy.spatial import cKDTree
-
     lat, lon = numbers_of(signs, "lat_rad", "lon_rad")
     ours = cKDTree(ecef(lat, lon, np.zeros(len(lat))))
     theirs = cKDTree(ecef(inventory.lat_rad, inventory.lon_rad, np.zeros(len(inventory))))

@@ -14,6 +14,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from automap.earth import ecef
 from automap.records import FloatArray, IntArray, Sign
@@ -93,8 +94,6 @@ def _around(
     place: FloatArray, anchors: Anchors, sign: IntArray, listed: IntArray
 ) -> tuple[IntArray, FloatArray]:
     """The anchors [k, m] nearest to each ``sign``, and noise that those of the pair itself get."""
-    from scipy.spatial import cKDTree
-
     m = min(_NEIGHBOURS + 2, len(anchors.sign))
     tree = cKDTree(place[anchors.sign])
     near = tree.query(place[sign], m)[1].reshape(len(sign), m)
