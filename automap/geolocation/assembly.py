@@ -82,7 +82,8 @@ def assemble_sign(
     status = _status(sightings, size, above_road, len(rows), rules)
     class_name = max(sorted(scores), key=scores.__getitem__)
     of_class, of_group = class_beliefs(views, rows, class_name)
-    believed = of_class if np.isfinite(of_class) else _belief_by_scores(views.score[rows])
+    wrong = 1.0 - limits.VIEW_EVIDENCE * np.clip(views.score[rows], 0.0, 1.0)
+    believed = of_class if np.isfinite(of_class) else float(1.0 - np.prod(wrong))
     if status == "implausible":
         believed *= limits.IMPLAUSIBLE_CONFIDENCE
     return Sign(
@@ -163,7 +164,3 @@ def class_beliefs(views: Views, rows: IntArray, class_name: str) -> tuple[float,
         )
     )
     return p_class, max(p_class, p_group)
-
-
-def _belief_by_scores(scores: FloatArray) -> float:
-    return float(1.0 - np.prod(1.0 - limits.VIEW_EVIDENCE * np.clip(scores, 0.0, 1.0)))

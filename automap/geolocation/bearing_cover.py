@@ -68,8 +68,6 @@ def cover(rays: Rays, candidates: FloatArray, rules: BearingRules) -> tuple[Floa
     def evaluate(k: int) -> tuple[FloatArray, IntArray, float]:
         free = np.array(near[k], np.int64)
         free = free[owner[free] < 0]
-        if len(free) == 0:
-            return candidates[k], free, -np.inf
         rows, _ = _best_set(rays, free, candidates[k], rules)
         if len(rows) == 0:
             return candidates[k], rows, -np.inf
@@ -77,10 +75,10 @@ def cover(rays: Rays, candidates: FloatArray, rules: BearingRules) -> tuple[Floa
         rows, gain = _best_set(rays, free, point, rules)
         return point, rows, gain
 
-    queue = []
-    for k in range(len(candidates)):
-        rows = np.array(near[k], np.int64)
-        queue.append((-_best_set(rays, rows, candidates[k], rules)[1], k))
+    queue = [
+        (-_best_set(rays, np.array(rows, np.int64), candidates[k], rules)[1], k)
+        for k, rows in enumerate(near)
+    ]
     heapq.heapify(queue)
     while queue:
         _, k = heapq.heappop(queue)

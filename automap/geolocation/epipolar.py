@@ -44,19 +44,17 @@ def first_correction(
     reach = min(limits.REACH_SIGMAS * camera.time_offset_sd, limits.MOST_REACH_S)
     n_starts = 2 * int(np.ceil(reach / limits.START_STEP_S)) + 1
     some = geometry.thinned(limits.START_PAIRS)
-    best: tuple[float, FloatArray] | None = None
-    for start in np.linspace(-reach, reach, n_starts):
-        x = np.array([0.0, 0.0, 0.0, start])
-        for scale in limits.SCALES_RAD[:-1]:
-            x, cost = descend(x, some, prior, float(np.hypot(scale, noise_rad)))
-        if best is None or cost < best[0]:
-            best = (cost, x)
-    assert best is not None
-    x, cost = best[1], np.inf
-    for scale in limits.SCALES_RAD[-2:]:
-        last = float(np.hypot(scale, noise_rad))
-        x, cost = descend(x, geometry, prior, last)
-    unchanged, plain = descend(np.zeros(4), geometry, prior, last)
+    scales = np.hypot(limits.SCALES_RAD, noise_rad).tolist()
+
+    def narrowed(x: FloatArray, by: PairGeometry, scales: list[float]) -> tuple[FloatArray, float]:
+        for scale in scales:
+            x, cost = descend(x, by, prior, scale)
+        return x, cost
+
+    starts = [np.array([0.0, 0.0, 0.0, s]) for s in np.linspace(-reach, reach, n_starts)]
+    ends = [narrowed(x, some, scales[:-1]) for x in starts]
+    x, cost = narrowed(min(ends, key=lambda end: end[1])[0], geometry, scales[-2:])
+    unchanged, plain = descend(np.zeros(4), geometry, prior, scales[-1])
     # a box has many pairs, which repeat its evidence
     gain = (plain - cost) * geometry.n_boxes / len(geometry)
     return x if gain > gate(limits.START_PROBABILITY, len(x)) else unchanged

@@ -24,15 +24,15 @@ from automap.geolocation.face_sizes import face_probabilities
 from automap.geolocation.facing import find_facings
 from automap.geolocation.landmark import Landmark, SizePrior, fit_landmark
 from automap.geolocation.merging import combine
-from automap.geolocation.observations import (
+from automap.geolocation.pass_errors import solve_with_pass_errors
+from automap.geolocation.passes import join_passes
+from automap.geolocation.path_relation import make_path
+from automap.geolocation.result import (
+    GeolocationResult,
     nothing_observed,
     record_sign,
     warnings_of,
 )
-from automap.geolocation.pass_errors import solve_with_pass_errors
-from automap.geolocation.passes import join_passes
-from automap.geolocation.path_relation import make_path
-from automap.geolocation.result import GeolocationResult
 from automap.geolocation.rules import GeolocationRules
 from automap.geolocation.sightings import make_sighting
 from automap.geolocation.splitting import clean_tracks, join_pieces

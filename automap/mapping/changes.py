@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -49,13 +50,12 @@ def shared_sightings(older: OlderMap, keys: Sequence[Sequence[str]]) -> dict[tup
     """How many sightings a sign, by place among ``keys`` of its sightings, has in common with a
     sign of the older map."""
     number = {name: k for k, name in enumerate(values_of(older.signs, "id"))}
-    shared: dict[tuple[int, int], int] = {}
-    for place, own in enumerate(keys):
-        for key in own:
-            before = number.get(older.members.get(key, ""))
-            if before is not None:
-                shared[place, before] = shared.get((place, before), 0) + 1
-    return shared
+    return Counter(
+        (place, number[before])
+        for place, own in enumerate(keys)
+        for key in own
+        if (before := older.members.get(key, "")) in number
+    )
 
 
 def match_older(

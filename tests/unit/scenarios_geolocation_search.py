@@ -322,7 +322,7 @@ def geolocation_links() -> Any:
 @scenario
 def geolocation_hand() -> Any:
     """Signs of chosen views, what became of every box, and the sentences on it."""
-    from automap.geolocation import observations as of
+    from automap.geolocation import result as of
     from automap.geolocation.by_hand import _passes, locate_chosen
     from automap.geolocation.rules import GeolocationRules
 
