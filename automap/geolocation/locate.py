@@ -101,13 +101,15 @@ def _located(
         noise = replace(rules.noise, stamp_sd_s=stamp_sd)
         return build_views(trajectory, detections, cameras, noise, corrections)
 
+    def with_noise(stamp_sd: float, marks: Sequence[Landmark]) -> GeolocationRules:
+        noise = replace(rules.noise, stamp_sd_s=stamp_sd)
+        measured = measured_noise(views_with(stamp_sd), marks, rules.size, noise)
+        return replace(rules, noise=measured)
+
     if rules.estimate_noise:
         stamp_sd, (landmarks, misfits) = _with_stamps(views_with, (landmarks, misfits), rules)
-        rules = replace(rules, noise=replace(rules.noise, stamp_sd_s=stamp_sd))
-        views = views_with(stamp_sd)
-        noise = measured_noise(views, landmarks, rules.size, rules.noise)
-        rules = replace(rules, noise=noise)
-        views = build_views(trajectory, detections, cameras, noise, corrections)
+        rules = with_noise(stamp_sd, landmarks)
+        views = build_views(trajectory, detections, cameras, rules.noise, corrections)
         landmarks = [fit_landmark(views, mark.rows, rules.size) for mark in landmarks]
     if rules.estimate_camera and landmarks:
         corrections = estimate_cameras(
@@ -123,9 +125,7 @@ def _located(
             seen = views_with(rules.noise.stamp_sd_s)
             marks = refit(seen, [views.row[mark.rows] for mark in landmarks], rules)
             stamp_sd = stamp_scatter(views_with, tracked_or_linked(seen, marks), rules.size)
-            rules = replace(rules, noise=replace(rules.noise, stamp_sd_s=stamp_sd))
-            noise = measured_noise(views_with(stamp_sd), marks, rules.size, rules.noise)
-            rules = replace(rules, noise=noise)
+            rules = with_noise(stamp_sd, marks)
         rows = views.row
         views = build_views(trajectory, detections, cameras, rules.noise, corrections)
         landmarks = refit(views, [rows[mark.rows] for mark in landmarks], rules)

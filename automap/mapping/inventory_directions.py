@@ -47,8 +47,7 @@ def directions_of(
     """By the pairs of ``sign`` and ``listed`` [k] that are near one another, ``apart`` [k, 2] m."""
     turn = numbers_of(signs, "facing_rad")[0][sign] - inventory.facing_rad[listed]
     known = np.flatnonzero(np.isfinite(turn))
-    nearest = known[np.lexsort((np.hypot(*apart[known].T), listed[known]))]
-    first = nearest[np.unique(listed[nearest], return_index=True)[1]]
+    first = _nearest(listed, apart, known)
     cosine = np.cos(turn[first])
     against, along = int((cosine < -0.5).sum()), int((cosine > 0.5).sum())
     # signs on both sides of one post are a few; three sigmas of a fair coin are not
@@ -72,6 +71,12 @@ def directions_of(
     return Directions(turned, False, len(best), off, used)
 
 
+def _nearest(listed: IntArray, apart: FloatArray, rows: IntArray) -> IntArray:
+    """Of the pairs ``rows`` [n] the nearest of each listed sign."""
+    order = rows[np.lexsort((np.hypot(*apart[rows].T), listed[rows]))]
+    return order[np.unique(listed[order], return_index=True)[1]]
+
+
 def in_degrees(
     signs: Sequence[Sign], inventory: Inventory, sign: IntArray, listed: IntArray, apart: FloatArray
 ) -> tuple[Inventory, Directions]:
@@ -85,9 +90,7 @@ def in_degrees(
         bool(same_face(signs[i].class_name, inventory.class_name[j]))
         for i, j in zip(sign.tolist(), listed.tolist(), strict=True)
     ]
-    nearest = np.lexsort((np.hypot(*apart.T), listed))
-    nearest = nearest[np.array(alike, np.bool_)[nearest]]
-    first = nearest[np.unique(listed[nearest], return_index=True)[1]]
+    first = _nearest(listed, apart, np.flatnonzero(alike))
     # nobody tells a face better; a smaller spread is chance
     finest = math.radians(HAND_FACING_SD_DEG)
     # how much likelier normal errors make the one than the other, each with its own spread
