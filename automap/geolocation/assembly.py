@@ -10,7 +10,7 @@ import numpy as np
 from automap.earth import from_local_ned, tangent_rotation
 from automap.geolocation import limits
 from automap.geolocation.facing import Facing
-from automap.geolocation.merging import member_rows, size_effect
+from automap.geolocation.merging import size_effect
 from automap.geolocation.path_relation import Path, relate, side_of_path
 from automap.geolocation.sightings import Sighting
 from automap.geolocation.views import Views
@@ -56,7 +56,7 @@ def assemble_sign(
     right, a box of score s being right with s / 2: 1 - prod(1 - s_i / 2).
     """
     position, cov_ned = combined
-    rows = member_rows(sightings)
+    rows = np.sort(np.concatenate([s.landmark.rows for s in sightings]))
     lat, lon, height = (float(v) for v in from_local_ned(position, views.origin))
     to_ned_here = tangent_rotation(np.array([lat]), np.array([lon]), views.origin)[0].T
     C = C_ENU_NED @ to_ned_here

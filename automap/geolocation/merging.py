@@ -11,7 +11,7 @@ from automap.gates import gate
 from automap.geolocation import limits
 from automap.geolocation.sightings import Sighting
 from automap.geolocation.views import Views
-from automap.records import FloatArray, IntArray
+from automap.records import FloatArray
 
 
 def _common_covariance(a: Sighting, b: Sighting, path: float) -> FloatArray:
@@ -132,8 +132,3 @@ def size_effect(sightings: Sequence[Sighting]) -> FloatArray:
     shares = shares_of(sightings)
     moved = [share @ s.size_effect for share, s in zip(shares, sightings, strict=True)]
     return np.asarray(np.sum(moved, axis=0))
-
-
-def member_rows(sightings: Sequence[Sighting]) -> IntArray:
-    """Rows of all views of one sign, ascending."""
-    return np.sort(np.concatenate([s.landmark.rows for s in sightings]))

@@ -13,7 +13,7 @@ from automap.geolocation.facing import Faces
 from automap.geolocation.landmark import Landmark, direction_residuals
 from automap.geolocation.trajectory_adjustment import AdjustedTrajectory
 from automap.geolocation.views import CameraCorrection, MeasurementNoise, Views
-from automap.records import Camera, FloatArray, IntArray, Sign, Trajectory
+from automap.records import Camera, FloatArray, IntArray, Sign
 
 
 @dataclass(frozen=True)
@@ -49,11 +49,6 @@ class GeolocationResult:
     n_control: int
     noise: MeasurementNoise
     faces: Faces
-
-    @property
-    def trajectory(self) -> Trajectory | None:
-        """The adjusted trajectory, made anew at each call."""
-        return None if self.adjusted is None else self.adjusted.whole()
 
 
 def nothing_observed(total: int, views: Views) -> Observations:

@@ -97,7 +97,7 @@ def geolocation_hypotheses() -> Any:
             ],
             "late": vars(of._shifted(plain, 1.37)),
             "fast": vars(of._paced(plain, -0.021)),
-            "offsets": of._offsets(drive.path, record),
+            "offsets": of._offsets(drive.path),
             "rates": (grid, of._rates(_some(record, np.arange(2)))),
             "best": of._best_in_time(grid, lambda v, scale: (v - 0.0123) ** 2 + scale * v),
             "loss": [of.mean_loss(geometry, at, s) for at in (x, 40.0 * x) for s in (0.01, 0.1)],
