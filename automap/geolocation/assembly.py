@@ -10,7 +10,7 @@ import numpy as np
 from automap.earth import from_local_ned, tangent_rotation
 from automap.geolocation import limits
 from automap.geolocation.facing import Facing
-from automap.geolocation.merging import member_rows, size_effect
+from automap.geolocation.merging import size_effect
 from automap.geolocation.path_relation import Path, relate, side_of_path
 from automap.geolocation.sightings import Sighting
 from automap.geolocation.views import Views
@@ -56,7 +56,7 @@ def assemble_sign(
     right, a box of score s being right with s / 2: 1 - prod(1 - s_i / 2).
     """
     position, cov_ned = combined
-    rows = member_rows(sightings)
+    rows = np.sort(np.concatenate([s.landmark.rows for s in sightings]))
     lat, lon, height = (float(v) for v in from_local_ned(position, views.origin))
     to_ned_here = tangent_rotation(np.array([lat]), np.array([lon]), views.origin)[0].T
     C = C_ENU_NED @ to_ned_here
@@ -67,6 +67,8 @@ def assemble_sign(
     seen = views.t_ns[best.landmark.rows]
     lateral, above = relate(path, position, int(seen.min()), int(seen.max()))
     above_road = above + rules.imu_above_road_m
+    # the path's own error lifts both
+    over_path = max(best.covariance[2, 2] - best.path_sd[2] ** 2, 0.0)
     # meridians converge between the local frame's origin and the sign
     looks = to_ned_here[:2, :2] @ [np.cos(facing.rad), np.sin(facing.rad)]
     size_weights = np.array([1.0 / s.landmark.covariance[3, 3] for s in sightings])
@@ -80,7 +82,8 @@ def assemble_sign(
     status = _status(sightings, size, above_road, len(rows), rules)
     class_name = max(sorted(scores), key=scores.__getitem__)
     of_class, of_group = class_beliefs(views, rows, class_name)
-    believed = of_class if np.isfinite(of_class) else _belief_by_scores(views.score[rows])
+    wrong = 1.0 - limits.VIEW_EVIDENCE * np.clip(views.score[rows], 0.0, 1.0)
+    believed = of_class if np.isfinite(of_class) else float(1.0 - np.prod(wrong))
     if status == "implausible":
         believed *= limits.IMPLAUSIBLE_CONFIDENCE
     return Sign(
@@ -98,7 +101,7 @@ def assemble_sign(
         first_seen_ns=int(views.t_ns[rows].min()),
         last_seen_ns=int(views.t_ns[rows].max()),
         height_above_road_m=above_road,
-        sd_above_road_m=float(np.hypot(_relative_sd(best), rules.imu_above_road_sd_m)),
+        sd_above_road_m=float(np.hypot(np.sqrt(over_path), rules.imu_above_road_sd_m)),
         facing_rad=float(np.arctan2(looks[1], looks[0]) % (2.0 * np.pi)),
         facing_sd_rad=facing.sd_rad,
         size_m=size,
@@ -111,12 +114,6 @@ def assemble_sign(
         by_size_u_m=float(by_size[2]),
         detection_rows=np.sort(views.row[rows]),
     )
-
-
-def _relative_sd(sighting: Sighting) -> float:
-    """One sigma of a sign's height above the path that it was seen from, m: the path's own error
-    lifts both."""
-    return float(np.sqrt(max(sighting.covariance[2, 2] - sighting.path_sd[2] ** 2, 0.0)))
 
 
 def _status(
@@ -167,7 +164,3 @@ def class_beliefs(views: Views, rows: IntArray, class_name: str) -> tuple[float,
         )
     )
     return p_class, max(p_class, p_group)
-
-
-def _belief_by_scores(scores: FloatArray) -> float:
-    return float(1.0 - np.prod(1.0 - limits.VIEW_EVIDENCE * np.clip(scores, 0.0, 1.0)))

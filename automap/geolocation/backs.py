@@ -11,15 +11,15 @@ from automap.geolocation import limits
 from automap.geolocation.merging import difference_covariance
 from automap.geolocation.sightings import Sighting
 from automap.geolocation.views import Views
-from automap.signs.backs import BACK_OF_NONE, NO_BACK, fronts_of_backs
+from automap.records import IntArray
+from automap.signs.backs import fronts_of_backs
 
 
 def find_backs(
     views: Views, sightings: Sequence[Sighting], groups: Sequence[Sequence[int]]
-) -> dict[int, int | None]:
-    """Which groups of sightings are backs of signs, and of which other group (None: of none that
-    was seen from in front): a back is in none of the frames of the face, for a camera sees one
-    side."""
+) -> IntArray:
+    """Of which other group each of the groups [m] of sightings is the back, as ``fronts_of_backs``
+    tells: a back is in none of the frames of the face, for a camera sees one side."""
     seen = [sightings[k] for group in groups for k in group]
     owner = np.repeat(np.arange(len(groups)), [len(group) for group in groups])
 
@@ -31,12 +31,7 @@ def find_backs(
     place = np.array([sighting.position for sighting in seen]).reshape(-1, 3)
     names = [sighting.class_name for sighting in seen]
     # a little more than the reach, which the pair itself is held to
-    fronts = fronts_of_backs(names, owner, place, 1.01 * limits.BACK_REACH_M, apart)
-    return {
-        number: None if front == BACK_OF_NONE else front
-        for number, front in enumerate(fronts.tolist())
-        if front != NO_BACK
-    }
+    return fronts_of_backs(names, owner, place, 1.01 * limits.BACK_REACH_M, apart)
 
 
 def _is_other_side(views: Views, back: Sighting, front: Sighting) -> bool:

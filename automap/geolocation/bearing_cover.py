@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from automap.assignment import assign
 from automap.geolocation import limits
@@ -15,8 +16,6 @@ _ROUNDS = 10
 
 def candidates(rays: Rays, rules: BearingRules) -> FloatArray:
     """Crossings of pairs of rays of different cameras, and ends of rays with depth [m, 2]."""
-    from scipy.spatial import cKDTree
-
     direction = np.column_stack([np.cos(rays.bearing), np.sin(rays.bearing)])
     known = np.isfinite(rays.log_depth) & (np.exp(rays.log_depth) <= rules.max_range_m)
     ends = rays.centre[known] + direction[known] * np.exp(rays.log_depth[known])[:, None]
@@ -60,8 +59,6 @@ def cover(rays: Rays, candidates: FloatArray, rules: BearingRules) -> tuple[Floa
     """
     import heapq
 
-    from scipy.spatial import cKDTree
-
     owner = np.full(len(rays.centre), -1, np.int64)
     points: list[FloatArray] = []
     if len(candidates) == 0:
@@ -71,8 +68,6 @@ def cover(rays: Rays, candidates: FloatArray, rules: BearingRules) -> tuple[Floa
     def evaluate(k: int) -> tuple[FloatArray, IntArray, float]:
         free = np.array(near[k], np.int64)
         free = free[owner[free] < 0]
-        if len(free) == 0:
-            return candidates[k], free, -np.inf
         rows, _ = _best_set(rays, free, candidates[k], rules)
         if len(rows) == 0:
             return candidates[k], rows, -np.inf
@@ -80,10 +75,10 @@ def cover(rays: Rays, candidates: FloatArray, rules: BearingRules) -> tuple[Floa
         rows, gain = _best_set(rays, free, point, rules)
         return point, rows, gain
 
-    queue = []
-    for k in range(len(candidates)):
-        rows = np.array(near[k], np.int64)
-        queue.append((-_best_set(rays, rows, candidates[k], rules)[1], k))
+    queue = [
+        (-_best_set(rays, np.array(rows, np.int64), candidates[k], rules)[1], k)
+        for k, rows in enumerate(near)
+    ]
     heapq.heapify(queue)
     while queue:
         _, k = heapq.heappop(queue)
@@ -104,8 +99,6 @@ def reassign(
     rays: Rays, points: FloatArray, owner: IntArray, rules: BearingRules
 ) -> tuple[FloatArray, IntArray]:
     """Move sightings to better objects, join objects that coincide, drop empty ones."""
-    from scipy.spatial import cKDTree
-
     for _ in range(_ROUNDS):
         if len(points) == 0:
             break
@@ -132,7 +125,6 @@ def joined(
     As well means at no more than the price of the object that is saved; the pair that gains
     most goes first.
     """
-    from scipy.spatial import cKDTree
 
     def cost(rows: IntArray, point: FloatArray) -> float:
         return float(costs(rays, rows, point[None], rules).sum())

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from automap.earth import local_ned
+from automap.frames import wrap_pi
 from automap.records import Bearings, FloatArray, IntArray
 
 _NEWTON_STEPS = 10
@@ -71,8 +72,7 @@ def costs(rays: Rays, rows: IntArray, points: FloatArray, rules: BearingRules) -
     """
     offset = points[None] - rays.centre[rows, None]
     distance = np.maximum(np.hypot(offset[..., 0], offset[..., 1]), 0.1)
-    turn = np.arctan2(offset[..., 1], offset[..., 0]) - rays.bearing[rows, None]
-    turn = (turn + np.pi) % (2.0 * np.pi) - np.pi
+    turn = wrap_pi(np.arctan2(offset[..., 1], offset[..., 0]) - rays.bearing[rows, None])
     near = rules.position_sd_m / distance
     cost = turn**2 / (rays.sd[rows, None] ** 2 + near**2)
     stretch = np.log(distance) - rays.log_depth[rows, None]
@@ -100,8 +100,7 @@ def normal_equations(
     """Normal matrix [2, 2] and right-hand side [2] of a point."""
     offset = point - rays.centre[rows]
     distance = np.maximum(np.hypot(offset[:, 0], offset[:, 1]), 0.1)
-    turn = np.arctan2(offset[:, 1], offset[:, 0]) - rays.bearing[rows]
-    turn = (turn + np.pi) % (2.0 * np.pi) - np.pi
+    turn = wrap_pi(np.arctan2(offset[:, 1], offset[:, 0]) - rays.bearing[rows])
     near = rules.position_sd_m / distance
     J = np.column_stack([-offset[:, 1], offset[:, 0]]) / distance[:, None] ** 2
     weight = 1.0 / (rays.sd[rows] ** 2 + near**2)

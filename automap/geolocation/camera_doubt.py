@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
+from scipy.special import bdtrc
 
 from automap.gates import sigmas
 from automap.geolocation import limits
@@ -33,8 +34,6 @@ def beyond_stated(correction: CameraCorrection, camera: Camera, focal_sd: float)
 def misfit(used: BoolArray, note: npt.NDArray[np.object_], signs: Sequence[Sign]) -> list[str]:
     """A sentence where boxes, ``used`` [n] or left out for what ``note`` [n] says, and path are so
     much at odds that the video or the camera must be another one than stated."""
-    from scipy.special import bdtrc
-
     seen = [sign for sign in signs if sign.status != "single_view"]
     weak = sum(sign.status != "ok" for sign in seen)
     by_chance = float(bdtrc(weak - 1, len(seen), limits.USUAL_WEAK)) if weak else 1.0

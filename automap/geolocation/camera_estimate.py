@@ -98,9 +98,12 @@ def estimate_cameras(
                 # nearer starts end there too
                 if not time_minima.apart(other.corrections[name], end.corrections[name]):
                     break
-        best, times = time_minima.alike(
-            [time_minima.Minimum(e.corrections[name], _cost(e, camera, name, rules)) for e in ends]
-        )
+        minima = []
+        for one in ends:
+            found = one.corrections[name]
+            fitted = one.views, one.landmarks, camera, found, rules.size, rules.camera
+            minima.append(time_minima.Minimum(found, time_minima.cost_of(*fitted)))
+        best, times = time_minima.alike(minima)
         end = ends[best]
         if times:
             held = {**used, name: replace(camera, time_offset_sd=limits.HELD_TIME_S)}
@@ -124,13 +127,6 @@ def _at_time(
 ) -> dict[str, CameraCorrection]:
     """The same with another time offset of one camera."""
     return {**corrections, name: replace(corrections[name], time_s=float(time_s))}
-
-
-def _cost(end: _End, camera: Camera, name: str, rules: GeolocationRules) -> float:
-    correction = end.corrections[name]
-    return time_minima.cost_of(
-        end.views, end.landmarks, camera, correction, rules.size, rules.camera
-    )
 
 
 def _time_as_given(

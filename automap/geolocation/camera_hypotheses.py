@@ -112,7 +112,7 @@ def better_explanations(
 
     tried = [
         *_pictures(plain), *_mountings(plain), *_calibrations(plain),
-        _shifted(plain, _best_in_time(_offsets(trajectory, found), late)),
+        _shifted(plain, _best_in_time(_offsets(trajectory), late)),
         _paced(plain, _best_in_time(_rates(found), fast)),
     ]  # fmt: skip
     # a box has many pairs, which repeat its evidence
@@ -195,7 +195,7 @@ def _paced(plain: Hypothesis, rate: float) -> Hypothesis:
     return replace(plain, what=what, found=found)
 
 
-def _offsets(trajectory: Trajectory, found: Detections) -> tuple[FloatArray, float]:
+def _offsets(trajectory: Trajectory) -> tuple[FloatArray, float]:
     """Offsets to try, s, and their distance."""
     length = float(trajectory.t_ns[-1] - trajectory.t_ns[0]) * 1e-9
     reach, step = min(limits.MOST_SHIFT_S, 0.5 * length), 2.0 * limits.START_STEP_S

@@ -14,13 +14,7 @@ import numpy as np
 
 from automap.gates import gate
 from automap.geolocation import limits
-from automap.geolocation.landmark import (
-    SizePrior,
-    fit_landmark,
-    relative_views,
-    view_drift,
-    view_sd,
-)
+from automap.geolocation.landmark import SizePrior, boxes_of, fit_landmark
 from automap.geolocation.landmark_kernels import solve_landmark
 from automap.geolocation.views import Views, numbered_tracks
 from automap.records import BoolArray, IntArray
@@ -38,22 +32,13 @@ def moves_along(views: Views, rows: IntArray, prior: SizePrior) -> bool:
     """Whether a thing of a sign's size that goes about as fast as the camera explains the boxes
     ``rows`` of one track far better than one that stands does."""
     standing = fit_landmark(views, rows, prior)
-    anchor = standing.anchor
-    _, b = relative_views(views, rows, anchor)
+    boxes = boxes_of(views, rows, standing.anchor, prior)
     # it turns with the road, and so with the camera
-    ahead = np.ascontiguousarray(np.broadcast_to(np.eye(3), (len(rows), 3, 3)))
-    measured, sd = views.measured[rows], view_sd(views, rows)
-    drift = view_drift(views, rows, anchor)
-    prior = prior.of(views.class_name[rows].tolist())
-    usual = float(np.log(prior.size_m))
-    first = np.array([*measured[rows == anchor][0, :2], 0.0, usual])
-    first[2] = usual - views.measured[anchor, 2]
+    boxes = boxes._replace(M=np.ascontiguousarray(np.broadcast_to(np.eye(3), boxes.M.shape)))
+    right, down, height = views.measured[standing.anchor]
+    first = np.array([right, down, boxes.prior_mean - height, boxes.prior_mean])
     moving = min(
-        float(
-            solve_landmark(first, ahead, part * b, measured, sd, drift, usual, prior.log_sd, True)[
-                1
-            ]
-        )
+        float(solve_landmark(first, boxes._replace(b=part * boxes.b), True)[1])
         for part in limits.CARRIER_CLOSING
     )
     # where sigmas were too small both cost too much

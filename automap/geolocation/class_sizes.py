@@ -13,7 +13,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from automap.geolocation import limits
-from automap.geolocation.landmark import Landmark, SizePrior
+from automap.geolocation.landmark import Landmark, SizePrior, commonest
 from automap.geolocation.views import Views
 from automap.records import FloatArray
 from automap.robust import cauchy_weight
@@ -56,14 +56,14 @@ def sizes_of_others(
     ``landmarks`` were settled with ``prior``; where no other of the class tells anything, it is
     that prior.
     """
-    names = [_name(views, mark) for mark in landmarks]
+    names = [commonest(views.class_name[mark.rows].tolist()) for mark in landmarks]
     result = [prior.of([name]) for name in names]
     for name in set(names):
         members = [k for k, other in enumerate(names) if other == name]
         if len(members) < 2:
             continue
         general = prior.of([name])
-        size, variance = _measured([landmarks[k] for k in members], general)
+        size, variance = np.array([measured_size(landmarks[k], general) for k in members]).T
         for i, k in enumerate(members):
             others = np.isfinite(size)
             others[i] = False
@@ -72,23 +72,15 @@ def sizes_of_others(
     return result
 
 
-def _name(views: Views, mark: Landmark) -> str:
-    names, count = np.unique(views.class_name[mark.rows].astype(str), return_counts=True)
-    return str(names[np.argmax(count)])
-
-
-def _measured(marks: Sequence[Landmark], prior: SizePrior) -> tuple[FloatArray, FloatArray]:
-    """Logarithms [n] of the sizes by boxes and bearings alone and their variances [n]; NaN
-    where those tell next to nothing."""
-    size, variance = np.full(len(marks), np.nan), np.full(len(marks), np.nan)
-    before = prior.log_sd**2
-    for k, mark in enumerate(marks):
-        after = float(mark.covariance[3, 3] + mark.pass_covariance[3, 3])
-        if mark.ok and after < (1.0 - limits.LEAST_SIZE_GAIN) * before:
-            variance[k] = 1.0 / (1.0 / after - 1.0 / before)
-            pull = np.log(prior.size_m) / before
-            size[k] = (mark.parameters[3] / after - pull) * variance[k]
-    return size, variance
+def measured_size(mark: Landmark, prior: SizePrior, weight: float = 1.0) -> tuple[float, float]:
+    """Logarithm of a size by boxes and bearings alone, and its variance, where the fit gave the
+    ``prior`` a ``weight``; NaN where those tell next to nothing."""
+    after = float(mark.covariance[3, 3] + mark.pass_covariance[3, 3])
+    before, expected = prior.log_sd**2, float(np.log(prior.size_m))
+    if not (mark.ok and after * weight < (1.0 - limits.LEAST_SIZE_GAIN) * before):
+        return np.nan, np.nan
+    variance = 1.0 / (1.0 / after - weight / before)
+    return (float(mark.parameters[3]) / after - weight * expected / before) * variance, variance
 
 
 def _predicted(size: FloatArray, variance: FloatArray, prior: SizePrior) -> SizePrior:

@@ -41,7 +41,11 @@ def conditions(
     """Conditions of signs [n], each of its sightings; ``cameras`` as they were found to be."""
     frame = np.concatenate([d.frame for d in detections] or [np.zeros(0, np.int64)])
     contrast = np.concatenate([d.told("contrast") for d in detections] or [np.zeros(0)])
-    notes = [note for d in detections for note in _notes(d)]
+    notes = [
+        str(note or "")
+        for d in detections
+        for note in ([""] * len(d) if d.contrast_note is None else d.contrast_note)
+    ]
     searched = {d.camera: _searched(d, cameras[d.camera]) for d in detections}
     usual = _usual_heights(views, [s.landmark for members in signs for s in members])
     result = []
@@ -82,12 +86,6 @@ def face_of_views(
     # that it is small from afar is no reason where nearer views have another
     why = Counter(note for note in notes if note).most_common()
     return np.nan, np.nan, next((n for n, _ in why if n != "too small"), why[0][0] if why else "")
-
-
-def _notes(found: Detections) -> list[str]:
-    if found.contrast_note is None:
-        return [""] * len(found)
-    return [str(note or "") for note in found.contrast_note]
 
 
 def _usual_heights(views: Views, marks: Sequence[Landmark]) -> FloatArray:

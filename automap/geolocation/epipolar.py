@@ -10,8 +10,6 @@ beyond the reach of one.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from automap.effects.camera import camera_poses
@@ -26,14 +24,6 @@ _STEPS = 4
 """Of Gauss-Newton at most, for every scale."""
 _TURN_STEP, _TIME_STEP = 1e-4, 1e-3
 """Of numeric derivatives, rad and s."""
-
-
-@dataclass(frozen=True)
-class Pairs:
-    """Boxes that may show one sign: rows into ``ray`` [k, 3] and ``t_ns`` [k]."""
-
-    first: IntArray
-    second: IntArray
 
 
 def first_correction(
@@ -54,19 +44,17 @@ def first_correction(
     reach = min(limits.REACH_SIGMAS * camera.time_offset_sd, limits.MOST_REACH_S)
     n_starts = 2 * int(np.ceil(reach / limits.START_STEP_S)) + 1
     some = geometry.thinned(limits.START_PAIRS)
-    best: tuple[float, FloatArray] | None = None
-    for start in np.linspace(-reach, reach, n_starts):
-        x = np.array([0.0, 0.0, 0.0, start])
-        for scale in limits.SCALES_RAD[:-1]:
-            x, cost = descend(x, some, prior, float(np.hypot(scale, noise_rad)))
-        if best is None or cost < best[0]:
-            best = (cost, x)
-    assert best is not None
-    x, cost = best[1], np.inf
-    for scale in limits.SCALES_RAD[-2:]:
-        last = float(np.hypot(scale, noise_rad))
-        x, cost = descend(x, geometry, prior, last)
-    unchanged, plain = descend(np.zeros(4), geometry, prior, last)
+    scales = np.hypot(limits.SCALES_RAD, noise_rad).tolist()
+
+    def narrowed(x: FloatArray, by: PairGeometry, scales: list[float]) -> tuple[FloatArray, float]:
+        for scale in scales:
+            x, cost = descend(x, by, prior, scale)
+        return x, cost
+
+    starts = [np.array([0.0, 0.0, 0.0, s]) for s in np.linspace(-reach, reach, n_starts)]
+    ends = [narrowed(x, some, scales[:-1]) for x in starts]
+    x, cost = narrowed(min(ends, key=lambda end: end[1])[0], geometry, scales[-2:])
+    unchanged, plain = descend(np.zeros(4), geometry, prior, scales[-1])
     # a box has many pairs, which repeat its evidence
     gain = (plain - cost) * geometry.n_boxes / len(geometry)
     return x if gain > gate(limits.START_PROBABILITY, len(x)) else unchanged
@@ -87,26 +75,15 @@ def pair_geometry(
     t_ns = np.asarray(found.t_ns, np.int64)[order]
     ray = np.column_stack([np.ones(len(order)), middle[order]])
     ray /= np.linalg.norm(ray, axis=1)[:, None]
-    pairs = candidate_pairs(
-        trajectory,
-        t_ns + np.int64(round(camera.time_offset_s * 1e9)),
-        found.class_name[order],
-        height[order],
-        found.track[order],
-    )
+    pairs = candidate_pairs(t_ns, found.class_name[order], height[order], found.track[order])
     return PairGeometry(trajectory, camera, origin, ray, t_ns, pairs)
 
 
 def candidate_pairs(
-    trajectory: Trajectory,
-    t_ns: IntArray,
-    class_name: np.ndarray,
-    log_height: FloatArray,
-    track: IntArray,
-) -> Pairs:
-    """Pairs of frames close in time with one class, growing no faster than driving allows."""
-    if len(t_ns) == 0:
-        return Pairs(np.zeros(0, np.int64), np.zeros(0, np.int64))
+    t_ns: IntArray, class_name: np.ndarray, log_height: FloatArray, track: IntArray
+) -> IntArray:
+    """Pairs [2, p] of boxes [k] that may show one sign: of frames close in time and of one class,
+    growing no faster than driving allows."""
     last = np.searchsorted(t_ns, t_ns + int(limits.PAIR_APART_S * 1e9), side="right")
     counts = last - np.arange(len(t_ns)) - 1
     first = np.repeat(np.arange(len(t_ns)), counts)
@@ -115,11 +92,13 @@ def candidate_pairs(
     keep &= np.abs(log_height[second] - log_height[first]) < limits.PAIR_LOG_GROWTH
     named = (track[first] >= 0) & (track[second] >= 0)
     keep &= ~named | (track[first] == track[second])
-    first, second = first[keep], second[keep]
-    if len(first) > limits.MOST_PAIRS:
-        chosen = np.linspace(0, len(first) - 1, limits.MOST_PAIRS).astype(np.int64)
-        first, second = first[chosen], second[chosen]
-    return Pairs(first.astype(np.int64), second.astype(np.int64))
+    return _some(np.stack([first[keep], second[keep]]).astype(np.int64), limits.MOST_PAIRS)
+
+
+def _some(pairs: IntArray, n: int) -> IntArray:
+    """At most ``n`` of the pairs, evenly."""
+    count = pairs.shape[1]
+    return pairs[:, np.linspace(0, count - 1, min(n, count)).astype(np.int64)]
 
 
 class PairGeometry:
@@ -132,15 +111,12 @@ class PairGeometry:
         origin: tuple[float, float, float],
         ray: FloatArray,
         t_ns: IntArray,
-        pairs: Pairs,
+        pairs: IntArray,
     ) -> None:
         self._scene = (trajectory, camera, origin, ray, t_ns)
         self._pairs = pairs
-        used = np.unique(np.concatenate([pairs.first, pairs.second]))
-        self._times, frame = np.unique(t_ns[used], return_inverse=True)
-        self._frame = np.zeros(len(t_ns), np.int64)
-        self._frame[used] = frame
-        self._trajectory, self._camera, self._origin, self._ray = trajectory, camera, origin, ray
+        self._times, frame = np.unique(t_ns[pairs], return_inverse=True)
+        self._frames = frame.reshape(pairs.shape)
         self._offset_s = np.nan
 
     def paced(self, rate: float) -> PairGeometry:
@@ -152,22 +128,20 @@ class PairGeometry:
     @property
     def n_boxes(self) -> int:
         """Boxes that have a direction."""
-        return len(self._ray)
+        return len(self._scene[3])
 
     def thinned(self, n: int) -> PairGeometry:
         """The same with ``n`` pairs at most."""
-        chosen = np.linspace(0, len(self._pairs.first) - 1, min(n, len(self._pairs.first)))
-        rows = chosen.astype(np.int64)
-        pairs = Pairs(self._pairs.first[rows], self._pairs.second[rows])
-        return PairGeometry(*self._scene, pairs)
+        return PairGeometry(*self._scene, _some(self._pairs, n))
 
     def __len__(self) -> int:
-        return len(self._pairs.first)
+        return len(self._pairs[0])
 
     def _place(self, offset_s: float) -> None:
-        t = self._times + np.int64(round((self._camera.time_offset_s + offset_s) * 1e9))
-        centre, C_cam_ref = camera_poses(poses_at(self._trajectory, t), self._camera, self._origin)
-        first, second = self._frame[self._pairs.first], self._frame[self._pairs.second]
+        trajectory, camera, origin, _, _ = self._scene
+        t = self._times + np.int64(round((camera.time_offset_s + offset_s) * 1e9))
+        centre, C_cam_ref = camera_poses(poses_at(trajectory, t), camera, origin)
+        first, second = self._frames
         self._way = centre[second] - centre[first]
         self._far = np.linalg.norm(self._way, axis=1)
         self._C_first = np.swapaxes(C_cam_ref[first], 1, 2)
@@ -178,9 +152,9 @@ class PairGeometry:
         """The way between the two cameras of each pair, m, and their rays: each [p, 3]."""
         if x[3] != self._offset_s:
             self._place(float(x[3]))
-        turned = self._ray @ rpy_to_matrix(x[:3]).T
-        one = np.einsum("nij,nj->ni", self._C_first, turned[self._pairs.first])
-        other = np.einsum("nij,nj->ni", self._C_second, turned[self._pairs.second])
+        first, second = (self._scene[3] @ rpy_to_matrix(x[:3]).T)[self._pairs]
+        one = np.einsum("nij,nj->ni", self._C_first, first)
+        other = np.einsum("nij,nj->ni", self._C_second, second)
         return self._way, one, other
 
     def residuals(self, x: FloatArray) -> FloatArray:

@@ -11,6 +11,7 @@ of Musicki and Evans, Joint Integrated Probabilistic Data Association, IEEE T-AE
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -46,8 +47,8 @@ class FrameGrid:
         seconds = np.diff(t_ns) / np.maximum(step, 1) if len(step) else np.array([1e9])
         self.interval_ns = float(np.median(seconds)) * self.step
 
-    def stamped(self, frame: IntArray) -> tuple[IntArray, IntArray]:
-        """Those of some frames that lie between frames with boxes, and their stamps."""
+    def stamped(self, frame: npt.NDArray[Any]) -> tuple[npt.NDArray[Any], IntArray]:
+        """Those of some frames' numbers that lie between frames with boxes, and their stamps."""
         if not len(self._frame):
             return frame[:0], frame[:0]
         inside = frame[(frame >= self._frame[0]) & (frame <= self._frame[-1])]
@@ -64,9 +65,7 @@ class FrameGrid:
             return np.zeros(0, np.int64)
         here = float(np.interp(float(t_ns - self._base), self._since, self._frame))
         numbers = here + self.step * np.concatenate([np.arange(-count, 0), np.arange(1, count + 1)])
-        numbers = numbers[(numbers >= self._frame[0]) & (numbers <= self._frame[-1])]
-        since = np.interp(numbers, self._frame, self._since)
-        return np.asarray(self._base + np.rint(since).astype(np.int64))
+        return self.stamped(numbers)[1]
 
 
 def apparent_heights(

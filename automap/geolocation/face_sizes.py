@@ -11,13 +11,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from scipy.special import ndtr
 
 from automap.geolocation import limits
+from automap.geolocation.class_sizes import measured_size
 from automap.geolocation.landmark import Landmark, SizePrior
 from automap.geolocation.pass_errors import solve_with_pass_errors
 from automap.geolocation.views import Views
 from automap.records import FloatArray
-from automap.robust import cauchy_weight
 
 _LIMITED = ("warning--", "regulatory--")
 
@@ -43,25 +44,13 @@ def _told(views: Views, mark: Landmark, prior: SizePrior) -> float:
     if not (mark.ok and np.isfinite(largest)):
         return np.nan
     usual = prior.of(names)
-    nats = size_nats(*_measured(mark, usual), usual, largest)
-    if nats < 0.0:
-        # the errors of the pass may have made it large
-        nats = size_nats(
-            *_measured(solve_with_pass_errors(views, mark, prior), usual), usual, largest
-        )
-    return nats
 
+    def nats_of(mark: Landmark) -> float:
+        return size_nats(*measured_size(mark, usual, usual.weight(mark)), usual, largest)
 
-def _measured(mark: Landmark, usual: SizePrior) -> tuple[float, float]:
-    """Logarithm of the size by boxes and bearings alone and its variance; NaN where those tell
-    less than half of it."""
-    after = float(mark.covariance[3, 3] + mark.pass_covariance[3, 3])
-    before, expected = usual.log_sd**2, float(np.log(usual.size_m))
-    weight = float(cauchy_weight(np.array([(mark.parameters[3] - expected) ** 2 / before]))[0])
-    if not after * weight < (1.0 - limits.LEAST_SIZE_GAIN) * before:
-        return np.nan, np.nan
-    variance = 1.0 / (1.0 / after - weight / before)
-    return (float(mark.parameters[3]) / after - weight * expected / before) * variance, variance
+    nats = nats_of(mark)
+    # the errors of the pass may have made it large
+    return nats_of(solve_with_pass_errors(views, mark, prior)) if nats < 0.0 else nats
 
 
 def size_nats(log_size: float, variance: float, usual: SizePrior, largest_m: float) -> float:
@@ -76,7 +65,5 @@ def size_nats(log_size: float, variance: float, usual: SizePrior, largest_m: flo
 
 def _even(log_size: float, variance: float, low_m: float, high_m: float) -> float:
     """Density of a measured size whose true one is log-uniform between two."""
-    from scipy.special import ndtr
-
     sd, low, high = np.sqrt(variance), np.log(low_m), np.log(high_m)
     return float((ndtr((high - log_size) / sd) - ndtr((low - log_size) / sd)) / (high - low))

@@ -13,7 +13,6 @@ explain its boxes alike neither is chosen, and the sigma spans both.
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
@@ -22,7 +21,7 @@ import numpy as np
 from automap.frames import wrap_pi
 from automap.geolocation import limits
 from automap.geolocation.box_noise import scatter
-from automap.geolocation.landmark import view_sd
+from automap.geolocation.landmark import commonest, view_sd
 from automap.geolocation.path_relation import Path, course_at
 from automap.geolocation.sightings import Sighting
 from automap.geolocation.views import Views
@@ -129,8 +128,7 @@ def _observed(views: Views, sightings: Sequence[Sighting], path: Path) -> _Seen:
     told = np.isfinite(views.log_aspect[rows])
     rows, sd, weight = rows[told], sd[told], weight[told]
     names = [str(name) for name in views.class_name[rows]]
-    name = min(Counter(names).items(), key=lambda item: (-item[1], item[0]))[0] if names else ""
-    shape, sure = outline_of(name)
+    shape, sure = outline_of(commonest(names) if names else "")
     measured = views.log_aspect[rows]
     size = views.measured[rows, 2] + 0.5 * measured
     octave = np.clip(np.floor(size / np.log(2.0)), -_OCTAVES, -1).astype(np.int64) + _OCTAVES

@@ -25,6 +25,7 @@ import numpy as np
 from automap.geolocation import limits
 from automap.geolocation.landmark_kernels import (
     N_COMMON,
+    Boxes,
     common_columns,
     normal_equations,
     solve_landmark,
@@ -32,7 +33,7 @@ from automap.geolocation.landmark_kernels import (
 )
 from automap.geolocation.views import Views
 from automap.records import FloatArray, IntArray
-from automap.robust import BY_CAUCHY, PLAIN
+from automap.robust import BY_CAUCHY, PLAIN, cauchy_weight
 
 
 @dataclass(frozen=True)
@@ -46,10 +47,17 @@ class SizePrior:
 
     def of(self, names: Iterable[str]) -> SizePrior:
         """The prior of a sign whose boxes have these class names: the commonest decides."""
-        if not self.by_class:
-            return self
-        name = min(Counter(names).items(), key=lambda item: (-item[1], item[0]))[0]
-        return self.by_class.get(name, self)
+        return self.by_class.get(commonest(names), self) if self.by_class else self
+
+    def weight(self, mark: Landmark) -> float:
+        """What the fit of a landmark with this prior gave it (Cauchy)."""
+        off = (mark.parameters[3] - np.log(self.size_m)) / self.log_sd
+        return float(cauchy_weight(off**2))
+
+
+def commonest(names: Iterable[str]) -> str:
+    """The name that is there most often; the alphabet decides between equals."""
+    return min(Counter(names).items(), key=lambda item: (-item[1], item[0]))[0]
 
 
 @dataclass(frozen=True)
@@ -109,12 +117,8 @@ def fit_landmark(views: Views, rows: IntArray, prior: SizePrior, robust: bool = 
     """
     rows = np.asarray(rows, np.int64)
     anchor = int(rows[np.argmax(views.measured[rows, 2])])
-    M, b = relative_views(views, rows, anchor)
-    drift = view_drift(views, rows, anchor)
-    measured, sd = views.measured[rows], view_sd(views, rows)
-    prior = prior.of(views.class_name[rows].tolist())
-    prior_mean, prior_sd = float(np.log(prior.size_m)), prior.log_sd
-    starts = [prior_mean - views.measured[anchor, 2]]
+    boxes = boxes_of(views, rows, anchor, prior)
+    starts = [boxes.prior_mean - views.measured[anchor, 2]]
     if len(rows) > 1:
         starts += [starts[0] + np.log(2.0), starts[0] - np.log(2.0)]
         crossing = _crossing_depth(views, rows, anchor)
@@ -123,14 +127,13 @@ def fit_landmark(views: Views, rows: IntArray, prior: SizePrior, robust: bool = 
     best: tuple[FloatArray, float] | None = None
     for start in starts:
         first = np.array([*views.measured[anchor, :2], start, start + views.measured[anchor, 2]])
-        found, cost = solve_landmark(first, M, b, measured, sd, drift, prior_mean, prior_sd, robust)
+        found, cost = solve_landmark(first, boxes, robust)
         if np.isfinite(cost) and (best is None or cost < best[1]):
             best = (found, cost)
     parameters, cost = best if best is not None else (first, np.inf)
     columns, _ = columns_of(views, rows, anchor, parameters)
     information, A, _, residual, weight, chi2 = normal_equations(
-        *(parameters, M, b, measured, sd, drift, columns, np.zeros(N_COMMON)),
-        *(prior_mean, prior_sd, BY_CAUCHY if robust else PLAIN),
+        parameters, boxes, columns, np.zeros(N_COMMON), BY_CAUCHY if robust else PLAIN
     )
     covariance = np.linalg.inv(information)
     # the residuals, the size prior's among them, say whether the sigmas were too small
@@ -152,6 +155,15 @@ def fit_landmark(views: Views, rows: IntArray, prior: SizePrior, robust: bool = 
         chi2=float(chi2),
         dof=dof,
         ok=bool(np.isfinite(cost)),
+    )
+
+
+def boxes_of(views: Views, rows: IntArray, anchor: int, prior: SizePrior) -> Boxes:
+    """The boxes of a sign in the views ``rows``, one of them the ``anchor``."""
+    prior = prior.of(views.class_name[rows].tolist())
+    return Boxes(
+        *(*relative_views(views, rows, anchor), views.measured[rows], view_sd(views, rows)),
+        *(view_drift(views, rows, anchor), float(np.log(prior.size_m)), prior.log_sd),
     )
 
 
@@ -180,12 +192,9 @@ def sign_equations(
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, float]:
     """``normal_equations`` of a sign in the views ``rows`` at ``parameters`` [4] seen from a view,
     with what is common to the views, of derivatives ``columns`` [n, 3, m], at ``bias`` [m]."""
-    M, b = relative_views(views, rows, anchor)
-    prior = prior.of(views.class_name[rows].tolist())
-    N, A, shared, residual, weight, chi2 = normal_equations(
-        *(parameters, M, b, views.measured[rows], view_sd(views, rows), np.zeros(len(rows))),
-        *(columns, bias, float(np.log(prior.size_m)), prior.log_sd, kind),
-    )
+    # what drifts is among what is common
+    boxes = boxes_of(views, rows, anchor, prior)._replace(drift=np.zeros(len(rows)))
+    N, A, shared, residual, weight, chi2 = normal_equations(parameters, boxes, columns, bias, kind)
     return N, A, shared, residual, weight, float(chi2)
 
 

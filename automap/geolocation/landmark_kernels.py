@@ -7,6 +7,8 @@ the anchor: q_view = M q_anchor + b.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from automap.effects.camera_kernels import (
@@ -32,6 +34,20 @@ MARGIN = 8
 
 _MIN_PIVOT = 1e-300
 """No more is no pivot but rounding."""
+
+
+class Boxes(NamedTuple):
+    """Boxes [n] of a sign: ``M`` [n, 3, 3] and ``b`` [n, 3] m of their views, ``measured`` and
+    ``sd`` [n, 3], one-sigma error ``drift`` [n] m of each centre against the anchor's; logarithm of
+    the sign's usual size and sigma of it."""
+
+    M: FloatArray
+    b: FloatArray
+    measured: FloatArray
+    sd: FloatArray
+    drift: FloatArray
+    prior_mean: float
+    prior_sd: float
 
 
 @kernel
@@ -123,7 +139,8 @@ def _measure(theta, M, b, h, J, q, d):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _cost(theta, M, b, measured, sd, drift, prior_mean, prior_sd, kind):  # type: ignore[no-untyped-def]
+def _cost(theta, boxes, kind):  # type: ignore[no-untyped-def]
+    M, b, measured, sd, drift, prior_mean, prior_sd = boxes
     h = np.zeros(3)
     J = np.zeros((3, 4))
     q = np.zeros(3)
@@ -145,8 +162,9 @@ def _cost(theta, M, b, measured, sd, drift, prior_mean, prior_sd, kind):  # type
 
 
 @kernel
-def _accumulate(theta, M, b, measured, sd, drift, prior_mean, prior_sd, kind, N, g):  # type: ignore[no-untyped-def]
+def _accumulate(theta, boxes, kind, N, g):  # type: ignore[no-untyped-def]
     """Normal matrix N [4, 4] and right-hand side g [4] with the weights at theta."""
+    M, b, measured, sd, drift, prior_mean, prior_sd = boxes
     h = np.zeros(3)
     J = np.zeros((3, 4))
     q = np.zeros(3)
@@ -211,7 +229,7 @@ def _solve4(N, g, damping, step):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def solve_landmark(start, M, b, measured, sd, drift, prior_mean, prior_sd, robust):  # type: ignore[no-untyped-def]
+def solve_landmark(start, boxes, robust):  # type: ignore[no-untyped-def]
     """Levenberg-Marquardt from ``start``; parameters and cost (infinite when impossible). Losses
     after Zhang, Image and Vision Computing 15, 1997."""
     theta = start.copy()
@@ -222,12 +240,12 @@ def solve_landmark(start, M, b, measured, sd, drift, prior_mean, prior_sd, robus
     cost = np.inf
     first, last = (BY_HUBER, BY_CAUCHY) if robust else (PLAIN, PLAIN)
     for kind in range(first, last + 1):
-        cost = _cost(theta, M, b, measured, sd, drift, prior_mean, prior_sd, kind)
+        cost = _cost(theta, boxes, kind)
         if not np.isfinite(cost):
             return theta, np.inf
         damping = 1e-3
         for _ in range(30):
-            _accumulate(theta, M, b, measured, sd, drift, prior_mean, prior_sd, kind, N, g)
+            _accumulate(theta, boxes, kind, N, g)
             improved = False
             for _ in range(8):
                 if _solve4(N, g, damping, step):
@@ -235,7 +253,7 @@ def solve_landmark(start, M, b, measured, sd, drift, prior_mean, prior_sd, robus
                     limit = min(1.0, 1.0 / max(abs(step[2]), 1e-12))
                     for k in range(4):
                         trial[k] = theta[k] + limit * step[k]
-                    value = _cost(trial, M, b, measured, sd, drift, prior_mean, prior_sd, kind)
+                    value = _cost(trial, boxes, kind)
                     if value < cost:
                         improved = True
                         break
@@ -288,19 +306,7 @@ def common_columns(  # type: ignore[no-untyped-def]
 
 
 @kernel
-def normal_equations(  # type: ignore[no-untyped-def]
-    theta,
-    M,
-    b,
-    measured,
-    sd,
-    drift,
-    columns,
-    bias,
-    prior_mean,
-    prior_sd,
-    kind,
-):
+def normal_equations(theta, boxes, columns, bias, kind):  # type: ignore[no-untyped-def]
     """What a sign contributes at ``theta`` and at the values ``bias`` [m] of what is common.
 
     ``columns`` [n, 3, m] are the derivatives of the expected boxes by what is common to them.
@@ -310,6 +316,7 @@ def normal_equations(  # type: ignore[no-untyped-def]
     residuals [n, 3] in sigmas, direction weights [n], weighted chi-square. ``kind`` of the
     loss: that of ``automap.robust``.
     """
+    M, b, measured, sd, drift, prior_mean, prior_sd = boxes
     n, common = len(sd), columns.shape[2]
     h = np.zeros(3)
     J = np.zeros((3, 4))

@@ -24,20 +24,20 @@ from automap.geolocation.face_sizes import face_probabilities
 from automap.geolocation.facing import find_facings
 from automap.geolocation.landmark import Landmark, SizePrior, fit_landmark
 from automap.geolocation.merging import combine
-from automap.geolocation.observations import (
+from automap.geolocation.pass_errors import solve_with_pass_errors
+from automap.geolocation.passes import join_passes
+from automap.geolocation.path_relation import make_path
+from automap.geolocation.result import (
+    GeolocationResult,
     nothing_observed,
     record_sign,
     warnings_of,
 )
-from automap.geolocation.pass_errors import solve_with_pass_errors
-from automap.geolocation.passes import join_passes
-from automap.geolocation.path_relation import make_path
-from automap.geolocation.result import GeolocationResult
 from automap.geolocation.rules import GeolocationRules
 from automap.geolocation.sightings import make_sighting
 from automap.geolocation.splitting import clean_tracks, join_pieces
 from automap.geolocation.stamp_scatter import stamp_scatter, told, tracked_or_linked
-from automap.geolocation.supports import support_names
+from automap.geolocation.supports import support_numbers
 from automap.geolocation.tracking import link_views
 from automap.geolocation.trajectory_adjustment import AdjustedTrajectory
 from automap.geolocation.views import CameraCorrection, Views, build_views
@@ -101,13 +101,15 @@ def _located(
         noise = replace(rules.noise, stamp_sd_s=stamp_sd)
         return build_views(trajectory, detections, cameras, noise, corrections)
 
+    def with_noise(stamp_sd: float, marks: Sequence[Landmark]) -> GeolocationRules:
+        noise = replace(rules.noise, stamp_sd_s=stamp_sd)
+        measured = measured_noise(views_with(stamp_sd), marks, rules.size, noise)
+        return replace(rules, noise=measured)
+
     if rules.estimate_noise:
         stamp_sd, (landmarks, misfits) = _with_stamps(views_with, (landmarks, misfits), rules)
-        rules = replace(rules, noise=replace(rules.noise, stamp_sd_s=stamp_sd))
-        views = views_with(stamp_sd)
-        noise = measured_noise(views, landmarks, rules.size, rules.noise)
-        rules = replace(rules, noise=noise)
-        views = build_views(trajectory, detections, cameras, noise, corrections)
+        rules = with_noise(stamp_sd, landmarks)
+        views = build_views(trajectory, detections, cameras, rules.noise, corrections)
         landmarks = [fit_landmark(views, mark.rows, rules.size) for mark in landmarks]
     if rules.estimate_camera and landmarks:
         corrections = estimate_cameras(
@@ -123,9 +125,7 @@ def _located(
             seen = views_with(rules.noise.stamp_sd_s)
             marks = refit(seen, [views.row[mark.rows] for mark in landmarks], rules)
             stamp_sd = stamp_scatter(views_with, tracked_or_linked(seen, marks), rules.size)
-            rules = replace(rules, noise=replace(rules.noise, stamp_sd_s=stamp_sd))
-            noise = measured_noise(views_with(stamp_sd), marks, rules.size, rules.noise)
-            rules = replace(rules, noise=noise)
+            rules = with_noise(stamp_sd, marks)
         rows = views.row
         views = build_views(trajectory, detections, cameras, rules.noise, corrections)
         landmarks = refit(views, [rows[mark.rows] for mark in landmarks], rules)
@@ -202,8 +202,11 @@ def _located(
             record_sign(observations, views, member.landmark, k, sign.id, focal)
     if signs:
         overhead = [sign.side == "overhead" for sign in signs]
-        names = support_names(np.array(places), np.array(own), overhead)
-        signs = [replace(sign, support=s) for sign, s in zip(signs, names, strict=True)]
+        numbers = support_numbers(np.array(places), np.array(own), overhead)
+        signs = [
+            replace(sign, support=f"p{number + 1:04d}")
+            for sign, number in zip(signs, numbers, strict=True)
+        ]
     sentences = warnings_of(observations, signs, corrections, stated, focal_sd)
     sentences += told(rules.noise.stamp_sd_s, [d.t_ns for d in detections])
     unused = 0 if control is None else len(control) - len(passes.controlled)

@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from automap.gates import gate
 from automap.geolocation import limits
 from automap.geolocation.sightings import Sighting
 from automap.geolocation.views import Views
-from automap.records import FloatArray, IntArray
+from automap.records import FloatArray
 
 
 def _common_covariance(a: Sighting, b: Sighting, path: float) -> FloatArray:
@@ -65,8 +66,6 @@ def group_sightings(views: Views, sightings: Sequence[Sighting]) -> list[list[in
     Sightings that share a frame are different signs, and so are any two of their groups; the
     closest pair is joined first, until none is left within the gate.
     """
-    from scipy.spatial import cKDTree
-
     groups = {k: [k] for k in range(len(sightings))}
     if len(sightings) > 1:
         tree = cKDTree(np.array([s.position for s in sightings]))
@@ -133,8 +132,3 @@ def size_effect(sightings: Sequence[Sighting]) -> FloatArray:
     shares = shares_of(sightings)
     moved = [share @ s.size_effect for share, s in zip(shares, sightings, strict=True)]
     return np.asarray(np.sum(moved, axis=0))
-
-
-def member_rows(sightings: Sequence[Sighting]) -> IntArray:
-    """Rows of all views of one sign, ascending."""
-    return np.sort(np.concatenate([s.landmark.rows for s in sightings]))

@@ -22,6 +22,7 @@ from automap.geolocation.trajectory_adjustment import (
 )
 from automap.geolocation.views import Views
 from automap.records import FloatArray, Trajectory
+from automap.signs.backs import BACK_OF_NONE, NO_BACK
 
 _ROUNDS = 4
 """Groupings at most; ends where none changes."""
@@ -54,12 +55,13 @@ def join_passes(
     before: list[list[int]] | None = None
     for _ in range(_ROUNDS):
         groups = group_sightings(views, seen)
-        behind = find_backs(views, seen, groups)
-        kept = [number for number in range(len(groups)) if number not in behind]
+        fronts = find_backs(views, seen, groups).tolist()
+        kept = [number for number, front in enumerate(fronts) if front == NO_BACK]
         backs: dict[int, list[int]] = {}
-        for number, front in behind.items():
-            place = -1 if front is None else kept.index(front)
-            backs.setdefault(place, []).extend(groups[number])
+        for number, front in enumerate(fronts):
+            if front != NO_BACK:
+                place = -1 if front == BACK_OF_NONE else kept.index(front)
+                backs.setdefault(place, []).extend(groups[number])
         groups = [groups[number] for number in kept]
         controlled = match_control(control, seen, groups, views.origin) if control else {}
         if not adjust or groups == before:

@@ -1,14 +1,37 @@
-"""What comes of locating the signs of a drive."""
+"""What comes of locating the signs of a drive, and what the user is told of it."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+import numpy as np
+import numpy.typing as npt
+
+from automap.geolocation.camera_doubt import beyond_stated, misfit
 from automap.geolocation.facing import Faces
-from automap.geolocation.observations import Observations
+from automap.geolocation.landmark import Landmark, direction_residuals
 from automap.geolocation.trajectory_adjustment import AdjustedTrajectory
-from automap.geolocation.views import CameraCorrection, MeasurementNoise
-from automap.records import Sign, Trajectory
+from automap.geolocation.views import CameraCorrection, MeasurementNoise, Views
+from automap.records import Camera, FloatArray, IntArray, Sign
+
+
+@dataclass(frozen=True)
+class Observations:
+    """What became of every detection, in the order of the detections given.
+
+    ``track`` [n] number of the pass in which its sign was tracked (-1 none), ``sign_id`` [n]
+    ("" none), ``residual_px`` [n, 2] right and down (NaN without a sign), ``range_m`` [n]
+    distance to the sign, ``used`` [n], ``note`` [n] why not ("no_pose", "no_direction",
+    "misfit", "no_place", "too_far", "unconfirmed", "moving", "back"; "" when used).
+    """
+
+    track: IntArray
+    sign_id: npt.NDArray[np.object_]
+    residual_px: FloatArray
+    range_m: FloatArray
+    used: npt.NDArray[np.bool_]
+    note: npt.NDArray[np.object_]
 
 
 @dataclass(frozen=True)
@@ -27,7 +50,90 @@ class GeolocationResult:
     noise: MeasurementNoise
     faces: Faces
 
-    @property
-    def trajectory(self) -> Trajectory | None:
-        """The adjusted trajectory, made anew at each call."""
-        return None if self.adjusted is None else self.adjusted.whole()
+
+def nothing_observed(total: int, views: Views) -> Observations:
+    """Nothing known yet of ``total`` detections but which have no pose and no direction."""
+    observations = Observations(
+        track=np.full(total, -1, np.int64),
+        sign_id=np.full(total, "", np.object_),
+        residual_px=np.full((total, 2), np.nan),
+        range_m=np.full(total, np.nan),
+        used=np.zeros(total, np.bool_),
+        note=np.full(total, "no_place", np.object_),
+    )
+    observations.note[np.setdiff1d(np.arange(total), views.row)] = "no_direction"
+    observations.note[views.without_pose] = "no_pose"
+    return observations
+
+
+def record_sign(
+    observations: Observations,
+    views: Views,
+    mark: Landmark,
+    track: int,
+    sign_id: str,
+    focal: FloatArray,
+) -> None:
+    rows = views.row[mark.rows]
+    observations.track[rows] = track
+    observations.sign_id[rows] = sign_id
+    residual = direction_residuals(views, mark)
+    observations.residual_px[rows] = residual * focal[views.camera[mark.rows], None]
+    observations.range_m[rows] = np.linalg.norm(views.centre[mark.rows] - mark.position, axis=1)
+    observations.used[rows] = True
+    observations.note[rows] = ""
+
+
+def warnings_of(
+    observations: Observations,
+    signs: Sequence[Sign],
+    corrections: Mapping[str, CameraCorrection],
+    cameras: Mapping[str, Camera],
+    focal_sd: float,
+) -> list[str]:
+    """Sentences for the user; the ``cameras`` are as stated, ``focal_sd`` how well, as a part,
+    their focal lengths are known."""
+    reasons = {
+        "no_pose": "lie outside the trajectory or in a long gap of it",
+        "no_direction": "have no direction (no height, or outside the lens model)",
+        "misfit": "fit no sign's other views",
+        "no_place": "belong to no place in front of the camera",
+        "unconfirmed": "show things that were not seen again when they should have been",
+        "moving": "show things that move along with the traffic, such as a sign on a lorry",
+        "back": "show the backs of signs",
+        "too_far": "were seen once only and too far away to be placed",
+    }
+    sentences = []
+    for note, text in reasons.items():
+        n = int(np.count_nonzero(observations.note == note))
+        if n:
+            advice = ""
+            if note == "no_pose" and n == len(observations.note):
+                advice = " Check the clock of the frames: time and start_ns in [video], t_ns."
+            sentences.append(
+                f"{n} of {len(observations.note)} detections {text}; they were left out.{advice}"
+            )
+    apart = sum(sign.status == "contradictory" for sign in signs)
+    if apart:
+        sentences.append(
+            f"{apart} of {len(signs)} signs are at another distance by their bearings than by the "
+            "heights of their boxes (status contradictory); their ellipses hold both places."
+        )
+    sentences += misfit(observations.used, observations.note, signs)
+    for name, correction in corrections.items():
+        camera = cameras[name]
+        if correction.time_minima:
+            times = " or ".join(f"{v:+.2f}" for v in correction.time_minima)
+            sentences.append(
+                f"camera {name}: too few signs to tell by how much its frames are off; {times} s "
+                "explain the boxes alike. The manifest's time_offset_s was kept."
+            )
+        if beyond_stated(correction, camera, focal_sd):
+            turn = ", ".join(f"{v:.2f}" for v in np.degrees(correction.turn))
+            sentences.append(
+                f"camera {name} seems turned by ({turn}) deg in roll, pitch, yaw, its frames "
+                f"{correction.time_s:+.3f} s off and its focal length {correction.focal_log:+.1%}, "
+                "more than the manifest's sigmas allow; check mount_rpy_deg, time_offset_s and "
+                "camera_matrix."
+            )
+    return sentences

@@ -13,7 +13,6 @@ from automap.geolocation.contradiction import AGREED, Disagreement
 from automap.geolocation.landmark import Landmark, SizePrior, position_jacobian
 from automap.geolocation.views import Views
 from automap.records import FloatArray
-from automap.robust import cauchy_weight
 
 
 @dataclass(frozen=True)
@@ -58,21 +57,12 @@ class Sighting:
         return max(sorted(self.class_score), key=self.class_score.__getitem__)
 
 
-def _without_lever_arm(covariance: FloatArray) -> FloatArray:
-    """The same with the lever arm sure: its error is among those of the pass."""
-    result = covariance.copy()
-    result[5:8] = 0.0
-    result[:, 5:8] = 0.0
-    return result
-
-
 def _by_size(views: Views, landmark: Landmark, size: SizePrior) -> FloatArray:
     """How far a landmark's parameters [4] move when its size prior does by its sigma."""
     prior = size.of(views.class_name[landmark.rows].tolist())
-    off = (landmark.parameters[3] - np.log(prior.size_m)) / prior.log_sd
-    weight = float(cauchy_weight(np.array([off**2]))[0])  # as the fit weighs the prior
     stated = landmark.covariance / max(1.0, landmark.chi2 / landmark.dof)
-    return np.asarray((stated + landmark.pass_covariance)[:, 3] * (weight / prior.log_sd))
+    share = prior.weight(landmark) / prior.log_sd
+    return np.asarray((stated + landmark.pass_covariance)[:, 3] * share)
 
 
 def make_sighting(
@@ -89,6 +79,9 @@ def make_sighting(
     effect = J @ landmark.common[:, :N_CAMERA]
     anchor = landmark.anchor
     camera = int(views.camera[anchor])
+    camera_cov = camera_covariances[camera].copy()
+    # the error of the lever arm is among those of the pass
+    camera_cov[5:8] = camera_cov[:, 5:8] = 0.0
     towards = views.centre[rows, :2] - landmark.position[:2]
     distance = np.linalg.norm(towards, axis=1)
     mean = (towards / np.maximum(distance, 1e-6)[:, None]).mean(axis=0)
@@ -101,7 +94,7 @@ def make_sighting(
         position=landmark.position,
         own_cov=J @ landmark.covariance @ J.T + found.contradictory * found.spread,
         camera_effect=effect,
-        camera_cov=_without_lever_arm(camera_covariances[camera]),
+        camera_cov=camera_cov,
         pass_cov=J @ landmark.pass_covariance @ J.T,
         path_sd=views.pose_sd[anchor],
         time_s=float(views.t_ns[rows].mean() * 1e-9),

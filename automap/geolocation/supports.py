@@ -5,6 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
 
 from automap.geolocation import limits
 from automap.records import FloatArray
@@ -19,10 +22,6 @@ def support_numbers(
     trajectory's error is). Two signs share a post when they are as near in plan as faces on a
     post are, up to their own uncertainty; two over the road share a gantry.
     """
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-    from scipy.spatial import cKDTree
-
     n = len(position)
     if n == 0:
         return []
@@ -37,8 +36,3 @@ def support_numbers(
     label = connected_components(links, directed=False)[1].tolist()
     number = {k: index for index, k in enumerate(dict.fromkeys(label))}
     return [number[k] for k in label]
-
-
-def support_names(position: FloatArray, own_cov: FloatArray, overhead: Sequence[bool]) -> list[str]:
-    """What the supports are called by their numbers."""
-    return [f"p{number + 1:04d}" for number in support_numbers(position, own_cov, overhead)]

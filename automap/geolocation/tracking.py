@@ -17,12 +17,7 @@ import numpy as np
 from automap.assignment import assign
 from automap.gates import gate
 from automap.geolocation import limits
-from automap.geolocation.landmark import (
-    Landmark,
-    SizePrior,
-    distances_to,
-    fit_landmark,
-)
+from automap.geolocation.landmark import Landmark, SizePrior, distances_to, fit_landmark
 from automap.geolocation.views import Views
 from automap.records import FloatArray, IntArray
 
@@ -94,8 +89,9 @@ def link_views(
             silence = (now - int(views.t_ns[track.rows[-1]])) * 1e-9
             (still if silence <= rules.max_silence_s else ended).append(track)
         active = still
-        taken = _assign(views, frame_rows, active, rules)
-        for row, index in taken.items():
+        # a box starts a new track at the price of the gate
+        partner = assign(_link_costs(views, active, frame_rows, rules), rules.gate)
+        for row, index in dict(zip(frame_rows.tolist(), partner.tolist(), strict=True)).items():
             if index < 0:
                 track = _Track([row], fit_landmark(views, np.array([row]), prior), row)
                 active.append(track)
@@ -110,17 +106,6 @@ def link_views(
             track.add(views, row)
     tracks = [np.array(t.rows, np.int64) for t in (*ended, *active)]
     return sorted(tracks, key=lambda rows: int(rows[0]))
-
-
-def _assign(
-    views: Views, frame_rows: IntArray, active: list[_Track], rules: TrackingRules
-) -> dict[int, int]:
-    """The track (or -1 for a new one) of each box of a frame."""
-    if not active:
-        return {int(row): -1 for row in frame_rows}
-    # a box starts a new track at the price of the gate
-    partner = assign(_link_costs(views, active, frame_rows, rules), rules.gate)
-    return {int(row): int(track) for row, track in zip(frame_rows, partner, strict=True)}
 
 
 def _link_costs(

@@ -130,11 +130,6 @@ class AdjustedTrajectory:
             part = {name: v[a : a + _ROWS] for name, v in vars(self.trajectory).items()}
             yield shifted(Trajectory(**part), self.adjustment, self.origin)
 
-    def whole(self) -> Trajectory:
-        """All of it."""
-        parts = [vars(piece) for piece in self.pieces()]
-        return Trajectory(**{name: np.concatenate([p[name] for p in parts]) for name in parts[0]})
-
 
 def shifted(
     trajectory: Trajectory, adjustment: Adjustment, origin: tuple[float, float, float]

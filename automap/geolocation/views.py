@@ -232,12 +232,6 @@ def map_origin(trajectory: Trajectory) -> tuple[float, float, float]:
     )
 
 
-def _vehicle_velocity_sd(sd_ned: FloatArray) -> FloatArray:
-    """One-sigma errors [n, 3] of the velocity along the vehicle's axes, from north, east, down."""
-    level = np.sqrt(0.5 * (sd_ned[:, 0] ** 2 + sd_ned[:, 1] ** 2))
-    return np.asarray(np.nan_to_num(np.column_stack([level, level, sd_ned[:, 2]])))
-
-
 def _without_margin(extent: FloatArray, margin: float) -> FloatArray:
     """Widths or heights [n] of boxes without what the camera's boxes leave beyond their signs."""
     without = np.maximum(extent - margin, limits.LEAST_WITHOUT_MARGIN * extent)
@@ -298,6 +292,8 @@ def _camera_views(
         columns = error_columns(camera, {}, *(values[ok] for values in seen))
         variance[ok] += (noise.stamp_sd_s * columns[:, :, TIME]) ** 2
     sd = np.sqrt(variance) * noise.scales
+    sd_ned = poses.sd_vel_ned[ok]
+    level = np.sqrt(0.5 * (sd_ned[:, 0] ** 2 + sd_ned[:, 1] ** 2))
     part: dict[str, np.ndarray] = {
         "row": np.flatnonzero(ok),
         "t_ns": t_ns[ok],
@@ -315,8 +311,8 @@ def _camera_views(
         "attitude_sd": np.nan_to_num(poses.sd_rpy[ok]),
         "margin_sd": np.full(int(ok.sum()), noise.margin_sd_px / focal_length(camera)),
         "lever_arm_sd": np.full(int(ok.sum()), camera.lever_arm_sd),
-        "velocity_sd": _vehicle_velocity_sd(poses.sd_vel_ned[ok]),
-        "speed_sd": np.nan_to_num(np.linalg.norm(poses.sd_vel_ned[ok], axis=1)),
+        "velocity_sd": np.nan_to_num(np.column_stack([level, level, sd_ned[:, 2]])),
+        "speed_sd": np.nan_to_num(np.linalg.norm(sd_ned, axis=1)),
         "class_name": np.asarray(found.class_name, np.object_)[ok],
         "score": np.asarray(found.score, np.float64)[ok],
         "track": np.asarray(found.track, np.int64)[ok],

@@ -55,13 +55,13 @@ def combine_attributes(sightings: Sightings, sign: IntArray) -> Attributes:
     m = int(sign.max()) + 1 if len(sign) else 0
     members = Members(sign)
     order, edges = members.order, members.edges
+    spans = list(zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True))
     views = sightings.n_views
     weight = np.maximum(views, 1).astype(np.float64)
     doubt = 1.0 - np.clip(sightings.confidence, 0.0, 0.999)
     code, share, changed, before = _classes(sightings, sign, order, edges)
     # what was read before a sign became another one tells nothing of what it is
     holds = np.where(before, -1, sign)
-    told = sightings.code, sightings.classes
     first, last = sightings.first_gps_s, sightings.last_gps_s
     facing = sightings.facing
     known = np.isfinite(facing)
@@ -70,7 +70,7 @@ def combine_attributes(sightings: Sightings, sign: IntArray) -> Attributes:
     north = np.bincount(sign, sure * np.cos(np.nan_to_num(facing)), m)
     east = np.bincount(sign, sure * np.sin(np.nan_to_num(facing)), m)
     direction = np.where(np.hypot(north, east) > 1e-9, np.arctan2(east, north), np.nan)
-    sides, states = sightings.side, sightings.status
+    sides, states, size = sightings.side, sightings.status, sightings.size_m
     looked, behind = np.nan_to_num(sightings.n_looked), np.nan_to_num(sightings.n_back_views)
     contrast, contrast_sd = _contrast(sightings, sign, m)
     notes = sightings.contrast_note[order]
@@ -80,8 +80,8 @@ def combine_attributes(sightings: Sightings, sign: IntArray) -> Attributes:
         class_share=share,
         class_changed=changed,
         n_views=np.bincount(sign, views, m).astype(np.int64),
-        first_gps_s=_extreme(np.fmin, first[order], edges),
-        last_gps_s=_extreme(np.fmax, last[order], edges),
+        first_gps_s=np.fmin.reduceat(first[order], edges[:-1]),
+        last_gps_s=np.fmax.reduceat(last[order], edges[:-1]),
         height_above_road_m=_mean(sign, sightings.height_above_road_m, 1.0 / sightings.own_u, m),
         # what is wrong of a vehicle's height all its drives have in common
         sd_above_road_m=np.sqrt(
@@ -90,18 +90,22 @@ def combine_attributes(sightings: Sightings, sign: IntArray) -> Attributes:
         facing_rad=np.mod(direction, 2.0 * np.pi),
         # what the road's direction lends all drives have in common
         facing_sd_rad=np.sqrt(_mean(sign, facing_sd**2, sure, m)),
-        size_m=np.exp(_mean(sign, _log(sightings.size_m), weight, m)),
-        side=[_most(sides[order[a:b]], weight[order[a:b]]) for a, b in _spans(edges)],
-        status=[_status(states[order[a:b]], seen_by[a:b]) for a, b in _spans(edges)],
-        drives=[tuple(sorted(set(seen_by[a:b].tolist()))) for a, b in _spans(edges)],
+        size_m=np.exp(_mean(sign, np.log(np.where(size > 0.0, size, np.nan)), weight, m)),
+        side=[_most(sides[order[a:b]], weight[order[a:b]]) for a, b in spans],
+        status=[_status(states[order[a:b]], seen_by[a:b]) for a, b in spans],
+        drives=[tuple(sorted(set(seen_by[a:b].tolist()))) for a, b in spans],
         seen=1.0 - np.exp(np.bincount(sign, np.log(doubt), m)),
-        class_probability=class_probabilities(*told, sightings.class_probability, holds, code),
-        group_probability=group_probabilities(*told, sightings.group_probability, holds, code),
+        class_probability=class_probabilities(
+            sightings.code, sightings.class_probability, holds, code
+        ),
+        group_probability=group_probabilities(
+            *(sightings.code, sightings.classes, sightings.group_probability, holds, code)
+        ),
         contrast=contrast,
         contrast_sd=contrast_sd,
         contrast_note=[
             "" if np.isfinite(value) else _most(notes[a:b], weight[order[a:b]])
-            for value, (a, b) in zip(contrast.tolist(), _spans(edges), strict=True)
+            for value, (a, b) in zip(contrast.tolist(), spans, strict=True)
         ],
         seen_share=_mean(sign, sightings.seen_share, looked, m),
         n_looked=np.rint(np.bincount(sign, looked, m)).astype(np.int64),
@@ -116,19 +120,6 @@ def _contrast(sightings: Sightings, sign: IntArray, m: int) -> tuple[FloatArray,
     value = _mean(sign, sightings.contrast, one, m)
     square = _mean(sign, sightings.contrast**2 + sightings.contrast_sd**2, one, m)
     return value, np.sqrt(np.maximum(square - value**2, 0.0))
-
-
-def _spans(edges: IntArray) -> list[tuple[int, int]]:
-    return list(zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True))
-
-
-def _extreme(pick: np.ufunc, values: FloatArray, edges: IntArray) -> FloatArray:
-    return np.asarray(pick.reduceat(values, edges[:-1])) if len(edges) > 1 else np.zeros(0)
-
-
-def _log(values: FloatArray) -> FloatArray:
-    with np.errstate(invalid="ignore", divide="ignore"):
-        return np.where(values > 0, np.log(values), np.nan)
 
 
 def _mean(sign: IntArray, values: FloatArray, weight: FloatArray, m: int) -> FloatArray:
@@ -168,8 +159,6 @@ def _classes(
     changed, before = np.zeros(m, np.bool_), np.zeros(len(sign), np.bool_)
     codes = sightings.code[order]
     weights = np.maximum(sightings.confidence[order], LEAST_CONFIDENCE)
-    if m == 0:
-        return code, share, changed, before
     lowest = np.minimum.reduceat(codes, edges[:-1])
     plain = lowest == np.maximum.reduceat(codes, edges[:-1])
     code[plain] = lowest[plain]

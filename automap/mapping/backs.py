@@ -6,10 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from automap.earth import metres_per_radian
 from automap.gates import gate
 from automap.geolocation.limits import AWAY_COSINE
 from automap.mapping import limits
+from automap.mapping.grid import east_north
 from automap.records import FloatArray, IntArray
 from automap.signs.backs import fronts_of_backs
 
@@ -31,9 +31,7 @@ def map_backs(
 ) -> IntArray:
     """Of which of the map signs [n] each is the back, as ``fronts_of_backs`` tells; ``cov_enu``
     [n, 3, 3] m^2."""
-    per_lat, per_lon = metres_per_radian(lat, np.zeros(len(lat)))
-    around = (lon - lon[:1] + np.pi) % (2.0 * np.pi) - np.pi
-    place = np.column_stack([around * per_lon, (lat - lat[:1]) * per_lat])
+    place = east_north(lat, lon, lat[:1], lon[:1])
     likely = gate(limits.BACK_PROBABILITY, 2)
 
     def apart(a: int, b: int) -> float:

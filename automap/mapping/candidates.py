@@ -8,18 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from automap.jit import kernel
+from automap.mapping import limits
 from automap.mapping.grid import Table, delta, neighbours
-from automap.mapping.limits import (
-    FACING_LIMIT,
-    FACING_SD,
-    LARGEST_UP_M,
-    MAX_M,
-    MOST,
-    NEW_PER_M,
-    NEW_PER_M2,
-    SAME_GATE,
-    SLACK_M,
-)
 from automap.records import BoolArray, FloatArray, IntArray
 
 # columns of the map's state, one row per sign
@@ -86,18 +76,18 @@ def facing_evidence(difference: float) -> float:
     turn = abs(difference) % (2.0 * np.pi)
     if turn > np.pi:
         turn = 2.0 * np.pi - turn
-    if not turn <= FACING_LIMIT:
+    if not turn <= limits.FACING_LIMIT:
         return -np.inf
-    best = math.log(2.0 * math.pi / (math.sqrt(2.0 * math.pi) * FACING_SD))
-    return best - 0.5 * (turn / FACING_SD) ** 2
+    best = math.log(2.0 * math.pi / (math.sqrt(2.0 * math.pi) * limits.FACING_SD))
+    return best - 0.5 * (turn / limits.FACING_SD) ** 2
 
 
 @kernel
 def match_gain(v_ee: float, v_en: float, v_nn: float, v_u: float) -> float:
     """Evidence in nats of a perfect agreement of place, against a sign new to the map."""
-    gain = -math.log(2.0 * math.pi * math.sqrt(v_ee * v_nn - v_en * v_en) * NEW_PER_M2)
+    gain = -math.log(2.0 * math.pi * math.sqrt(v_ee * v_nn - v_en * v_en) * limits.NEW_PER_M2)
     if v_u == v_u:
-        gain -= math.log(math.sqrt(2.0 * math.pi * v_u) * NEW_PER_M)
+        gain -= math.log(math.sqrt(2.0 * math.pi * v_u) * limits.NEW_PER_M)
     return gain
 
 
@@ -120,8 +110,8 @@ def find_candidates(
     state, slot_class, slot_weight, active, table = signs
     lat, lon, own, shared_sd, facing = seen.lat, seen.lon, seen.own, seen.shared_sd, seen.facing
     near = np.empty(256, np.int64)
-    distance = np.empty(MOST)
-    slack = SLACK_M * SLACK_M
+    distance = np.empty(limits.MOST)
+    slack = limits.SLACK_M * limits.SLACK_M
     for i in range(lo, hi):
         row = i - lo
         count = 0
@@ -135,18 +125,18 @@ def find_candidates(
             de, dn = delta(lat[i], lon[i], state[k, LAT], state[k, LON], per_lat, per_lon)
             de, dn = de - e, dn - n
             square = de * de + dn * dn
-            if square > MAX_M * MAX_M:
+            if square > limits.MAX_M * limits.MAX_M:
                 continue
             det = state[k, A_EE] * state[k, A_NN] - state[k, A_EN] ** 2
             v_ee = own[i, 0] + state[k, A_NN] / det + slack
             v_nn = own[i, 2] + state[k, A_EE] / det + slack
             v_en = own[i, 1] - state[k, A_EN] / det
             widest = v_ee + v_nn + 2.0 * (shared_sd[i, 0] ** 2 + shared_sd[i, 1] ** 2)
-            if square > SAME_GATE * widest:
+            if square > limits.SAME_GATE * widest:
                 continue
             du, v_u = seen.height[i] - state[k, HEIGHT] - u, np.nan
             if du == du:
-                if abs(du) > LARGEST_UP_M:
+                if abs(du) > limits.LARGEST_UP_M:
                     continue
                 v_u = seen.own_u[i] + 1.0 / state[k, A_U] + slack
             else:
@@ -165,10 +155,10 @@ def find_candidates(
                 told += total / weight
             # insertion among the nearest
             at = count
-            if count == MOST:
-                if square >= distance[MOST - 1]:
+            if count == limits.MOST:
+                if square >= distance[limits.MOST - 1]:
                     continue
-                at = MOST - 1
+                at = limits.MOST - 1
             else:
                 count += 1
             while at > 0 and distance[at - 1] > square:
@@ -182,5 +172,5 @@ def find_candidates(
             values[row, at, V_EE], values[row, at, V_EN] = v_ee, v_en
             values[row, at, V_NN], values[row, at, V_U] = v_nn, v_u
             values[row, at, EVIDENCE] = told
-        for place in range(count, MOST):
+        for place in range(count, limits.MOST):
             index[row, place] = -1

@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from scipy.spatial import cKDTree
 
-from automap.earth import metres_per_radian
+from automap.earth import ecef
 from automap.mapping import limits
 from automap.mapping.candidates import facing_evidence
 from automap.mapping.classes import class_evidence
-from automap.mapping.grid import RADIUS_M
+from automap.mapping.grid import east_north
 from automap.records import DrivePath, FloatArray, Sign
-from automap.records.sign_lists import values_of
+from automap.records.sign_lists import numbers_of, values_of
 
 
 @dataclass(frozen=True)
@@ -48,13 +50,12 @@ def shared_sightings(older: OlderMap, keys: Sequence[Sequence[str]]) -> dict[tup
     """How many sightings a sign, by place among ``keys`` of its sightings, has in common with a
     sign of the older map."""
     number = {name: k for k, name in enumerate(values_of(older.signs, "id"))}
-    shared: dict[tuple[int, int], int] = {}
-    for place, own in enumerate(keys):
-        for key in own:
-            before = number.get(older.members.get(key, ""))
-            if before is not None:
-                shared[place, before] = shared.get((place, before), 0) + 1
-    return shared
+    return Counter(
+        (place, number[before])
+        for place, own in enumerate(keys)
+        for key in own
+        if (before := older.members.get(key, "")) in number
+    )
 
 
 def match_older(
@@ -65,19 +66,11 @@ def match_older(
     ``shared`` sightings decide first, then nearness within the two covariances, with facing and
     class agreeing.
     """
-    result: dict[int, int] = {}
-    taken: set[int] = set()
-    for (place, before), _ in sorted(shared.items(), key=lambda item: (-item[1], item[0])):
-        if place not in result and before not in taken:
-            result[place] = before
-            taken.add(before)
+    result = one_to_one((-count, *pair) for pair, count in shared.items())
     rest = [k for k in range(len(signs)) if k not in result]
-    before_rest = [k for k in range(len(older)) if k not in taken]
-    for _, i, j in sorted(_costs(signs, rest, older, before_rest, limits.SAME_PLACE_M, False)):
-        if i not in result and j not in taken:
-            result[i] = j
-            taken.add(j)
-    return result
+    before_rest = sorted(set(range(len(older))) - set(result.values()))
+    costs = _costs(signs, rest, older, before_rest, limits.SAME_PLACE_M, False)
+    return result | one_to_one(costs)
 
 
 def match_moved(
@@ -85,10 +78,16 @@ def match_moved(
 ) -> dict[int, int]:
     """Which ``new`` signs are ``gone`` ones put up elsewhere near by: one class, one facing,
     and the nearest such pair first."""
+    near = _costs(signs, new, older, gone, limits.MOVED_M, True)
+    return one_to_one(c for c in near if signs[c[1]].class_name == older[c[2]].class_name)
+
+
+def one_to_one(pairs: Iterable[tuple[float, int, int]]) -> dict[int, int]:
+    """The second of each first one in ``pairs`` of a cost and two places, the least cost first."""
     result: dict[int, int] = {}
     taken: set[int] = set()
-    for _, i, j in sorted(_costs(signs, new, older, gone, limits.MOVED_M, True)):
-        if i not in result and j not in taken and signs[i].class_name == older[j].class_name:
+    for _, i, j in sorted(pairs):
+        if i not in result and j not in taken:
             result[i] = j
             taken.add(j)
     return result
@@ -100,9 +99,7 @@ def distance_m(a: Sign, b: Sign) -> float:
 
 
 def _difference(a: Sign, b: Sign) -> FloatArray:
-    north, east = metres_per_radian(a.lat_rad, np.nan_to_num(a.height_m))
-    turn = (a.lon_rad - b.lon_rad + np.pi) % (2 * np.pi) - np.pi
-    return np.array([turn * float(east), (a.lat_rad - b.lat_rad) * float(north)])
+    return east_north(a.lat_rad, a.lon_rad, b.lat_rad, b.lon_rad, np.nan_to_num(a.height_m))
 
 
 def _costs(
@@ -114,17 +111,17 @@ def _costs(
     far: bool,
 ) -> list[tuple[float, int, int]]:
     """Costs of pairs within reach; unless ``far``, only those that agree within sigmas."""
-    from scipy.spatial import cKDTree
-
     if not rows or not older_rows:
         return []
     names = sorted({*values_of(signs, "class_name"), *values_of(older, "class_name")})
     code = {name: k for k, name in enumerate(names)}
     evidence = class_evidence(names)
-    now, before = _sphere([signs[k] for k in rows]), _sphere([older[k] for k in older_rows])
-    tree = cKDTree(before)
+    places = []
+    for among, own in ((signs, rows), (older, older_rows)):
+        lat, lon = numbers_of([among[k] for k in own], "lat_rad", "lon_rad")
+        places.append(ecef(lat, lon, np.zeros(len(own))))
     costs = []
-    found: Any = tree.query_ball_point(now, reach_m * 1.01 / RADIUS_M)
+    found: Any = cKDTree(places[1]).query_ball_point(places[0], reach_m * 1.01)
     for i, near in zip(rows, found, strict=True):
         for place in near:
             j = older_rows[place]
@@ -145,8 +142,3 @@ def _costs(
             if square < limits.SAME_GATE and told > limits.DIFFERENT + limits.SAME_GROUP:
                 costs.append((0.5 * square - told, i, j))
     return costs
-
-
-def _sphere(signs: Sequence[Sign]) -> FloatArray:
-    lat, lon = np.array([s.lat_rad for s in signs]), np.array([s.lon_rad for s in signs])
-    return np.column_stack([np.cos(lat) * np.cos(lon), np.cos(lat) * np.sin(lon), np.sin(lat)])

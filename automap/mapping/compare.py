@@ -23,7 +23,7 @@ from automap.mapping.merge import Merged
 from automap.mapping.sightings import CameraView
 from automap.mapping.visibility import Passage, head_on, in_view, opportunities
 from automap.records import BoolArray, FloatArray, IntArray, Sign
-from automap.records.sign_lists import values_of
+from automap.records.sign_lists import numbers_of, values_of
 
 COVERAGE_VIEW = CameraView(0.0, 0.6)
 """Half a sector and more of the directions that a merged map's coverage tells."""
@@ -129,17 +129,12 @@ def _still_there(
     """Which of the older signs ``missing`` fresh drives had in view, and the belief left."""
     signs = [older.signs[k] for k in missing]
     visited = np.zeros(len(signs), np.bool_)
-    start = np.array([s.confidence for s in signs], np.float64)
+    start = numbers_of(signs, "confidence")[0]
     hits = np.array([max(len(s.drives), 1) for s in signs], np.float64)
     if not signs or not merged.fresh:
         return visited, start.tolist()
-    views = opportunities(
-        [drive for _, drive in merged.fresh],
-        np.array([s.lat_rad for s in signs]),
-        np.array([s.lon_rad for s in signs]),
-        np.array([s.facing_rad for s in signs]),
-    )
-    views = head_on(views, np.array([s.facing_rad for s in signs]))
+    lat, lon, facing = numbers_of(signs, "lat_rad", "lon_rad", "facing_rad")
+    views = head_on(opportunities([drive for _, drive in merged.fresh], lat, lon, facing), facing)
     visited[views.sign] = True
     weight = merged.rates.miss_weight(np.array([k for k, _ in merged.fresh], np.int64)[views.drive])
     left = still_there(views.sign, weight, merged.rates, start, hits)
@@ -152,9 +147,8 @@ def _seen_before(
     """Whether the older map's drives looked at the places of signs; None when not known."""
     if older.coverage is None or not places:
         return [None] * len(places)
-    lat = np.array([signs[k].lat_rad for k in places])
-    lon = np.array([signs[k].lon_rad for k in places])
-    facing = np.array([signs[k].facing_rad for k in places])
+    own = [signs[k] for k in places]
+    lat, lon, facing = numbers_of(own, "lat_rad", "lon_rad", "facing_rad")
     table = filled_table(lat, lon, limits.FARTHEST_M)
     looked = set(in_view(older.coverage, (COVERAGE_VIEW,), table, lat, lon, facing)[0].tolist())
     return [k in looked for k in range(len(places))]

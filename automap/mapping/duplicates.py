@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from automap.earth import ecef, ecef_axes
 from automap.mapping import limits
@@ -134,8 +135,6 @@ def dominant_code(sign: IntArray, code: IntArray, confidence: FloatArray) -> Int
 
 
 def _close_pairs(places: _Places) -> IntArray:
-    from scipy.spatial import cKDTree
-
     tree = cKDTree(places.position)
     # heights may be unknown on one side, so the reach is taken in plan afterwards
     pairs = tree.query_pairs(limits.REACH_M + 2.0, output_type="ndarray")

@@ -20,26 +20,11 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import betaln
 
 from automap.geolocation.existence import probability
 from automap.jit import kernel
-from automap.mapping.limits import (
-    CHANGE_PER_YEAR,
-    DRIVE_FREEDOM,
-    DRIVE_LIMITS,
-    FALSE_BETA,
-    LASTING,
-    LEAST_CHANGE,
-    OLDER_BELIEF,
-    OVERALL_LIMITS,
-    RATE_PRIOR,
-    REAL_PRIOR,
-    SPREAD,
-    SPREAD_LOG_SD,
-    SPREADS,
-    STRAY,
-    TELLING_DRIVES,
-)
+from automap.mapping import limits
 from automap.mapping.sureness import SUREST
 from automap.mapping.visibility import Opportunities, alike
 from automap.records import BoolArray, FloatArray, IntArray
@@ -73,7 +58,7 @@ class DetectionRates:
     overall: float
     drive: FloatArray
     real: float
-    spread: float = SPREAD
+    spread: float = limits.SPREAD
 
     @property
     def beta(self) -> tuple[float, float]:
@@ -115,11 +100,11 @@ def detection_rates(pairs: Chances, n_signs: int, n_drives: int) -> DetectionRat
     saw it is why it is known at all.
     """
     rates = DetectionRates(
-        RATE_PRIOR[0] / sum(RATE_PRIOR),
-        np.full(max(n_drives, 1), RATE_PRIOR[0] / sum(RATE_PRIOR)),
-        REAL_PRIOR[0] / sum(REAL_PRIOR),
+        limits.RATE_PRIOR[0] / sum(limits.RATE_PRIOR),
+        np.full(max(n_drives, 1), limits.RATE_PRIOR[0] / sum(limits.RATE_PRIOR)),
+        limits.REAL_PRIOR[0] / sum(limits.REAL_PRIOR),
     )
-    telling = np.bincount(pairs.sign, minlength=n_signs) >= TELLING_DRIVES
+    telling = np.bincount(pairs.sign, minlength=n_signs) >= limits.TELLING_DRIVES
     seen = np.bincount(pairs.sign[pairs.seen], minlength=n_signs).astype(np.float64)
     evidence = np.log(_mean_ratio(pairs, _ratios(pairs), n_signs))
     for turn in range(_ROUNDS * _TURNS):
@@ -128,19 +113,19 @@ def detection_rates(pairs: Chances, n_signs: int, n_drives: int) -> DetectionRat
             rates = _with_spread(pairs, rates, belief)
         of_drives = pairs.sign, pairs.drive, pairs.seen, belief * telling, len(rates.drive)
         hits, tries = _by_drive(*of_drives)
-        overall = (hits.sum() + RATE_PRIOR[0]) / (tries.sum() + sum(RATE_PRIOR))
-        overall = float(np.clip(overall, *OVERALL_LIMITS))
-        by_drive = (hits + DRIVE_FREEDOM * overall) / (tries + DRIVE_FREEDOM)
+        overall = (hits.sum() + limits.RATE_PRIOR[0]) / (tries.sum() + sum(limits.RATE_PRIOR))
+        overall = float(np.clip(overall, *limits.OVERALL_LIMITS))
+        by_drive = (hits + limits.DRIVE_FREEDOM * overall) / (tries + limits.DRIVE_FREEDOM)
         real = _share(float((belief * seen).sum()), float(seen.sum()))
         rates = DetectionRates(
-            overall, np.clip(by_drive, *DRIVE_LIMITS), min(real, SUREST), rates.spread
+            overall, np.clip(by_drive, *limits.DRIVE_LIMITS), min(real, SUREST), rates.spread
         )
     return rates
 
 
 def _share(real: float, sightings: float) -> float:
     """Share of sightings that are of real signs, ``real`` of them being expected."""
-    return (real + REAL_PRIOR[0]) / (sightings + sum(REAL_PRIOR))
+    return (real + limits.REAL_PRIOR[0]) / (sightings + sum(limits.REAL_PRIOR))
 
 
 def _ratios(pairs: Chances) -> FloatArray:
@@ -199,28 +184,26 @@ def _by_drive(
 def _mixture(pairs: Chances, rates: DetectionRates, evidence: FloatArray) -> FloatArray:
     """Probability [m] that each sign is real, if signs never changed; ``evidence`` [m] nats of
     what the drives saw. Of its series of drives the first that saw it is why it is known."""
-    from scipy.special import betaln
-
     hits, misses = _counts(pairs, rates, len(evidence))
     a, b = rates.beta
     real = betaln(a + hits, b + misses) - betaln(a + 1.0, b)
-    fleeting = betaln(FALSE_BETA[0] + hits - 1.0, FALSE_BETA[1] + misses) - betaln(*FALSE_BETA)
-    false = np.logaddexp(math.log(LASTING) + real, math.log1p(-LASTING) + fleeting)
+    fleeting = betaln(limits.FALSE_BETA[0] + hits - 1.0, limits.FALSE_BETA[1] + misses) - betaln(
+        *limits.FALSE_BETA
+    )
+    false = np.logaddexp(math.log(limits.LASTING) + real, math.log1p(-limits.LASTING) + fleeting)
     return probability(evidence + math.log(rates.real / (1.0 - rates.real)) + real - false)
 
 
 def _with_spread(pairs: Chances, rates: DetectionRates, belief: FloatArray) -> DetectionRates:
     """The spread that makes the counts of real signs most likely, with a log-normal prior."""
-    from scipy.special import betaln
-
     hits, misses = _counts(pairs, rates, len(belief))
-    weight = np.where(hits + misses > TELLING_DRIVES - 1.0, belief, 0.0)
+    weight = np.where(hits + misses > limits.TELLING_DRIVES - 1.0, belief, 0.0)
     best, highest = rates, -np.inf
-    for spread in SPREADS:
+    for spread in limits.SPREADS:
         trial = DetectionRates(rates.overall, rates.drive, rates.real, spread)
         a, b = trial.beta
         score = float((weight * (betaln(a + hits, b + misses) - betaln(a, b))).sum())
-        score -= 0.5 * (math.log(spread / SPREAD) / SPREAD_LOG_SD) ** 2
+        score -= 0.5 * (math.log(spread / limits.SPREAD) / limits.SPREAD_LOG_SD) ** 2
         if score > highest:
             best, highest = trial, score
     return best
@@ -281,28 +264,28 @@ def _histories(
         throughout = _log_beta(a + hits, b + misses) - base
         # against what any sign that was seen once has
         known = throughout - (_log_beta(a + 1.0, b) - base)
-        false = _log_beta(FALSE_BETA[0] + hits - 1.0, FALSE_BETA[1] + misses)
-        false -= _log_beta(FALSE_BETA[0], FALSE_BETA[1])
+        false = _log_beta(limits.FALSE_BETA[0] + hits - 1.0, limits.FALSE_BETA[1] + misses)
+        false -= _log_beta(limits.FALSE_BETA[0], limits.FALSE_BETA[1])
         there, gone = 1.0, 0.0
         early_hits, early_misses = 0.0, 0.0
         for k in range(start, stop - 1):
             early_hits += seen[k]
             early_misses += weight[k]
             late_hits, late_misses = hits - early_hits, misses - early_misses
-            change = LEAST_CHANGE
+            change = limits.LEAST_CHANGE
             elapsed = gps_s[k + 1] - gps_s[k]
             if elapsed > 0.0:
-                change = max(change, 1.0 - math.exp(-CHANGE_PER_YEAR * elapsed / _YEAR_S))
+                change = max(change, 1.0 - math.exp(-limits.CHANGE_PER_YEAR * elapsed / _YEAR_S))
             down = _log_beta(a + early_hits, b + early_misses) - base
-            down += late_hits * math.log(STRAY) + late_misses * math.log(1.0 - STRAY)
+            down += late_hits * math.log(limits.STRAY) + late_misses * math.log(1.0 - limits.STRAY)
             up = _log_beta(a + late_hits, b + late_misses) - base
-            up += early_hits * math.log(STRAY) + early_misses * math.log(1.0 - STRAY)
+            up += early_hits * math.log(limits.STRAY) + early_misses * math.log(1.0 - limits.STRAY)
             # strays look like what is no sign
             down -= math.log(_mean(ratio, k + 1, stop))
             up -= math.log(_mean(ratio, start, k + 1))
             gone += change * math.exp(min(down - throughout, 50.0))
             there += change * math.exp(min(up - throughout, 50.0))
-        nothing = LASTING + (1.0 - LASTING) * math.exp(min(false - known, 50.0))
+        nothing = limits.LASTING + (1.0 - limits.LASTING) * math.exp(min(false - known, 50.0))
         nothing *= (1.0 - real) / _mean(ratio, start, stop)
         result[sign[start]] = real * there / (real * (there + gone) + nothing)
         start = stop
@@ -315,10 +298,8 @@ def still_there(
     """Probability [m] that signs of ``belief`` [m], seen by ``hits`` [m] drives before, stand
     after having been in view of further drives, pairs [p] of ``sign`` and the ``weight`` of the
     miss, and seen by none."""
-    from scipy.special import betaln
-
     a, b = rates.beta
     misses = np.bincount(sign, weight, len(belief))
     kept = np.exp(betaln(a + hits, b + misses) - betaln(a + hits, b))
-    start = np.clip(belief, 0.5, OLDER_BELIEF)
+    start = np.clip(belief, 0.5, limits.OLDER_BELIEF)
     return np.asarray(start * kept / (start * kept + 1.0 - start))

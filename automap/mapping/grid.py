@@ -5,7 +5,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
+from automap.earth import metres_per_radian
+from automap.frames import wrap_pi
 from automap.jit import kernel
 from automap.records import FloatArray, IntArray
 
@@ -100,6 +103,16 @@ def delta(
     elif turn < -np.pi:
         turn += 2.0 * np.pi
     return turn * per_lon, (lat_a - lat_b) * per_lat
+
+
+def east_north(
+    lat: npt.ArrayLike, lon: npt.ArrayLike, from_lat: npt.ArrayLike, from_lon: npt.ArrayLike,
+    height_m: npt.ArrayLike = 0.0,
+) -> FloatArray:  # fmt: skip
+    """Metres [n, 2] east and north to positions in rad from others near them."""
+    north, east = metres_per_radian(lat, height_m)
+    turn = wrap_pi(np.subtract(lon, from_lon))
+    return np.stack([turn * east, np.subtract(lat, from_lat) * north], axis=-1)
 
 
 def table_size(n: int) -> int:

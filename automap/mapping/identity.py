@@ -49,8 +49,4 @@ def name_signs(keys: Sequence[str], kept: Mapping[int, str], taken: set[str]) ->
 def _name(key: str, attempt: int) -> str:
     text = key if attempt == 0 else f"{key}|{attempt}"
     value = int.from_bytes(hashlib.sha256(text.encode("utf-8", "replace")).digest()[:8], "big")
-    letters = []
-    for _ in range(_LETTERS):
-        value, digit = divmod(value, len(_ALPHABET))
-        letters.append(_ALPHABET[digit])
-    return "m" + "".join(letters)
+    return "m" + "".join(_ALPHABET[value >> 5 * k & 31] for k in range(_LETTERS))

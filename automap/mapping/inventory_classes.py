@@ -13,14 +13,7 @@ import math
 from collections.abc import Mapping
 from functools import lru_cache
 
-from automap.mapping.inventory_limits import (
-    CLASS_SHIFT,
-    CLASS_SLOPE,
-    FAINT_SHARE,
-    MOST_SURE,
-    OTHER_LOOK,
-    STALE,
-)
+from automap.mapping import inventory_limits as limits
 from automap.signs.classes import load_classes
 from automap.signs.codes import face_of
 from automap.signs.vocabulary import load_vocabulary
@@ -50,8 +43,8 @@ def groups_of(name: str) -> frozenset[str]:
 def of_another_class(shares: Mapping[str, float], listed: str) -> float:
     """Probability that a sign, of whose class its views give ``shares``, is not of the class
     ``listed``, where beforehand the one is as likely as the other."""
-    ratio = CLASS_SHIFT + CLASS_SLOPE * class_ratio(shares, listed)
-    return min(1.0 / (1.0 + math.exp(-ratio)), MOST_SURE)
+    ratio = limits.CLASS_SHIFT + limits.CLASS_SLOPE * class_ratio(shares, listed)
+    return min(1.0 / (1.0 + math.exp(-ratio)), limits.MOST_SURE)
 
 
 def class_ratio(shares: Mapping[str, float], listed: str) -> float:
@@ -61,12 +54,12 @@ def class_ratio(shares: Mapping[str, float], listed: str) -> float:
     own = sum(share for name, share in shares.items() if face_of(name) == face)
     others = [s for name, s in shares.items() if name in classes and face_of(name) != face]
     looks = [s for name, s in shares.items() if groups_of(name) and not groups_of(name) & groups]
-    other = max(others, default=0.0) + OTHER_LOOK * (sum(looks) if groups else 0.0)
-    return math.log((other + FAINT_SHARE) / (own + FAINT_SHARE))
+    other = max(others, default=0.0) + limits.OTHER_LOOK * (sum(looks) if groups else 0.0)
+    return math.log((other + limits.FAINT_SHARE) / (own + limits.FAINT_SHARE))
 
 
 def listed_wrong(shares: Mapping[str, float], listed: str) -> float:
     """Probability that a list has the class of a face wrong that the map does not name."""
-    wrong = of_another_class(shares, listed) * STALE
-    right = (1.0 - of_another_class(shares, listed)) * (1.0 - STALE)
+    wrong = of_another_class(shares, listed) * limits.STALE
+    right = (1.0 - of_another_class(shares, listed)) * (1.0 - limits.STALE)
     return wrong / (wrong + right)

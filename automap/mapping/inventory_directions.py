@@ -8,11 +8,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from automap.frames import wrap_pi
 from automap.mapping.inventory_classes import same_face
 from automap.mapping.inventory_findings import Inventory
 from automap.mapping.inventory_limits import LEAST_TURNS, LIKELIER_THAN_NOT, STALE, TOLD_BY_CHANCE
 from automap.mapping.limits import FACING_SD, HAND_FACING_SD_DEG
 from automap.records import FloatArray, IntArray, Sign
+from automap.records.sign_lists import numbers_of
 
 _FAR = 3.0 * FACING_SD
 _GON = 0.9
@@ -43,16 +45,14 @@ def directions_of(
     signs: Sequence[Sign], inventory: Inventory, sign: IntArray, listed: IntArray, apart: FloatArray
 ) -> Directions:
     """By the pairs of ``sign`` and ``listed`` [k] that are near one another, ``apart`` [k, 2] m."""
-    facing = np.array([s.facing_rad for s in signs], np.float64)
-    turn = facing[sign] - inventory.facing_rad[listed]
+    turn = numbers_of(signs, "facing_rad")[0][sign] - inventory.facing_rad[listed]
     known = np.flatnonzero(np.isfinite(turn))
-    nearest = known[np.lexsort((np.hypot(*apart[known].T), listed[known]))]
-    first = nearest[np.unique(listed[nearest], return_index=True)[1]]
+    first = _nearest(listed, apart, known)
     cosine = np.cos(turn[first])
     against, along = int((cosine < -0.5).sum()), int((cosine > 0.5).sum())
     # signs on both sides of one post are a few; three sigmas of a fair coin are not
     turned = against - along > 3.0 * math.sqrt(max(against + along, 1))
-    angle = np.abs((turn + (np.pi if turned else 0.0) + np.pi) % (2.0 * np.pi) - np.pi)
+    angle = np.abs(wrap_pi(turn + (np.pi if turned else 0.0)))
     # of one class the one that agrees best: another face of it is another sign
     best: dict[int, float] = {}
     for k in known.tolist():
@@ -71,6 +71,12 @@ def directions_of(
     return Directions(turned, False, len(best), off, used)
 
 
+def _nearest(listed: IntArray, apart: FloatArray, rows: IntArray) -> IntArray:
+    """Of the pairs ``rows`` [n] the nearest of each listed sign."""
+    order = rows[np.lexsort((np.hypot(*apart[rows].T), listed[rows]))]
+    return order[np.unique(listed[order], return_index=True)[1]]
+
+
 def in_degrees(
     signs: Sequence[Sign], inventory: Inventory, sign: IntArray, listed: IntArray, apart: FloatArray
 ) -> tuple[Inventory, Directions]:
@@ -79,14 +85,12 @@ def in_degrees(
     told = directions_of(signs, inventory, sign, listed, apart)
     other = replace(inventory, facing_rad=inventory.facing_rad % (2.0 * np.pi) * _GON)
     as_gon = directions_of(signs, other, sign, listed, apart)
-    facing = np.array([s.facing_rad for s in signs], np.float64)
+    facing = numbers_of(signs, "facing_rad")[0]
     alike = [
         bool(same_face(signs[i].class_name, inventory.class_name[j]))
         for i, j in zip(sign.tolist(), listed.tolist(), strict=True)
     ]
-    nearest = np.lexsort((np.hypot(*apart.T), listed))
-    nearest = nearest[np.array(alike, np.bool_)[nearest]]
-    first = nearest[np.unique(listed[nearest], return_index=True)[1]]
+    first = _nearest(listed, apart, np.flatnonzero(alike))
     # nobody tells a face better; a smaller spread is chance
     finest = math.radians(HAND_FACING_SD_DEG)
     # how much likelier normal errors make the one than the other, each with its own spread

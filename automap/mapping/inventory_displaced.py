@@ -13,13 +13,17 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from automap.earth import ecef, metres_per_radian
+from automap.frames import wrap_pi
+from automap.mapping.grid import east_north
 from automap.mapping.inventory_classes import same_face
 from automap.mapping.inventory_findings import Inventory
 from automap.mapping.inventory_limits import CIRCLE_95, TOLD_BY_CHANCE, USUAL_SD_M
 from automap.mapping.limits import FACING_LIMIT
 from automap.records import BoolArray, FloatArray, IntArray, Sign
+from automap.records.sign_lists import numbers_of
 
 REACH_M = 300.0
 """National datums of before satellites lie up to some 300 m off."""
@@ -63,8 +67,6 @@ class Parts:
     def about(self, place: FloatArray, among: FloatArray) -> FloatArray:
         """The share of displaced ones among the entries nearest to each ``place`` [k, d], by what
         stands for an entry's place ``among`` [m, d]; such as no way tells of do not count."""
-        from scipy.spatial import cKDTree
-
         known = np.flatnonzero(self.part >= 0)
         count = min(NEAREST, len(known))
         if not count or not len(place):
@@ -113,8 +115,6 @@ def with_taken_off(
 
     That is taken off as the map's error, and where it is more than that can be it is the list's.
     """
-    from scipy.spatial import cKDTree
-
     least = _FAR * _usual_sd(signs)
     left = ~parts.displaced[listed]
     listed, common = listed[left], common[left]
@@ -142,12 +142,8 @@ class _Street:
     """A map's signs and a list's by place, class and direction."""
 
     def __init__(self, signs: Sequence[Sign], inventory: Inventory) -> None:
-        from scipy.spatial import cKDTree
-
         self.inventory = inventory
-        self.lat = np.array([s.lat_rad for s in signs])
-        self.lon = np.array([s.lon_rad for s in signs])
-        self.facing = np.array([s.facing_rad for s in signs], np.float64)
+        self.lat, self.lon, self.facing = numbers_of(signs, "lat_rad", "lon_rad", "facing_rad")
         self.tree = cKDTree(ecef(self.lat, self.lon, np.zeros(len(self.lat))))
         ours, self.our_class = np.unique([s.class_name for s in signs], return_inverse=True)
         named, self.their_class = np.unique(list(inventory.class_name), return_inverse=True)
@@ -176,18 +172,14 @@ class _Street:
         near: Any = self.tree.query_ball_point(there, reach_m)
         j = np.repeat(rows, [len(k) for k in near])
         i = np.concatenate([np.zeros(0, np.int64), *(np.array(k, np.int64) for k in near)])
-        turn = self.facing[i] - one.facing_rad[j]
-        turn = np.abs((turn + np.pi) % (2.0 * np.pi) - np.pi)
+        turn = np.abs(wrap_pi(self.facing[i] - one.facing_rad[j]))
         keep = self.alike[self.our_class[i], self.their_class[j]] & ~(turn > FACING_LIMIT)
         i, j = i[keep], j[keep]
-        north, east = metres_per_radian(self.lat[i], 0.0)
-        across = (self.lon[i] - one.lon_rad[j] + np.pi) % (2.0 * np.pi) - np.pi
-        return i, j, np.column_stack([across * east, (self.lat[i] - one.lat_rad[j]) * north])
+        return i, j, east_north(self.lat[i], self.lon[i], one.lat_rad[j], one.lon_rad[j])
 
 
 def _mode(listed: IntArray, ways: FloatArray, radius: float) -> FloatArray | None:
     """The way [2] that the most entries have in common, None where that may be chance."""
-    from scipy.spatial import cKDTree
     from scipy.stats import poisson
 
     if not len(ways):

@@ -13,21 +13,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.special import expit, logit
 
+from automap.mapping import inventory_limits as limits
 from automap.mapping.inventory_hidden import gaps, gone_by_gaps
-from automap.mapping.inventory_limits import (
-    DETECTION_PRIOR,
-    DOUBT_FACTOR_LOG_SD,
-    GLIMPSE_PRIOR,
-    HALF_APPROACH_ROWS,
-    LIKELIER_THAN_NOT,
-    MOST_SURE,
-    NEW_SHARE,
-    ROUNDS,
-    STALE,
-    STALE_WEIGHT,
-    SURE,
-)
 from automap.mapping.inventory_missing import counts, standing
 from automap.mapping.limits import ALTERNATIVES, CLASS_RIGHT
 from automap.mapping.sightings import DriveSigns
@@ -84,8 +73,8 @@ def mark_sure(findings: Sequence[Finding]) -> list[Finding]:
         own = [k for k, f in enumerate(findings) if f.kind == kind]
         own.sort(key=lambda k: -findings[k].probability)
         told = np.array([findings[k].probability for k in own])
-        good = np.cumsum(told) >= SURE * np.arange(1, len(own) + 1)
-        for k in np.array(own)[good & (told > LIKELIER_THAN_NOT)].tolist():
+        good = np.cumsum(told) >= limits.SURE * np.arange(1, len(own) + 1)
+        for k in np.array(own)[good & (told > limits.LIKELIER_THAN_NOT)].tolist():
             marked[k] = replace(findings[k], sure=True)
     return marked
 
@@ -121,7 +110,7 @@ def not_found(
     group = np.zeros(len(inventory), np.int64)
     unknown = np.isnan(np.asarray(inventory.facing_rad, np.float64))
     group[views.sign] = np.where(unknown[views.sign], np.where(views.offset > 0.0, 2, 1), 0)
-    group[rows < HALF_APPROACH_ROWS] = 3
+    group[rows < limits.HALF_APPROACH_ROWS] = 3
     number = {drive.name: k for k, drive in enumerate(drives)}
     all_of_them = frozenset(number.values())
     seen_by: list[frozenset[int] | None] = []
@@ -130,7 +119,7 @@ def not_found(
         # a map of one drive names it or not; where views of many are one, all saw it
         seen_by.append(all_of_them if named is not None and not named else named)
     tries, hits = counts(views, len(inventory), seen_by)
-    known = standing(tries, hits, group, (*[DETECTION_PRIOR] * 3, GLIMPSE_PRIOR))
+    known = standing(tries, hits, group, (*[limits.DETECTION_PRIOR] * 3, limits.GLIMPSE_PRIOR))
     looked = np.array([sign.n_looked for sign in signs], np.int64)
     if looked.any() and tries.max(initial=0) == 1:
         # counts of drives say nothing then, but frames do
@@ -147,7 +136,7 @@ def not_found(
             result.append(Finding("not_seen", -1, j, 1.0))
             continue
         gone *= float(alone[j])
-        kind = "missing" if gone > LIKELIER_THAN_NOT else "unconfirmed"
+        kind = "missing" if gone > limits.LIKELIER_THAN_NOT else "unconfirmed"
         more = int(known.more_drives[j])
         result.append(Finding(kind, -1, j, max(gone, 1.0 - gone), more_drives=more))
     return result, known.rate
@@ -161,18 +150,18 @@ def class_belief(sign: Sign) -> float:
     than two thirds.
     """
     if sign.reviewed:
-        return MOST_SURE
+        return limits.MOST_SURE
     if math.isfinite(sign.class_probability):
         return _probability(sign.class_probability)
     belief = _probability(sign.confidence)
     if math.isfinite(sign.existence) and sign.existence > 0.0:
-        belief = min(belief / sign.existence, MOST_SURE)
+        belief = min(belief / sign.existence, limits.MOST_SURE)
     drives = len(sign.drives)
     if drives < 2:
         return belief
     ahead = (2.0 * belief - 1.0) * drives
     odds = ahead * math.log(CLASS_RIGHT / (1.0 - CLASS_RIGHT) * ALTERNATIVES)
-    return min(1.0 / (1.0 + math.exp(-min(odds, 50.0))), MOST_SURE)
+    return min(1.0 / (1.0 + math.exp(-min(odds, 50.0))), limits.MOST_SURE)
 
 
 def _exists(sign: Sign) -> float:
@@ -181,7 +170,7 @@ def _exists(sign: Sign) -> float:
 
 
 def _probability(value: float) -> float:
-    return min(max(float(value), 0.0), MOST_SURE)
+    return min(max(float(value), 0.0), limits.MOST_SURE)
 
 
 def new_signs(signs: Sequence[Sign], unknown: IntArray) -> list[Finding]:
@@ -193,22 +182,21 @@ def new_signs(signs: Sequence[Sign], unknown: IntArray) -> list[Finding]:
     Advances in Large Margin Classifiers, 1999), are the likeliest for who is listed and who is not.
     """
     from scipy.optimize import minimize
-    from scipy.special import expit, logit
 
-    exists = np.clip([_exists(s) for s in signs], 1.0 - MOST_SURE, MOST_SURE)
-    doubt = logit(MOST_SURE) - logit(np.asarray(exists, np.float64).reshape(-1))
+    exists = np.clip([_exists(s) for s in signs], 1.0 - limits.MOST_SURE, limits.MOST_SURE)
+    doubt = logit(limits.MOST_SURE) - logit(np.asarray(exists, np.float64).reshape(-1))
     listed = np.ones(len(signs), np.bool_)
     listed[unknown] = False
 
     def against(x: FloatArray) -> float:
-        real, lacks = expit(logit(MOST_SURE) - np.exp(x[0]) * doubt), expit(x[1])
+        real, lacks = expit(logit(limits.MOST_SURE) - np.exp(x[0]) * doubt), expit(x[1])
         told = real * (1.0 - lacks)
         likely = np.log(np.maximum(np.where(listed, told, 1.0 - told), 1e-12)).sum()
-        likely += NEW_SHARE * np.log(lacks) + (1.0 - NEW_SHARE) * np.log1p(-lacks)
-        return float(0.5 * (x[0] / DOUBT_FACTOR_LOG_SD) ** 2 - likely)
+        likely += limits.NEW_SHARE * np.log(lacks) + (1.0 - limits.NEW_SHARE) * np.log1p(-lacks)
+        return float(0.5 * (x[0] / limits.DOUBT_FACTOR_LOG_SD) ** 2 - likely)
 
-    factor, lacks = minimize(against, [0.0, float(logit(NEW_SHARE))]).x
-    real, lacks = expit(logit(MOST_SURE) - np.exp(factor) * doubt[unknown]), expit(lacks)
+    factor, lacks = minimize(against, [0.0, float(logit(limits.NEW_SHARE))]).x
+    real, lacks = expit(logit(limits.MOST_SURE) - np.exp(factor) * doubt[unknown]), expit(lacks)
     told = real * lacks / (real * lacks + 1.0 - real)
     return [Finding("new", k, -1, p) for k, p in zip(unknown.tolist(), told.tolist(), strict=True)]
 
@@ -218,10 +206,12 @@ def judge_classes(findings: list[Finding]) -> list[Finding]:
     place of how surely the map is right; how often the list is wrong comes from the data."""
     told = [k for k, f in enumerate(findings) if f.kind == "class"]
     right = np.array([findings[k].probability for k in told], np.float64)
-    wrong, share = right, STALE
-    for _ in range(ROUNDS):
+    wrong, share = right, limits.STALE
+    for _ in range(limits.ROUNDS):
         wrong = right * share / (right * share + (1.0 - right) * (1.0 - share))
-        share = (float(wrong.sum()) + STALE * STALE_WEIGHT) / (len(findings) + STALE_WEIGHT)
+        share = (float(wrong.sum()) + limits.STALE * limits.STALE_WEIGHT) / (
+            len(findings) + limits.STALE_WEIGHT
+        )
     judged = list(findings)
     for k, p in zip(told, wrong.tolist(), strict=True):
         judged[k] = replace(findings[k], probability=p)

@@ -14,16 +14,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import betaln
 
-from automap.mapping.inventory_limits import (
-    DETECTION_PRIOR,
-    HIGHEST_RATE,
-    MOST_DRIVES,
-    ROUNDS,
-    STALE,
-    STALE_WEIGHT,
-    SURE,
-)
+from automap.mapping import inventory_limits as limits
 from automap.mapping.limits import SPREAD, SPREAD_LOG_SD, SPREADS
 from automap.mapping.visibility import Opportunities
 from automap.records import BoolArray, FloatArray, IntArray
@@ -50,66 +43,59 @@ def standing(
     group are is not decided but averaged over, by how likely the counts are with it.
     """
     n = int(group.max(initial=0)) + 1
-    prior = np.array([*priors, *[DETECTION_PRIOR] * (n - len(priors))], np.float64)
+    prior = np.array([*priors, *[limits.DETECTION_PRIOR] * (n - len(priors))], np.float64)
     seen = tries > 0
     # of signs that one drive had in view the spread tells nothing
     spreads = SPREADS if (tries > 1).any() else (SPREAD,)
     fits = [_fitted(hits, np.maximum(tries - hits, 0), group, seen, prior, s) for s in spreads]
-    likely = np.array([fit.log_likely for fit in fits])
+    likely = np.array([log_likely for _, _, log_likely in fits])
     weight = np.exp(likely - likely.max())
     weight /= weight.sum()
-    by_more = np.zeros((MOST_DRIVES + 1, len(tries)))
-    for w, fit in zip(weight, fits, strict=True):
-        by_more += w * fit.gone
+    by_more = np.zeros((limits.MOST_DRIVES + 1, len(tries)))
+    overall = 0.0
+    for w, (with_more, rate, _) in zip(weight.tolist(), fits, strict=True):
+        by_more += w * with_more
+        overall += w * rate
     gone = by_more[0]
-    sure = by_more >= SURE
-    more = np.where(sure.any(axis=0), np.argmax(sure, axis=0), MOST_DRIVES)
-    overall = float(sum(w * fit.overall for w, fit in zip(weight, fits, strict=True)))
+    sure = by_more >= limits.SURE
+    more = np.where(sure.any(axis=0), np.argmax(sure, axis=0), limits.MOST_DRIVES)
     return Standing(np.where(seen, gone, np.nan), overall, np.where(seen & (hits == 0), more, 0))
-
-
-@dataclass(frozen=True)
-class _Fit:
-    """With one spread: ``gone`` [1 + more drives, m], the ``overall`` rate, and how likely the
-    counts are."""
-
-    gone: FloatArray
-    overall: float
-    log_likely: float
 
 
 def _fitted(
     hits: IntArray, misses: IntArray, group: IntArray, seen: BoolArray, prior: FloatArray,
     spread: float,
-) -> _Fit:  # fmt: skip
-    """Share of gone signs and the groups' rates, ``prior`` [g, 2], by expectation maximisation."""
+) -> tuple[FloatArray, float, float]:  # fmt: skip
+    """Share of gone signs and the groups' rates, ``prior`` [g, 2], by expectation maximisation:
+    how probably each is gone after so many more drives [1 + more drives, m], the rate of all, and
+    how likely the counts are."""
     rate = prior[:, 0] / prior.sum(axis=1)
-    share = STALE
+    share = limits.STALE
     total = float(seen.sum())
     none = (hits == 0) & seen
-    for _ in range(ROUNDS):
+    for _ in range(limits.ROUNDS):
         told = _log_counts(hits, misses, rate[group], spread)
         gone = np.where(none, share / (share + (1.0 - share) * np.exp(told)), 0.0)
         stands = np.where(seen, 1.0 - gone, 0.0)
         right = np.bincount(group, stands * hits, len(rate)) + prior[:, 0]
         tried = np.bincount(group, stands * (hits + misses), len(rate)) + prior.sum(axis=1)
-        rate = np.minimum(right / tried, HIGHEST_RATE)
-        share = float(gone.sum() + STALE * STALE_WEIGHT) / (total + STALE_WEIGHT)
-    further = misses + np.arange(MOST_DRIVES + 1)[:, None]
+        rate = np.minimum(right / tried, limits.HIGHEST_RATE)
+        share = float(gone.sum() + limits.STALE * limits.STALE_WEIGHT) / (
+            total + limits.STALE_WEIGHT
+        )
+    further = misses + np.arange(limits.MOST_DRIVES + 1)[:, None]
     told_more = _log_counts(hits, further, rate[group], spread)
     by_more = np.where(none, share / (share + (1.0 - share) * np.exp(told_more)), 0.0)
     mixed = np.logaddexp(np.where(none, np.log(share), -np.inf), np.log1p(-share) + told)
     log_likely = float(mixed[seen].sum()) - 0.5 * (np.log(spread / SPREAD) / SPREAD_LOG_SD) ** 2
-    usual = sum(DETECTION_PRIOR)
-    overall = float((stands * hits).sum()) + DETECTION_PRIOR[0]
+    usual = sum(limits.DETECTION_PRIOR)
+    overall = float((stands * hits).sum()) + limits.DETECTION_PRIOR[0]
     overall /= float((stands * (hits + misses)).sum()) + usual
-    return _Fit(by_more, overall, log_likely)
+    return by_more, overall, log_likely
 
 
 def _log_counts(hits: IntArray, misses: IntArray, rate: FloatArray, spread: float) -> FloatArray:
     """Beta-binomial log likelihood [m] of hits and misses of signs that stand."""
-    from scipy.special import betaln
-
     a, b = spread * rate, spread * (1.0 - rate)
     return np.asarray(betaln(a + hits, b + misses) - betaln(a, b), np.float64)
 

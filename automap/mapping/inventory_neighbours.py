@@ -12,9 +12,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial import cKDTree
+from scipy.special import i0e
 
-from automap.earth import ecef, metres_per_radian
+from automap.earth import ecef
 from automap.mapping.candidates import facing_evidence
+from automap.mapping.grid import east_north
 from automap.mapping.inventory_classes import same_face
 from automap.mapping.inventory_findings import Inventory
 from automap.mapping.inventory_limits import LEAST_SD_M
@@ -54,15 +57,11 @@ def neighbours_of(inventory: Inventory) -> FloatArray:
     """Neighbours of a listed sign, on average [3, d, 25]: by class (the same, another, not known),
     distance in steps of 0.5 m, and the turn of their face against its own in sectors of 15 deg, the
     last one for unknown turns."""
-    from scipy.spatial import cKDTree
-
     count = np.zeros((3, round(_REACH_M / _STEP_M), _TURNS + 1))
     lat, lon, facing = inventory.lat_rad, inventory.lon_rad, inventory.facing_rad
     tree = cKDTree(ecef(lat, lon, np.zeros(len(inventory))))
     a, b = tree.query_pairs(_REACH_M, output_type="ndarray").T
-    north, east = metres_per_radian(lat[a], 0.0)
-    across = (lon[b] - lon[a] + np.pi) % (2.0 * np.pi) - np.pi
-    apart = np.hypot(across * east, (lat[b] - lat[a]) * north)
+    apart = np.hypot(*east_north(lat[a], lon[a], lat[b], lon[b]).T)
     step = np.minimum((apart / _STEP_M).astype(np.int64), count.shape[1] - 1)
     names = inventory.class_name
     both = zip(a.tolist(), b.tolist(), strict=True)
@@ -83,8 +82,6 @@ def neighbour_density(
 ) -> FloatArray:
     """Neighbours [k] per square metre that would be found ``apart_m`` from a listed sign, with an
     error of ``sd_m`` per axis, and look like what was found, over how likely any sign looks so."""
-    from scipy.special import i0e
-
     ring = (np.arange(neighbours.shape[1]) + 0.5) * _STEP_M
     variance = np.maximum(sd_m, LEAST_SD_M)[:, None] ** 2
     # where a point that stands anywhere on a ring is found

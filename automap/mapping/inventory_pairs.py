@@ -13,27 +13,20 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from automap.assignment import assign_near
-from automap.earth import ecef, metres_per_radian
+from automap.earth import ecef
+from automap.mapping import inventory_limits as limits
 from automap.mapping.candidates import facing_evidence
+from automap.mapping.grid import east_north
 from automap.mapping.inventory_classes import of_another_class, same_face
 from automap.mapping.inventory_findings import Inventory, class_belief
-from automap.mapping.inventory_limits import (
-    DETECTION_PRIOR,
-    LARGEST_SD_M,
-    LEAST_SD_M,
-    LIKELIER_THAN_NOT,
-    NEW_SHARE,
-    ROUNDS,
-    STALE,
-    USUAL_PAIRS,
-    USUAL_SD_M,
-)
 from automap.mapping.inventory_neighbours import Looks, neighbour_density, neighbours_of
 from automap.mapping.inventory_wander import Anchors, common_errors
 from automap.mapping.limits import MOVED_M
 from automap.records import BoolArray, FloatArray, IntArray, Sign
+from automap.records.sign_lists import numbers_of
 from automap.signs.codes import face_of
 
 AREA_M2 = math.pi * MOVED_M**2
@@ -75,16 +68,12 @@ def near_pairs(
     signs: Sequence[Sign], inventory: Inventory
 ) -> tuple[IntArray, IntArray, FloatArray]:
     """Signs and listed ones within MOVED_M of one another, and from listed to found [k, 2], m."""
-    from scipy.spatial import cKDTree
-
-    lat, lon = np.array([s.lat_rad for s in signs]), np.array([s.lon_rad for s in signs])
+    lat, lon = numbers_of(signs, "lat_rad", "lon_rad")
     ours = cKDTree(ecef(lat, lon, np.zeros(len(lat))))
     theirs = cKDTree(ecef(inventory.lat_rad, inventory.lon_rad, np.zeros(len(inventory))))
     near: Any = ours.sparse_distance_matrix(theirs, MOVED_M, output_type="coo_matrix")
     i, j = near.row.astype(np.int64), near.col.astype(np.int64)
-    north, east = metres_per_radian(lat[i], 0.0)
-    turn = (lon[i] - inventory.lon_rad[j] + np.pi) % (2.0 * np.pi) - np.pi
-    return i, j, np.column_stack([turn * east, (lat[i] - inventory.lat_rad[j]) * north])
+    return i, j, east_north(lat[i], lon[i], inventory.lat_rad[j], inventory.lon_rad[j])
 
 
 def belief_in_another(sign: Sign, shares: Mapping[str, float], listed: str) -> float:
@@ -120,7 +109,7 @@ def candidates(
             belief = believed[a]
             if not same and shares[a]:
                 belief = belief_in_another(signs[a], shares[a], inventory.class_name[b])
-            right = (1.0 - STALE) * belief
+            right = (1.0 - limits.STALE) * belief
             told[k] = math.log(right / chance + 1.0 - right if same else 1.0 - right)
             looks.of_class(k, same, chance, share.get(face_of(inventory.class_name[b]), 0.0))
         looks.turn_rad[k] = signs[a].facing_rad - inventory.facing_rad[b]
@@ -128,7 +117,7 @@ def candidates(
             told[k] += facing_evidence(looks.turn_rad[k])
     cov = np.array([s.cov_enu[:2, :2] for s in signs], np.float64).reshape(-1, 2, 2)
     known: BoolArray = np.asarray(np.isfinite(cov).all(axis=(1, 2)))
-    cov = np.where(known[:, None, None], cov, USUAL_SD_M**2 * np.eye(2))[i]
+    cov = np.where(known[:, None, None], cov, limits.USUAL_SD_M**2 * np.eye(2))[i]
     sd = np.sqrt(0.5 * np.trace(cov, axis1=1, axis2=2))
     # signs that no list has stand somewhere: beforehand, one within reach
     beside = 1.0 / AREA_M2 + neighbour_density(
@@ -141,28 +130,30 @@ def candidates(
 
 def fit(pairs: Pairs, inventory: Inventory, n: int, looked: BoolArray) -> Fit:
     """By ``n`` signs of a map; ``looked`` [m] whether drives had a listed sign in view."""
-    shift, sd, new = np.zeros(2), USUAL_SD_M, NEW_SHARE
+    shift, sd, new = np.zeros(2), limits.USUAL_SD_M, limits.NEW_SHARE
     m = len(inventory)
     if len(pairs.sign) == 0:
         return Fit(shift, sd, *(np.zeros(0),) * 4, math.nan)
     stated = inventory.sd_m[pairs.listed]
-    usual = DETECTION_PRIOR[0] * (1.0 - STALE), sum(DETECTION_PRIOR)
+    usual = limits.DETECTION_PRIOR[0] * (1.0 - limits.STALE), sum(limits.DETECTION_PRIOR)
     found = np.full(m, usual[0] / usual[1])
-    moved_density = STALE / AREA_M2
+    moved_density = limits.STALE / AREA_M2
     # what a path is off all signs have alike to every side; what one's views do not tell, along one
     # axis, is its own
     least = np.linalg.eigvalsh(pairs.cov)[:, 0]
     parts = [least[:, None, None] * np.eye(2)]
     parts.append(pairs.cov - parts[0])
     scale = np.ones(2)
-    for _ in range(ROUNDS):
-        own = np.where(np.isfinite(stated), np.clip(stated, LEAST_SD_M, LARGEST_SD_M), sd)
+    for _ in range(limits.ROUNDS):
+        own = np.where(
+            np.isfinite(stated), np.clip(stated, limits.LEAST_SD_M, limits.LARGEST_SD_M), sd
+        )
         total = scale[0] * parts[0] + scale[1] * parts[1]
         total += (own**2 + pairs.common)[:, None, None] * np.eye(2)
         residual = pairs.apart - shift
         weighted = np.linalg.solve(total, residual[:, :, None])[:, :, 0]
         square = np.einsum("ki,ki->k", residual, weighted)
-        in_place = (1.0 - STALE) * np.exp(-0.5 * square)
+        in_place = (1.0 - limits.STALE) * np.exp(-0.5 * square)
         in_place /= 2.0 * math.pi * np.sqrt(np.linalg.det(total))
         # the listed one unseen, and what was found not listed
         unseen = (1.0 - found[pairs.listed]) / found[pairs.listed]
@@ -175,16 +166,16 @@ def fit(pairs: Pairs, inventory: Inventory, n: int, looked: BoolArray) -> Fit:
         share = np.minimum(share, other)
         stays = share * in_place / (in_place + moved_density)
         information = np.linalg.inv(total) * stays[:, None, None]
-        precision = information.sum(axis=0) + np.eye(2) / USUAL_SD_M**2
+        precision = information.sum(axis=0) + np.eye(2) / limits.USUAL_SD_M**2
         shift = np.linalg.solve(precision, np.einsum("kij,kj->i", information, pairs.apart))
         # expectation of the list's own squared error, given the pair
         mean = own[:, None] ** 2 * weighted
         left = own**2 * (2.0 - own**2 * np.trace(np.linalg.inv(total), axis1=1, axis2=2))
         squares = np.einsum("ki,ki->k", mean, mean) + left
         told = np.isnan(stated) * stays
-        prior = USUAL_PAIRS * USUAL_SD_M**2
-        sd = math.sqrt((0.5 * (told * squares).sum() + prior) / (told.sum() + USUAL_PAIRS))
-        sd = min(max(sd, LEAST_SD_M), LARGEST_SD_M)
+        prior = limits.USUAL_PAIRS * limits.USUAL_SD_M**2
+        sd = math.sqrt((0.5 * (told * squares).sum() + prior) / (told.sum() + limits.USUAL_PAIRS))
+        sd = min(max(sd, limits.LEAST_SD_M), limits.LARGEST_SD_M)
         # and of the map's errors the part that signs do not have in common, which the shift is not
         inverse = np.linalg.inv(total)
         for k, (cov, rank) in enumerate(zip(parts, (2.0, 1.0), strict=True)):
@@ -205,7 +196,7 @@ def fit(pairs: Pairs, inventory: Inventory, n: int, looked: BoolArray) -> Fit:
 def without_common_errors(pairs: Pairs, known: Fit, signs: Sequence[Sign]) -> Pairs:
     """The pairs with what signs about them are off in common taken off."""
     chosen = one_to_one(pairs, known.evidence, len(signs))
-    chosen = chosen[known.stays[chosen] > LIKELIER_THAN_NOT]
+    chosen = chosen[known.stays[chosen] > limits.LIKELIER_THAN_NOT]
     anchors = Anchors(
         pairs.sign[chosen],
         pairs.listed[chosen],

@@ -14,9 +14,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from automap.earth import ecef
 from automap.records import FloatArray, IntArray, Sign
+from automap.records.sign_lists import numbers_of
 
 SHARES = (0.3, 0.5, 0.7, 0.85, 0.95)
 """Of the variance of pairs in place that neighbours may have in common; 0 is tried besides."""
@@ -56,9 +58,8 @@ def common_errors(
     n = len(anchors.sign)
     if n < 2 or not len(sign):
         return none
-    lat, lon = np.array([s.lat_rad for s in signs]), np.array([s.lon_rad for s in signs])
+    lat, lon, facing = numbers_of(signs, "lat_rad", "lon_rad", "facing_rad")
     place = ecef(lat, lon, np.zeros(len(signs)))
-    facing = np.array([s.facing_rad for s in signs], np.float64)
     # a direction that is not known agrees half with each
     look = np.where(np.isfinite(facing), np.exp(1j * np.nan_to_num(facing)), 0.0)
     level = float(np.mean(anchors.variance))
@@ -93,8 +94,6 @@ def _around(
     place: FloatArray, anchors: Anchors, sign: IntArray, listed: IntArray
 ) -> tuple[IntArray, FloatArray]:
     """The anchors [k, m] nearest to each ``sign``, and noise that those of the pair itself get."""
-    from scipy.spatial import cKDTree
-
     m = min(_NEIGHBOURS + 2, len(anchors.sign))
     tree = cKDTree(place[anchors.sign])
     near = tree.query(place[sign], m)[1].reshape(len(sign), m)

@@ -11,15 +11,8 @@ from typing import NamedTuple
 import numpy as np
 
 from automap.jit import kernel
+from automap.mapping import limits
 from automap.mapping.candidates import D_E, D_N, D_U, EVIDENCE, V_EE, V_EN, V_NN, V_U, match_gain
-from automap.mapping.limits import (
-    HYPOTHESES,
-    LEAST_OFFSET_VARIANCE,
-    MOST,
-    STRAY_GATE,
-    STRETCH_S,
-    STRETCH_SIGHTINGS,
-)
 from automap.records import FloatArray, IntArray
 
 _ROUNDS = 3
@@ -62,8 +55,8 @@ def vote(
         stop = start + 1
         while (
             stop < n
-            and stop - start < STRETCH_SIGHTINGS
-            and time_s[stop] - time_s[start] < STRETCH_S
+            and stop - start < limits.STRETCH_SIGHTINGS
+            and time_s[stop] - time_s[start] < limits.STRETCH_S
         ):
             stop += 1
         middle = 0.5 * (time_s[start] + time_s[stop - 1])
@@ -73,7 +66,7 @@ def vote(
             for i in range(start, stop):
                 total += shared_sd[i, axis] ** 2
             # the map's own frame is some other drive's, as far off as this one
-            prior[axis] = 2.0 * total / (stop - start) + LEAST_OFFSET_VARIANCE
+            prior[axis] = 2.0 * total / (stop - start) + limits.LEAST_OFFSET_VARIANCE
             if variance[axis] < 0.0:
                 variance[axis] = prior[axis]
             else:
@@ -109,11 +102,11 @@ def _offset_of(stretch: _Stretch) -> tuple[FloatArray, FloatArray]:
     highest = _support(stretch, best)
     tried = 0
     for i in range(len(signs)):
-        for c in range(MOST):
+        for c in range(limits.MOST):
             if signs[i, c] < 0:
                 break
             # after many proposals the nearest of each sighting has to do
-            if tried >= HYPOTHESES and c > 0:
+            if tried >= limits.HYPOTHESES and c > 0:
                 break
             tried += 1
             guess = values[i, c, :3].copy()
@@ -138,7 +131,7 @@ def _support(stretch: _Stretch, offset: FloatArray) -> float:
         total -= 0.5 * (offset[axis] - mean[axis]) ** 2 / variance[axis]
     for i in range(len(signs)):
         most = 0.0
-        for c in range(MOST):
+        for c in range(limits.MOST):
             if signs[i, c] < 0:
                 break
             p_e, p_n = spread[i] * prior[0], spread[i] * prior[1]
@@ -157,7 +150,7 @@ def _refine(stretch: _Stretch, offset: FloatArray) -> tuple[FloatArray, FloatArr
     for i in range(len(signs)):
         wander = spread[i]
         most, chosen = 0.0, -1
-        for c in range(MOST):
+        for c in range(limits.MOST):
             if signs[i, c] < 0:
                 break
             p_e, p_n = wander * prior[0], wander * prior[1]
@@ -203,7 +196,7 @@ def smooth(
     ahead, var_ahead = np.zeros(n), np.zeros(n)
     for axis in range(3):
         for i in range(n):
-            sd = np.sqrt(2.0 * shared_sd[i, axis] ** 2 + LEAST_OFFSET_VARIANCE)
+            sd = np.sqrt(2.0 * shared_sd[i, axis] ** 2 + limits.LEAST_OFFSET_VARIANCE)
             if i == 0:
                 ahead[i], var_ahead[i] = 0.0, 1.0
             else:
@@ -220,8 +213,8 @@ def smooth(
             noise /= sd * sd
             miss = values[i, c, axis] / sd - ahead[i]
             square = (values[i, c, axis] - offset[i, axis]) ** 2 / (noise * sd * sd)
-            if square > STRAY_GATE:
-                noise *= square / STRAY_GATE
+            if square > limits.STRAY_GATE:
+                noise *= square / limits.STRAY_GATE
             gain = var_ahead[i] / (var_ahead[i] + noise)
             filtered[i] += gain * miss
             var_filtered[i] *= 1.0 - gain
@@ -231,6 +224,6 @@ def smooth(
                 gain = var_filtered[i] * keep / var_ahead[i + 1]
                 filtered[i] += gain * (filtered[i + 1] - ahead[i + 1])
                 var_filtered[i] += gain * gain * (var_filtered[i + 1] - var_ahead[i + 1])
-            sd = np.sqrt(2.0 * shared_sd[i, axis] ** 2 + LEAST_OFFSET_VARIANCE)
+            sd = np.sqrt(2.0 * shared_sd[i, axis] ** 2 + limits.LEAST_OFFSET_VARIANCE)
             offset[i, axis] = filtered[i] * sd
             offset_var[i, axis] = var_filtered[i] * sd * sd

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from automap.earth import local_ned
-from automap.geolocation.supports import support_names
+from automap.geolocation.supports import support_numbers
 from automap.records import FloatArray, Sign
-from automap.records.sign_lists import changed, values_of
+from automap.records.sign_lists import changed, numbers_of, values_of
 
 
 def with_supports(signs: Sequence[Sign], own_variance: FloatArray) -> Sequence[Sign]:
@@ -20,23 +20,20 @@ def with_supports(signs: Sequence[Sign], own_variance: FloatArray) -> Sequence[S
     rows = [k for k, name in enumerate(ids) if name]
     if not rows:
         return signs
-    lat, lon, height = (
-        np.array(values_of(signs, name), np.float64)[rows]
-        for name in ("lat_rad", "lon_rad", "height_m")
-    )
+    lat, lon, height = (v[rows] for v in numbers_of(signs, "lat_rad", "lon_rad", "height_m"))
     height = np.nan_to_num(height)
     origin = (float(np.median(lat)), float(np.median(lon)), float(np.median(height)))
     own, side = own_variance[rows], values_of(signs, "side")
-    names = support_names(
+    numbers = support_numbers(
         local_ned(lat, lon, height, origin).reshape(-1, 3),
         own[:, None, None] * np.eye(3),
         [side[k] == "overhead" for k in rows],
     )
     # by a number the post of every sign would be another one where a sign comes
-    first: dict[str, str] = {}
-    for k, name in zip(rows, names, strict=True):
-        first[name] = min(ids[k], first.get(name, ids[k]))
+    first: dict[int, str] = {}
+    for k, number in zip(rows, numbers, strict=True):
+        first[number] = min(ids[k], first.get(number, ids[k]))
     support = list(values_of(signs, "support"))
-    for k, name in zip(rows, names, strict=True):
-        support[k] = f"p{first[name]}"
+    for k, number in zip(rows, numbers, strict=True):
+        support[k] = f"p{first[number]}"
     return changed(signs, support=support)

@@ -162,13 +162,10 @@ def _make(fold: _Fold, sign: str, action: ReviewAction) -> None:
 def _correct(fold: _Fold, action: ReviewAction) -> None:
     """What an action decides about the sign that it names."""
     verdict = fold.verdict
-    if action.class_name is not None:
-        verdict = replace(verdict, class_name=action.class_name)
-        fold.changed = True
     if action.lon_deg is not None and action.lat_deg is not None:
         verdict = replace(verdict, lon_deg=action.lon_deg, lat_deg=action.lat_deg, sd_m=action.sd_m)
         fold.changed = True
-    for name in ("facing_deg", "height_above_road_m"):
+    for name in ("class_name", "facing_deg", "height_above_road_m"):
         if (value := getattr(action, name)) is not None:
             verdict = replace(verdict, **{name: value})
             fold.changed = True

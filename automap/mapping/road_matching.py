@@ -13,6 +13,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
 
 from automap.gates import gate_in_plane, sd_by_median
 from automap.mapping.road_kernel import viterbi
@@ -112,10 +115,6 @@ def build_network(
     lines: Sequence[FloatArray], start_m: FloatArray, oneway: IntArray | None = None
 ) -> Network:
     """Segments and graph of lines [k, 2] in metres; vertices nearer than SNAP_M are one node."""
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-    from scipy.spatial import cKDTree
-
     begin, end, road, at = [], [], [], []
     for k, line in enumerate(lines):
         size = np.linalg.norm(np.diff(line, axis=0), axis=1)

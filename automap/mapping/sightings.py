@@ -227,16 +227,13 @@ def shared_sd(drive: DriveSigns, rows: IntArray) -> FloatArray:
         return np.zeros((len(rows), 3))
     times = drive.last_gps_s[rows]
     known = np.isfinite(path.gps_s)
-    sd = np.empty((len(rows), 3))
+    sd = np.zeros((len(rows), 3))
     for axis in range(3):
         values = path.sd_enu[:, axis]
         good = known & np.isfinite(values)
-        middle = float(np.median(values[good])) if good.any() else 0.0
-        if good.sum() > 1:
+        if good.any():
             found = np.interp(times, path.gps_s[good], values[good])
-            sd[:, axis] = np.where(np.isfinite(times), found, middle)
-        else:
-            sd[:, axis] = middle
+            sd[:, axis] = np.where(np.isfinite(times), found, np.median(values[good]))
     return sd
 
 

@@ -25,8 +25,18 @@ SUREST = 1.0 - 1e-4
 """No drive's word counts for more, which is finer than probabilities are written."""
 
 
-def class_probabilities(
+def group_probabilities(
     code: IntArray, classes: Sequence[str], told: FloatArray, sign: IntArray, merged: IntArray
+) -> FloatArray:
+    """``class_probabilities`` of the colour and shape that each of ``classes`` has."""
+    vocabulary = load_vocabulary()
+    names = [vocabulary.group_of(name) or name for name in classes]
+    kinds = np.unique(np.array(names, str), return_inverse=True)[1].astype(np.int64)
+    return class_probabilities(kinds[code], told, sign, kinds[merged])
+
+
+def class_probabilities(
+    code: IntArray, told: FloatArray, sign: IntArray, merged: IntArray
 ) -> FloatArray:
     """Probability [m] that each sign is of its ``merged`` class (a code [m]).
 
@@ -34,22 +44,6 @@ def class_probabilities(
     unknown: the sighting says nothing), ``sign`` [n] the sign it is of (-1 none). NaN where none
     says anything.
     """
-    kinds = np.arange(len(classes))
-    return _merged(kinds[code] if len(code) else code, told, sign, kinds[merged])
-
-
-def group_probabilities(
-    code: IntArray, classes: Sequence[str], told: FloatArray, sign: IntArray, merged: IntArray
-) -> FloatArray:
-    """The same of the colour and shape that the class has."""
-    vocabulary = load_vocabulary()
-    names = [vocabulary.group_of(name) or name for name in classes]
-    kinds = np.unique(np.array(names, str), return_inverse=True)[1].astype(np.int64)
-    return _merged(kinds[code] if len(code) else code, told, sign, kinds[merged])
-
-
-def _merged(kind: IntArray, told: FloatArray, sign: IntArray, merged: IntArray) -> FloatArray:
-    """Kinds [n] that were read with a probability against the kinds [m] that are asked for."""
     m = len(merged)
     result = np.full(m, np.nan)
     rows = np.flatnonzero(np.isfinite(told) & (sign >= 0))
@@ -62,11 +56,11 @@ def _merged(kind: IntArray, told: FloatArray, sign: IntArray, merged: IntArray) 
         p = np.clip(told[own], alike * 1e-2, SUREST)
         counts = 1.0 / (1.0 + (len(own) - 1) * COMMON)
         rest = (1.0 - p) / ALTERNATIVES
-        asked = np.append(np.unique(kind[own]), -1)
+        asked = np.append(np.unique(code[own]), -1)
         if merged[k] not in asked:
             asked = np.append(asked, merged[k])
         # those that nobody read, -1, are alike among themselves
-        told_of = np.array([np.log(np.where(kind[own] == c, p, rest) / alike).sum() for c in asked])
+        told_of = np.array([np.log(np.where(code[own] == c, p, rest) / alike).sum() for c in asked])
         weight = np.where(asked == -1, max(1.0 + ALTERNATIVES - (len(asked) - 1), 0.0), 1.0)
         log = counts * told_of
         share = weight * np.exp(log - log.max())

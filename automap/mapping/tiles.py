@@ -6,6 +6,7 @@ from collections.abc import Container, Iterator
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from automap.mapping import limits
 from automap.mapping.cells import cell_of, groups
@@ -35,8 +36,6 @@ def cut_tiles(
     elsewhere change nothing; ``only`` gives the tiles of those cells alone. Around a tile lies a
     margin in which at most ``limits.MOST_SIGNS`` in all are taken, the nearest first.
     """
-    from scipy.spatial import cKDTree
-
     if len(lat) == 0:
         return
     east = np.cos(lat)

@@ -8,19 +8,11 @@ from typing import Protocol
 
 import numpy as np
 
+from automap.earth import metres_per_radian
+from automap.frames import wrap_pi
 from automap.jit import kernel
+from automap.mapping import limits
 from automap.mapping.grid import Table, delta, filled_table, neighbours
-from automap.mapping.limits import (
-    EDGE_SHARE,
-    FACE_LIMIT,
-    FARTHEST_M,
-    HEAD_ON,
-    HEAD_ON_M,
-    LEAST_ROWS,
-    NEAREST_M,
-    SAME_HEADING,
-    SAME_LATERAL_M,
-)
 from automap.mapping.sightings import CameraView
 from automap.records import BoolArray, DrivePath, FloatArray, IntArray
 
@@ -76,7 +68,7 @@ def opportunities(
     Positions in rad; a sign whose ``facing`` is NaN can be seen from all sides. A drive
     without a path or without cameras says nothing.
     """
-    table = filled_table(lat, lon, FARTHEST_M)
+    table = filled_table(lat, lon, limits.FARTHEST_M)
     none, zero = np.zeros(0, np.int64), np.zeros(0)
     parts = [(none, none, zero, zero, none)]
     for number, drive in enumerate(drives):
@@ -100,10 +92,8 @@ def in_view(
 ) -> tuple[IntArray, FloatArray, FloatArray, IntArray]:
     """Signs in view from a path, ascending, with heading, offset and rows as ``Opportunities`` has
     them; ``table`` holds the signs in cells of FARTHEST_M."""
-    from automap.earth import metres_per_radian
-
     per_lat, per_lon = metres_per_radian(path.lat_rad, 0.0)
-    views = np.array([[c.yaw_rad, EDGE_SHARE * c.half_angle_rad] for c in cameras])
+    views = np.array([[c.yaw_rad, limits.EDGE_SHARE * c.half_angle_rad] for c in cameras])
     count = np.zeros(len(lat), np.int64)
     nearest = np.full((len(lat), 3), np.inf)
     touched = np.empty(len(lat), np.int64)
@@ -112,7 +102,7 @@ def in_view(
         lat, lon, facing, count, nearest, touched,
     )  # fmt: skip
     seen = np.sort(touched[:n])
-    seen = seen[count[seen] >= LEAST_ROWS]
+    seen = seen[count[seen] >= limits.LEAST_ROWS]
     return seen, nearest[seen, 1], nearest[seen, 2], count[seen]
 
 
@@ -149,11 +139,11 @@ def _look(
                 lat[k], lon[k], car_lat[row], car_lon[row], per_lat[row], per_lon[row]
             )
             distance = np.hypot(east, north)
-            if distance < NEAREST_M or distance > FARTHEST_M:
+            if distance < limits.NEAREST_M or distance > limits.FARTHEST_M:
                 continue
             azimuth = np.arctan2(east, north)
             # NaN compares false: a face of unknown direction is seen from everywhere
-            if abs(turned(azimuth + np.pi - facing[k])) > FACE_LIMIT:
+            if abs(turned(azimuth + np.pi - facing[k])) > limits.FACE_LIMIT:
                 continue
             for camera in range(len(views)):
                 if abs(turned(azimuth - yaw[row] - views[camera, 0])) < views[camera, 1]:
@@ -203,8 +193,8 @@ def _alike(sign: IntArray, heading: FloatArray, offset: FloatArray, seen: BoolAr
             for j in range(start, stop):
                 if (
                     seen[j]
-                    and abs(turned(heading[i] - heading[j])) < SAME_HEADING
-                    and abs(offset[i] - offset[j]) < SAME_LATERAL_M
+                    and abs(turned(heading[i] - heading[j])) < limits.SAME_HEADING
+                    and abs(offset[i] - offset[j]) < limits.SAME_LATERAL_M
                 ):
                     result[i] = True
                     break
@@ -217,7 +207,5 @@ def head_on(views: Opportunities, facing: FloatArray) -> Opportunities:
 
     For signs [m] of which nobody knows any more from where they were seen.
     """
-    turn = views.heading + np.pi - facing[views.sign]
-    turn = np.abs((turn + np.pi) % (2.0 * np.pi) - np.pi)
-    good = ~(turn > HEAD_ON) & (np.abs(views.offset) < HEAD_ON_M)
-    return views.at(good)
+    turn = np.abs(wrap_pi(views.heading + np.pi - facing[views.sign]))
+    return views.at(~(turn > limits.HEAD_ON) & (np.abs(views.offset) < limits.HEAD_ON_M))

@@ -113,6 +113,11 @@ def values_of(signs: Sequence[Sign], field: str) -> Any:
     return signs.columns[field]
 
 
+def numbers_of(signs: Sequence[Sign], *names: str) -> tuple[FloatArray, ...]:
+    """Fields [n] of all signs that are numbers."""
+    return tuple(np.asarray(values_of(signs, name), np.float64) for name in names)
+
+
 def changed(signs: Sequence[Sign], **columns: Sequence[Any]) -> Sequence[Sign]:
     """The signs [n] with other values [n] in some fields."""
     if isinstance(signs, SignList):

@@ -12,7 +12,7 @@ import numpy as np
 
 from automap.earth import from_local_ned, local_ned
 from automap.geolocation.landmark import SizePrior
-from automap.geolocation.landmark_kernels import N_COMMON, common_columns, normal_equations
+from automap.geolocation.landmark_kernels import N_COMMON, Boxes, common_columns, normal_equations
 from automap.geolocation.views import MeasurementNoise, Views, build_views
 from automap.records import FloatArray, IntArray
 from automap.robust import PLAIN
@@ -78,10 +78,9 @@ def _of_pass(
         *(parameters, M, b, expected, views.share[rows], views.rate[rows], views.velocity[rows]),
         *(views.C_cam_body[rows], views.lens[views.camera[rows]], elapsed),
     )
-    N, A, shared, *_ = normal_equations(
-        *(parameters, M, b, expected, sd, np.zeros(len(rows))),
-        *(columns, np.zeros(N_COMMON), float(np.log(_PRIOR.size_m)), _PRIOR.log_sd, PLAIN),
-    )
+    usual = float(np.log(_PRIOR.size_m)), _PRIOR.log_sd
+    boxes = Boxes(M, b, expected, sd, np.zeros(len(rows)), *usual)
+    N, A, shared, *_ = normal_equations(parameters, boxes, columns, np.zeros(N_COMMON), PLAIN)
     return np.asarray(shared[:N_COMMON, :N_COMMON] - A.T @ np.linalg.solve(N, A))
 
 

@@ -333,6 +333,7 @@ from tests.unit import (  # noqa: E402, F401
     scenarios_mapping,
     scenarios_mapping_changes,
     scenarios_maps,
+    scenarios_path_doubts,
     scenarios_runs,
     scenarios_sync,
 )

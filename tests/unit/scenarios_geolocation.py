@@ -191,6 +191,7 @@ def geolocation_sightings() -> Any:
     from automap.geolocation.passes import join_passes
     from automap.geolocation.path_relation import make_path
     from automap.geolocation.supports import support_numbers
+    from automap.signs.backs import BACK_OF_NONE, NO_BACK
 
     drive, rng = rich_drive(), np.random.default_rng(4)
     views = drive.views()
@@ -235,6 +236,7 @@ def geolocation_sightings() -> Any:
         for s in back
     ]
     both = [*seen[:9], *back]
+    fronts = find_backs(apart, both, [[k] for k in range(len(both))])
     return levelled(
         {
             "seen": table(seen),
@@ -260,7 +262,11 @@ def geolocation_sightings() -> Any:
                     for k, (members, facing) in enumerate(zip(joined, facings, strict=True))
                 ]
             ),
-            "backs": find_backs(apart, both, [[k] for k in range(len(both))]),
+            "backs": {
+                number: None if front == BACK_OF_NONE else front
+                for number, front in enumerate(fronts.tolist())
+                if front != NO_BACK
+            },
             "condition": table(
                 conditions(views, joined, drive.path, drive.detections, drive.cameras)
             ),

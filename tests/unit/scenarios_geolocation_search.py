@@ -22,6 +22,10 @@ def _some(found: Detections, rows: Any) -> Detections:
     return replace(found, **arrays)
 
 
+def _two(pairs: np.ndarray) -> dict[str, np.ndarray]:
+    return {"first": pairs[0], "second": pairs[1]}
+
+
 @scenario
 def geolocation_epipolar() -> Any:
     """Pairs of boxes, their planes, and the camera's turn and offset by them."""
@@ -39,8 +43,8 @@ def geolocation_epipolar() -> Any:
         x = np.array([0.006, -0.004, 0.009, 0.031])
         prior = np.array([0.02, 0.03, 0.01, 0.05])
         found[record.camera] = {
-            "pairs": (geometry._pairs, len(geometry), geometry.n_boxes),
-            "thinned": geometry.thinned(30)._pairs,
+            "pairs": (_two(geometry._pairs), len(geometry), geometry.n_boxes),
+            "thinned": _two(geometry.thinned(30)._pairs),
             "residuals": [g.residuals(at) for g in (geometry, fast) for at in (x, 0.0 * x)],
             "rays": fast.rays(x),
             "descend": [epipolar.descend(0.3 * x, g, prior, 0.01) for g in (geometry, fast)],
@@ -54,8 +58,7 @@ def geolocation_epipolar() -> Any:
     track = np.where(np.arange(24) % 5 == 0, -1, np.arange(24) % 3)
     heights = 0.4 * limits.PAIR_LOG_GROWTH * rng.normal(size=24)
     found["candidates"] = [
-        epipolar.candidate_pairs(drive.path, t_ns[:n], names[:n], heights[:n], track[:n])
-        for n in (24, 0)
+        _two(epipolar.candidate_pairs(t_ns[:n], names[:n], heights[:n], track[:n])) for n in (24, 0)
     ]
     return levelled(found)
 
@@ -94,7 +97,7 @@ def geolocation_hypotheses() -> Any:
             ],
             "late": vars(of._shifted(plain, 1.37)),
             "fast": vars(of._paced(plain, -0.021)),
-            "offsets": of._offsets(drive.path, record),
+            "offsets": of._offsets(drive.path),
             "rates": (grid, of._rates(_some(record, np.arange(2)))),
             "best": of._best_in_time(grid, lambda v, scale: (v - 0.0123) ** 2 + scale * v),
             "loss": [of.mean_loss(geometry, at, s) for at in (x, 40.0 * x) for s in (0.01, 0.1)],
@@ -319,7 +322,7 @@ def geolocation_links() -> Any:
 @scenario
 def geolocation_hand() -> Any:
     """Signs of chosen views, what became of every box, and the sentences on it."""
-    from automap.geolocation import observations as of
+    from automap.geolocation import result as of
     from automap.geolocation.by_hand import _passes, locate_chosen
     from automap.geolocation.rules import GeolocationRules
 

@@ -151,9 +151,7 @@ def mapping_places() -> Any:
             "adjusted": [of.adjust(stacked, found, each) for each in (levels, None)],
             "levels": estimate_levels(stacked, found),
             "attributes": combine_attributes(stacked, sign),
-            "class": sureness.class_probabilities(
-                codes, stacked.classes, stacked.class_probability, sign, merged
-            ),
+            "class": sureness.class_probabilities(codes, stacked.class_probability, sign, merged),
             "group": sureness.group_probabilities(
                 codes, stacked.classes, stacked.group_probability, sign, merged
             ),

@@ -137,7 +137,6 @@ def mapping_older() -> Any:
             ],
             "none": of._costs(signs, [], older, old, 9.0, True),
             "apart": [of.distance_m(a, b) for a, b in zip(signs, older, strict=True)],
-            "sphere": of._sphere(older),
         }
     )
 

@@ -131,7 +131,8 @@ def geolocation_control() -> Any:
     off = moved(path, SHIFT, 3.0)
     located = locate_signs(off, [found], {"front": world.camera()}, control=control)
     corrections = _without_rounding(located)
-    return {**vars(located), "adjusted": located.trajectory, "corrections": corrections}
+    (adjusted,) = located.adjusted.pieces()  # type: ignore[union-attr]
+    return {**vars(located), "adjusted": adjusted, "corrections": corrections}
 
 
 @scenario

@@ -11,12 +11,10 @@ from geolocation_scene import ORIGIN, Scene, boxes, camera, drive_path, roadside
 from automap.earth import local_ned
 from automap.geolocation.landmark import (
     SizePrior,
+    boxes_of,
     columns_of,
     fit_landmark,
     position_jacobian,
-    relative_views,
-    view_drift,
-    view_sd,
 )
 from automap.geolocation.landmark_kernels import N_COMMON, normal_equations
 from automap.geolocation.locate import locate_signs
@@ -381,12 +379,10 @@ def test_gradient_vanishes_at_the_solution(world) -> None:
     every = np.arange(len(views))
     prior = SizePrior()
     landmark = fit_landmark(views, every, prior)
-    M, b = relative_views(views, every, landmark.anchor)
     columns, _ = columns_of(views, every, landmark.anchor, landmark.parameters)
+    boxes = boxes_of(views, every, landmark.anchor, prior)
     N, _, shared, _, _, _ = normal_equations(
-        *(landmark.parameters, M, b, views.measured, view_sd(views, every)),
-        *(view_drift(views, every, landmark.anchor), columns, np.zeros(N_COMMON)),
-        *(float(np.log(prior.size_m)), prior.log_sd, BY_CAUCHY),
+        landmark.parameters, boxes, columns, np.zeros(N_COMMON), BY_CAUCHY
     )
     step = np.linalg.solve(N, shared[N_COMMON:, N_COMMON])
     assert np.abs(step).max() < 1e-2 * np.sqrt(np.diag(landmark.covariance)).max()

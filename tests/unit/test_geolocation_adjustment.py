@@ -26,11 +26,16 @@ def moved(trajectory: Trajectory, shift: np.ndarray, sd_m: float) -> Trajectory:
     return replace(trajectory, lat_rad=lat, lon_rad=lon, height_m=height, sd_pos_ned=sd)
 
 
+def adjusted(result: GeolocationResult) -> Trajectory:
+    assert result.adjusted is not None
+    (whole,) = result.adjusted.pieces()
+    return whole
+
+
 def error(result: GeolocationResult, true: Trajectory) -> np.ndarray:
     """Horizontal error [n, 2] of the adjusted trajectory."""
-    assert result.trajectory is not None
     one, other = (
-        local_ned(t.lat_rad, t.lon_rad, t.height_m, ORIGIN) for t in (result.trajectory, true)
+        local_ned(t.lat_rad, t.lon_rad, t.height_m, ORIGIN) for t in (adjusted(result), true)
     )
     return np.asarray(one - other)[:, :2]
 
@@ -54,9 +59,8 @@ def test_control_signs_take_the_common_error_off(passed) -> None:
     result = locate_signs(off, [found], {"front": camera()}, control=surveyed(scene, rows))
     assert result.n_control >= len(rows) - 1
     assert np.linalg.norm(error(result, path), axis=1).max() < 1.0
-    assert result.trajectory is not None
-    assert result.trajectory.sd_pos_ned[:, :2].max() < 1.5
-    np.testing.assert_array_equal(result.trajectory.rpy, off.rpy)
+    assert adjusted(result).sd_pos_ned[:, :2].max() < 1.5
+    np.testing.assert_array_equal(adjusted(result).rpy, off.rpy)
     for sign in result.signs:
         place = local_ned(sign.lat_rad, sign.lon_rad, 0.0, ORIGIN)[:2]
         assert np.linalg.norm(scene.position[:, :2] - place, axis=1).min() < 1.2
@@ -65,7 +69,7 @@ def test_control_signs_take_the_common_error_off(passed) -> None:
 def test_without_control_or_second_pass_nothing_is_adjusted(passed) -> None:
     path, _, found = passed
     result = locate_signs(moved(path, SHIFT, 3.0), [found], {"front": camera()})
-    assert result.trajectory is None
+    assert result.adjusted is None
     assert result.n_control == 0
 
 
@@ -74,7 +78,7 @@ def test_control_signs_of_another_place_are_left_out_and_said(passed) -> None:
     far = replace(scene, position=scene.position + np.array([500.0, 500.0, 0.0]))
     result = locate_signs(path, [found], {"front": camera()}, control=surveyed(far, [0, 1]))
     assert result.n_control == 0
-    assert result.trajectory is None
+    assert result.adjusted is None
     assert any("2 of 2 control signs" in text for text in result.warnings)
 
 
@@ -91,4 +95,4 @@ def test_a_second_pass_halves_the_difference_of_the_two() -> None:
     first, second = after[seconds < 0.8 * lap_s, 0], after[seconds > 1.2 * lap_s, 0]
     assert abs(second.mean() - first.mean()) < 0.8, "two metres apart before"
     off = GeolocationRules(adjust_trajectory=False)
-    assert locate_signs(path, [found], {"front": camera()}, off).trajectory is None
+    assert locate_signs(path, [found], {"front": camera()}, off).adjusted is None

@@ -15,7 +15,7 @@ from scipy.stats import multivariate_normal, norm
 from automap.earth import local_ned
 from automap.geolocation import facing, limits
 from automap.geolocation.box_noise import scatter
-from automap.geolocation.class_sizes import _measured, _predicted
+from automap.geolocation.class_sizes import _predicted, measured_size
 from automap.geolocation.existence import FrameGrid, _found_rate
 from automap.geolocation.facing import (
     _GRID,
@@ -190,13 +190,14 @@ def test_a_measured_size_is_what_the_prior_was_joined_with() -> None:
     after = 1.0 / (1.0 / noise + 0.4**-2)
     joined = after * (own / noise + np.log(0.7) * 0.4**-2)
     marks = [mark(m, v) for m, v in zip(joined, after, strict=True)]
-    size, variance = _measured([*marks, mark(0.0, 0.1**2, ok=False), mark(0.0, 0.39**2)], prior)
+    marks += [mark(0.0, 0.1**2, ok=False), mark(0.0, 0.39**2)]
+    size, variance = np.array([measured_size(one, prior) for one in marks]).T
     assert size[:3] == pytest.approx(own)
     assert variance[:3] == pytest.approx(noise)
     assert np.isnan(size[3:]).all()
     assert np.isnan(variance[3:]).all()
     edge = (1.0 - limits.LEAST_SIZE_GAIN) * 0.4**2
-    told = _measured([mark(0.0, 0.99 * edge), mark(0.0, 1.01 * edge)], prior)[0]
+    told = [measured_size(mark(0.0, k * edge), prior)[0] for k in (0.99, 1.01)]
     assert np.isfinite(told).tolist() == [True, False]
 
 

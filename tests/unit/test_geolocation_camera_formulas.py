@@ -17,7 +17,7 @@ from automap.geolocation import boresight, camera_explanation, carriers, course_
 from automap.geolocation.boresight import CameraPriors, evidence_of, prior_covariance, solve_camera
 from automap.geolocation.camera_doubt import as_unknown, beyond_stated, doubtful, misfit
 from automap.geolocation.landmark import SizePrior, fit_landmark
-from automap.geolocation.landmark_kernels import N_COMMON
+from automap.geolocation.landmark_kernels import N_COMMON, Boxes
 from automap.geolocation.pass_errors import equations
 from automap.geolocation.rules import GeolocationRules
 from automap.geolocation.views import CameraCorrection, MeasurementNoise, build_views
@@ -366,20 +366,21 @@ def test_what_moves_along_is_likelier_by_the_gate_in_sigmas_that_its_boxes_show(
     standing = SimpleNamespace(anchor=2, cost=moving + lead, dof=dof)
     asked: list[tuple[FloatArray, FloatArray]] = []
 
-    def solve(first: FloatArray, M: FloatArray, b: FloatArray, *_: Any) -> tuple[FloatArray, float]:
-        asked.append((first, b))
-        return first, moving + abs(float(b[0, 0]) - 0.1)
+    def solve(first: FloatArray, boxes: Boxes, robust: bool) -> tuple[FloatArray, float]:
+        asked.append((first, boxes.b))
+        return first, moving + abs(float(boxes.b[0, 0]) - 0.1)
 
-    b = np.ones((4, 3))
-    monkeypatch.setattr(carriers, "fit_landmark", lambda *_: standing)
-    monkeypatch.setattr(carriers, "relative_views", lambda *_: (np.zeros((4, 3, 3)), b))
-    monkeypatch.setattr(carriers, "view_sd", lambda *_: np.ones((4, 3)))
-    monkeypatch.setattr(carriers, "view_drift", lambda *_: np.zeros(4))
-    monkeypatch.setattr(carriers, "solve_landmark", solve)
     measured = np.array([[0.1, 0.2, -3.0]] * 4)
     measured[2] = 0.3, -0.1, -2.0
-    views: Any = SimpleNamespace(measured=measured, class_name=np.array(["a"] * 4, object))
+    views: Any = SimpleNamespace(measured=measured)
     prior = SizePrior(0.9)
+    boxes = Boxes(
+        *(np.zeros((4, 3, 3)), np.ones((4, 3)), measured, np.ones((4, 3)), np.zeros(4)),
+        *(np.log(prior.size_m), prior.log_sd),
+    )
+    monkeypatch.setattr(carriers, "fit_landmark", lambda *_: standing)
+    monkeypatch.setattr(carriers, "boxes_of", lambda *_: boxes)
+    monkeypatch.setattr(carriers, "solve_landmark", solve)
     assert carriers.moves_along(views, np.arange(4), prior) == (factor > 1.0)
     # where its size puts it in the nearest view, and every part of the way that it comes near by
     wanted = [0.3, -0.1, np.log(0.9) + 2.0, np.log(0.9)]

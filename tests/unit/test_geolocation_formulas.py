@@ -23,7 +23,7 @@ from automap.geolocation.bearing_rays import (
     normal_equations,
 )
 from automap.geolocation.camera_hypotheses import Hypothesis, _mountings
-from automap.geolocation.epipolar import PairGeometry, Pairs
+from automap.geolocation.epipolar import PairGeometry
 from automap.geolocation.existence import _aspect, _base_rate, apparent_heights, probability
 from automap.geolocation.merging import class_agreement
 from automap.geolocation.path_relation import course_at, make_path, relate, side_of_path
@@ -317,7 +317,7 @@ def test_a_sign_is_in_view_where_a_margin_of_its_height_is_left_on_all_sides() -
 
 @pytest.mark.parametrize("rate", [-0.01, 0.5])
 def test_stamps_that_run_slower_gain_a_part_of_the_time_since_the_first(rate: float) -> None:
-    pairs = Pairs(np.array([0, 1]), np.array([2, 3]))
+    pairs = np.array([[0, 1], [2, 3]])
     t_ns = np.array([5, 9, 11, 14]) * 10**9
     path = drive_path(1.0)
     late = PairGeometry(path, camera(), ORIGIN, np.eye(4, 3), t_ns, pairs).paced(rate)

@@ -15,7 +15,7 @@ K = len(CLASSES)
 def one(code: list[int], told: list[float], merged: int = 0) -> float:
     n = len(code)
     found = class_probabilities(
-        np.array(code), CLASSES, np.array(told), np.zeros(n, np.int64), np.array([merged])
+        np.array(code), np.array(told), np.zeros(n, np.int64), np.array([merged])
     )
     return float(found[0])
 
@@ -49,7 +49,7 @@ def test_groups_agree_where_classes_do_not() -> None:
     names = ("regulatory--maximum-speed-limit-30--g1", "regulatory--maximum-speed-limit-80--g1")
     code, sign, merged = np.array([0, 1]), np.zeros(2, np.int64), np.array([0])
     told = np.array([0.9, 0.9])
-    assert class_probabilities(code, names, told, sign, merged)[0] < 0.5
+    assert class_probabilities(code, told, sign, merged)[0] < 0.5
     assert group_probabilities(code, names, told, sign, merged)[0] > 0.95
 
 
@@ -86,7 +86,7 @@ def test_merged_classes_are_not_overconfident(common: float, drives: int, sharpn
     asked = np.array(
         [np.bincount(row, weight, K).argmax() for row, weight in zip(code, told, strict=True)]
     )
-    p = class_probabilities(code.ravel(), CLASSES, told.ravel(), sign, asked)
+    p = class_probabilities(code.ravel(), told.ravel(), sign, asked)
     right = asked == true
     for low, high in ((0.0, 0.5), (0.5, 0.7), (0.7, 0.9), (0.9, 0.97), (0.97, 1.0)):
         here = (p > low) & (p <= high)
