@@ -85,6 +85,7 @@ def confirmed(held_out: Sequence[OpenDrive], model: GapModel, values: Values) ->
             kept_out.append(KeptOut(effect, False, -gain))
         else:
             paths[effect] = frozenset(fewer), [held_path(fit) for fit in without]
+        del without
     # under the same noise: a filter that follows its fixes more closely predicts the next one well
     plain = fit_held_out(held_out, model, {}, fits)
     while kept and _worse(fits, plain):

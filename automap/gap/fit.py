@@ -19,6 +19,7 @@ from automap.fusion.options import FusionOptions
 from automap.fusion.passes import Pass, Session, run_passes
 from automap.fusion.relinearise import relinearise
 from automap.gap.drive import OpenDrive
+from automap.gap.leaning import LEANS, told_by_weight
 from automap.gap.motion import Delays, delays_of, has_delays, linear_in_delays, motion_of
 from automap.records import FloatArray, IntArray
 
@@ -149,6 +150,8 @@ def fit_drive(
     """
     estimate = estimate or {}
     session, where = session_with(opened, model, estimate)
+    if LEANS[0] in estimate and linearised_at is not None:
+        session = told_by_weight(session, linearised_at.last)
     delays = Delays()
     if linearised_at is None:
         last, found = run_passes(session, None, constrained=True)

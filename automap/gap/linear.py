@@ -20,6 +20,7 @@ from automap.fusion.steady_rate import steady_rate
 from automap.gap import limits
 from automap.gap.fit import Fit, whitened_innovations
 from automap.gap.kernels import propagate_columns
+from automap.gap.leaning import LEANS, leaning
 from automap.gap.motion import Motion, at_times, motion_of
 from automap.gap.whitening import LOOSE, Rows, moments, times, whitened_rows
 from automap.records import BoolArray, FloatArray, IntArray
@@ -165,6 +166,11 @@ def linearised(
     rows = whitened_rows(raw, known, sds, may_act)
     del raw
     score, info = (sum(each) for each in zip(*map(moments, rows), strict=True))
+    if LEANS in place:
+        at = place[LEANS]
+        for lean, var in (leaning(fit.last) for fit in fits):
+            score[at] += lean / var
+            info[at, at] += 1.0 / var
     return Linear(tuple(layout), rows, None, score, info, sds, known)
 
 

@@ -92,7 +92,7 @@ class Search:
                 here = self._fit(here, selection, found)
             else:
                 slow, factors = True, here.model.factors
-                self.before = here, selection, found
+                self.before = here, selection.without_rows(), found
                 louder = {**factors, **{k: limits.STEADY * factors[k] for k in WALKS}}
             fitted, layout = selection.keys(found), selection.linear.layout
             # the rows of one are as many as there is room for
@@ -167,6 +167,8 @@ class Search:
             self.challenged |= {frozenset(found.names), frozenset(rival.names)}
             return rival
         self.log("checking on held-out data")
+        # fits are large, and of these seldom one is asked for again
+        self.held = []
         stands = confirmed(self.held_out, here.model, here.values())
         gone = [n for n in found.names if self.screening.effects[n] not in stands.values]
         if not gone:

@@ -90,6 +90,10 @@ class Selection:
             self._known[key] = conditional(self.linear, key)
         return self._known[key]
 
+    def without_rows(self) -> Selection:
+        """What is asked of an earlier model: its layout, keys and priors. Rows take most room."""
+        return Selection(replace(self.linear, rows=()), self.candidates)
+
     def inflate(self, chosen: Chosen) -> None:
         """Lower all evidence by what the candidates beside a choice say more than they should."""
         known = self.given(chosen)

@@ -28,6 +28,7 @@ from tests.hidden_effects.formula_text import (
     terms_told_beside,
     told_beside_a_name,
 )
+from tests.hidden_effects.hide import RECEIVERS_OWN
 from tests.hidden_effects.judge_outside import (
     FLAGGED,
     SAME_NATS,
@@ -318,8 +319,8 @@ def _coverage(verdict: Verdict, drawn: Drawn, shown: Sequence[Mapping[str, Any]]
         effect = str(finding["effect"])
         if effect not in true or effect == "earth_rotation":
             continue
-        if effect == "imu_time_offset" and drawn.setting.replay is not None:
-            # the recorded receiver's own delay is part of what is told
+        if effect in RECEIVERS_OWN and drawn.setting.replay is not None:
+            # what the recorded receiver has of it itself is part of what is told
             continue
         size = max(abs(v) for v in true[effect].values())
         told = list(finding["parameters"].items())

@@ -17,6 +17,7 @@ from tests.hidden_effects.formulas import KINDS
 from tests.hidden_effects.judge import Verdict, judge
 from tests.hidden_effects.own_filter import closed_share, own_sd, shortfall
 from tests.hidden_effects.rates import clopper_pearson, report
+from tests.hidden_effects.real_receiver import Replay
 from tests.hidden_effects.setting import draw_scene
 from tests.hidden_effects.sizes import SCALES
 
@@ -113,6 +114,15 @@ def test_delay_seen_from_two_sides_falls_nothing_short_and_a_stranger_does() -> 
     assert total > 10.0
     assert shortfall(drawn, ["gnss_latency"]) < 0.05 * total
     assert shortfall(drawn, ["accel_temperature"]) > 0.5 * total
+
+
+def test_of_a_delay_that_a_recorded_receiver_has_itself_no_interval_is_asked() -> None:
+    drawn = short("effect-gnss_latency-0")
+    said = answer(finding("gnss_latency", {"s": 3.0}))
+    assert judge(drawn, said).counted == 1
+    recorded = Replay("somewhere", 0.0, False, 0.0, 1.0, 1.0, 1.0)
+    there = replace(drawn, setting=replace(drawn.setting, replay=recorded))
+    assert judge(there, said).counted == 0
 
 
 def test_own_sd_says_what_a_drive_determines(vibration: Drawn) -> None:

@@ -330,3 +330,13 @@ def test_a_choice_knows_its_names_parts_and_factors() -> None:
     given = chosen.given(selection.linear, Given())
     assert given.columns == (3, 1, 9)
     assert given.prior_sd == pytest.approx((0.5, 0.5, 2.5))
+
+
+def test_of_an_earlier_model_keys_and_priors_are_kept_and_no_rows() -> None:
+    selection = alone(linear_with(*noise(2)))
+    chosen = of(selection, "e3", "e1")
+    earlier = selection.without_rows()
+    assert earlier.linear.rows == ()
+    assert earlier.keys(chosen) == selection.keys(chosen)
+    assert earlier.log_prior(chosen) == selection.log_prior(chosen)
+    assert earlier.linear.layout == selection.linear.layout
