@@ -43,7 +43,7 @@ from pipeline.merge.cell_store import (
     read_near,
 )
 
-_FORMAT = f"{__version__} 6"
+_FORMAT = f"{__version__} 7"
 """What another version of the steps made is made again."""
 VIEW_MARGIN_M = FARTHEST_M + 5.0
 """Round a cell, where a path may have its signs in view, and a little for the Earth's shape."""
