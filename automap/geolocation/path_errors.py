@@ -1,10 +1,11 @@
 """The position errors of paths, from signs that were passed several times.
 
-A path's error is a Gauss-Markov process with the sigma that the path states. Passes of one drive
-and drives of a fleet alike tell how their errors differ where they see the same signs. Unknowns are
-the error at every node of a path, in sigmas, and the places of the signs; a node is tied to the one
-before it and to the sign that was seen there, so the equations are sparse (normal equations of a
-network: Triggs et al., Bundle adjustment, 2000).
+A path's error has the sigma that the path states. A part of it wanders within a minute or so (a
+Gauss-Markov process), the rest outlasts the drive. Passes of one drive and drives of a fleet alike
+tell how their errors differ where they see the same signs. Unknowns are the errors, in sigmas, at
+the nodes of a path and that of the whole path, and the places of the signs; a node is tied to the
+one before it and to the sign that was seen there, so the equations are sparse (normal equations of
+a network: Triggs et al., Bundle adjustment, 2000).
 """
 
 from __future__ import annotations
@@ -34,11 +35,12 @@ def correlations(time_s: FloatArray, tau_s: float) -> FloatArray:
 
 @dataclass(frozen=True)
 class Network:
-    """Sightings [n] of signs in ``a`` axes, each at a ``node`` of a path.
+    """Sightings [n] of signs in ``a`` axes, each under the errors at ``p`` nodes.
 
     ``alike`` [k] correlation of a node's error with that of the node before it, 0 where a path
-    begins. ``sd`` [n, a] of the path's error at the sightings, ``measured`` [n, a] m, and the
-    ``information`` [n, a, a] of what is a sighting's own, 1/m^2. ``sign`` [n] numbers from 0.
+    begins. ``node`` [n, p] and ``sd`` [n, p, a] of the errors there, whose sum a sighting has,
+    ``measured`` [n, a] m, and the ``information`` [n, a, a] of what is a sighting's own, 1/m^2.
+    ``sign`` [n] numbers from 0.
     """
 
     alike: FloatArray
@@ -85,12 +87,14 @@ class Equations:
 
     def __init__(self, network: Network, order: IntArray | None = None) -> None:
         self.network = network
-        nodes, axes = len(network.alike), network.sd.shape[1]
+        nodes, axes = len(network.alike), network.measured.shape[1]
         self.nodes, self.signs = nodes, int(network.sign.max()) + 1
-        sign = nodes + network.sign
+        # what a sighting is of: errors, and last its sign
+        of = np.column_stack([network.node, nodes + network.sign])
         tied = np.flatnonzero(network.alike > 0.0)
         if order is None:
-            a, b = np.concatenate([tied, network.node]), np.concatenate([tied - 1, sign])
+            a, b = np.triu_indices(of.shape[1], 1)
+            a, b = np.append(tied, of[:, a]), np.append(tied - 1, of[:, b])
             order = least_fill(
                 np.concatenate([a, b]), np.concatenate([b, a]), nodes + self.signs
             )  # fmt: skip
@@ -100,12 +104,12 @@ class Equations:
         rows, columns = (
             (axes * np.concatenate(part)[:, None] + each).ravel() for part in chain
         )  # fmt: skip
-        at, of = axes * network.node[:, None] + each, axes * sign[:, None] + each
-        pairs = [(at, at), (at, of), (of, at), (of, of)]
-        blocks = [np.broadcast_arrays(a[:, :, None], b[:, None, :]) for a, b in pairs]
-        self._row = np.concatenate([rows, *(a.ravel() for a, _ in blocks)])
-        self._column = np.concatenate([columns, *(b.ravel() for _, b in blocks)])
-        self._at, self._of = at.ravel(), of.ravel()
+        self._at = axes * of[:, :, None] + each
+        at = self._at.reshape(len(of), -1)
+        blocks = np.broadcast_arrays(at[:, :, None], at[:, None, :])
+        self._row = np.concatenate([rows, blocks[0].ravel()])
+        self._column = np.concatenate([columns, blocks[1].ravel()])
+        self._by = np.concatenate([network.sd, np.ones((len(of), 1, axes))], axis=1)
         fresh = 1.0 / (1.0 - network.alike**2)
         own = fresh.copy()
         own[tied - 1] += network.alike[tied] ** 2 * fresh[tied]
@@ -116,24 +120,21 @@ class Equations:
     def solve(self, weight: FloatArray | None = None) -> Solution:
         """Places and errors; ``weight`` [n] of the sightings."""
         net = self.network
-        axes, size = net.sd.shape[1], net.sd.shape[1] * (self.nodes + self.signs)
+        axes = net.measured.shape[1]
         W = net.information if weight is None else net.information * weight[:, None, None]
-        left = net.sd[:, :, None] * W
-        both = left * net.sd[:, None, :]
-        parts = (both, left, np.swapaxes(left, 1, 2), W)
+        told = np.einsum("nui,nij,nvj->nuivj", self._by, W, self._by)
         factor = factorise(
             self._row,
             self._column,
-            np.concatenate([self._prior, *(part.ravel() for part in parts)]),
+            np.concatenate([self._prior, told.ravel()]),
             (axes * self.order[:, None] + np.arange(axes)).ravel(),
         )
         pull = np.einsum("nij,nj->ni", W, net.measured)
-        right = np.zeros(size)
-        right += np.bincount(self._at, (net.sd * pull).ravel(), size)
-        right += np.bincount(self._of, pull.ravel(), size)
+        size = axes * (self.nodes + self.signs)
+        right = np.bincount(self._at.ravel(), (self._by * pull[:, None]).ravel(), size)
         x = factor.solve(right)
         error, place = np.split(x.reshape(-1, axes), [self.nodes])
-        miss = net.measured - place[net.sign] - net.sd * error[net.node]
+        miss = net.measured - place[net.sign] - (net.sd * error[net.node]).sum(axis=1)
         deviance = np.log(factor.pivot).sum() - self._log_prior - np.linalg.slogdet(W)[1].sum()
         deviance += np.sum(pull * net.measured) - right @ x
         square = np.einsum("ni,nij,nj->n", miss, net.information, miss)

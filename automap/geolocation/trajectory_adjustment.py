@@ -73,9 +73,9 @@ def adjust_trajectory(
     # a surveyed place is a sighting from a path without errors
     network = Network(
         np.concatenate([alike, np.zeros(extra)]),
-        np.concatenate([node, len(time) + np.arange(extra)]),
+        np.concatenate([node, len(time) + np.arange(extra)])[:, None],
         sign,
-        np.concatenate([sd[node], np.zeros((extra, 3))]),
+        np.concatenate([sd[node], np.zeros((extra, 3))])[:, None],
         place - start[sign],
         np.linalg.inv(np.array(own)),
     )

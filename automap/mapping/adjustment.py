@@ -30,12 +30,13 @@ class ErrorLevels:
     """How the drives' stated errors compare with what they show.
 
     Factors on the standard deviations, ``shared`` by a drive's signs and each sighting's
-    ``own``, and the time constant ``tau_s`` of the shared part.
+    ``own``, and what part of the shared variance is ``lasting``: one error all along the drive.
+    How much wanders a drive shows by itself, so a ``shared`` below one is of what lasts.
     """
 
     shared: float = 1.0
     own: float = 1.0
-    tau_s: float = limits.TAU_S
+    lasting: float = limits.LASTING_ERROR
 
 
 @dataclass(frozen=True)
@@ -174,10 +175,14 @@ def tile_data(
 def network_of(sightings: Sightings, data: TileData, levels: ErrorLevels, axes: int) -> Network:
     """A tile's sightings in plan (two axes) or in height (one); an unknown height tells nothing."""
     rows, n = data.rows, len(data.rows)
-    # each sighting is a node of its drive's path
-    time = sightings.time_s[rows]
-    alike = correlations(time, levels.tau_s)
+    # each sighting is a node of its drive's path, and each drive one more
+    alike = correlations(sightings.time_s[rows], limits.TAU_S)
     alike[data.first[:-1]] = 0.0
+    drive = np.repeat(np.arange(len(data.first) - 1), np.diff(data.first))
+    node = np.column_stack([np.arange(n), n + drive])
+    alike = np.append(alike, np.zeros(len(data.first) - 1))
+    wander = max(levels.shared, 1.0) * np.sqrt(1.0 - levels.lasting)
+    parts = np.array([[wander], [levels.shared * np.sqrt(levels.lasting)]])
     if axes == 2:
         own = levels.own**2 * data.own[:, [0, 1, 1, 2]].reshape(-1, 2, 2)
         shared, measured = sightings.shared_sd[rows, :2], data.measured[:, :2]
@@ -188,7 +193,7 @@ def network_of(sightings: Sightings, data: TileData, levels: ErrorLevels, axes: 
         shared = np.where(known, sightings.shared_sd[rows, 2:], 0.0)
         measured = np.where(known, data.measured[:, 2:], 0.0)
     information = np.asarray(np.linalg.inv(own), np.float64)
-    return Network(alike, np.arange(n), data.sign, levels.shared * shared, measured, information)
+    return Network(alike, node, data.sign, parts * shared[:, None], measured, information)
 
 
 @dataclass(frozen=True)
@@ -218,15 +223,16 @@ def _placed(sightings: Sightings, data: TileData, levels: ErrorLevels) -> Placed
     rows = np.where(columns < lengths[:, None], data.first[:-1, None] + columns, -1)
     for equations, axes in ((plan, slice(0, 2)), (up, slice(2, 3))):
         found: Solution = equations.solve(weight)
-        sd = equations.network.sd
-        count = sd.shape[1]
+        sd, node = equations.network.sd, equations.network.node
+        count = sd.shape[2]
         result.place[:, axes] = found.place[:m]
         result.cov[:, axes, axes] = found.place_variances(m)
-        result.offset[:, axes] = sd * found.error
+        result.offset[:, axes] = (sd * found.error[node]).sum(axis=1)
         for k, axis in enumerate(range(axes.start, axes.stop)):
             result.mean[:, axis] = np.bincount(drive, result.offset[:, axis]) / lengths
-            index = np.where(rows >= 0, count * rows + k, -1)
-            share = sd[rows, k] / lengths[:, None]
+            index = np.where(rows[:, :, None] >= 0, count * node[rows] + k, -1)
+            share = sd[rows, :, k] / lengths[:, None, None]
+            index, share = index.reshape(drives, -1), share.reshape(drives, -1)
             result.sd[:, axis] = np.sqrt(found.factor.variances_of(index, share))
     return result
 

@@ -26,10 +26,12 @@ from automap.records import FloatArray, IntArray
 
 
 def estimate_levels(sightings: Sightings, association: Association) -> ErrorLevels:
-    """Factors on shared and own errors and the time constant, by restricted likelihood.
+    """Factors on shared and own errors and what lasts of the shared, by restricted likelihood.
 
     Over a sample of tiles where several drives see the same signs, with log-normal priors
     about the stated errors, so that little data change little. Patterson and Thompson 1971.
+    Of what lasts of the shared variance any part is as likely as another. Were there no such part,
+    an error that hardly changes along a drive would be taken for a small one.
     """
     if association.n_signs == 0:
         return ErrorLevels()
@@ -54,29 +56,36 @@ def levels_of_tiles(tiles: Sequence[tuple[Sightings, TileData]]) -> ErrorLevels:
         stray_weights(Equations(network_of(*tile, start_levels, 2), equations.order))
         for tile, equations in zip(tiles, first, strict=True)
     ]
-    sd = np.array([limits.LEVEL_LOG_SD, limits.LEVEL_LOG_SD, limits.TAU_LOG_SD])
+    sd = limits.LEVEL_LOG_SD
 
     def cost(x: FloatArray) -> float:
         levels = _levels(x)
-        total = float(np.sum((x / sd) ** 2))
+        total = float(np.sum((x[:2] / sd) ** 2))
         for tile, weight, equations in zip(tiles, weights, first, strict=True):
             network = network_of(*tile, levels, 2)
             total += Equations(network, equations.order).solve(weight).deviance
         return total
 
-    start = np.vstack([np.zeros(3), np.diag(0.5 * sd)])
+    start = np.array([0.0, 0.0, limits.LASTING_ERROR])
     most = limits.MOST_LEVEL_SIGMAS * sd
     found = minimize(
         cost,
-        np.zeros(3),
+        start,
         method="Nelder-Mead",
-        options={"initial_simplex": start, "xatol": 0.002, "fatol": 0.005, "maxfev": 200},
+        bounds=[(-most, most), (-most, most), (0.0, 1.0)],
+        options={
+            "initial_simplex": start + np.vstack([np.zeros(3), np.diag([0.5 * sd, 0.5 * sd, 0.2])]),
+            "xatol": 0.002,
+            "fatol": 0.005,
+            "maxfev": 200,
+        },
     )
-    return _levels(np.clip(found.x, -most, most))
+    return _levels(found.x)
 
 
 def _levels(x: FloatArray) -> ErrorLevels:
-    return ErrorLevels(float(np.exp(x[0])), float(np.exp(x[1])), float(limits.TAU_S * np.exp(x[2])))
+    """Levels of two logarithms and a share."""
+    return ErrorLevels(float(np.exp(x[0])), float(np.exp(x[1])), float(x[2]))
 
 
 def level_tiles(

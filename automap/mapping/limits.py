@@ -14,7 +14,7 @@ from automap.geolocation.limits import PATH_CORRELATION_S
 # which sightings are one sign
 
 TAU_S = PATH_CORRELATION_S
-"""Time constant of a trajectory's position error where the data do not tell another."""
+"""Time constant of what wanders of a trajectory's position error."""
 ROUNDS = 2
 """How often every drive is looked at again, with the map of all others known."""
 SAME_PROBABILITY = math.exp(-8.0)
@@ -95,9 +95,12 @@ two metres of height."""
 
 # how large the errors are
 
-LEVEL_LOG_SD, TAU_LOG_SD = 0.3, 0.7
-"""How far the stated errors, and the time constant, are trusted: one sigma of the logarithm of
-their factors. Chosen: to a third, and to a factor of two."""
+LEVEL_LOG_SD = 0.3
+"""How far the stated errors are trusted: one sigma of the logarithm of their factors. Chosen: to a
+third."""
+LASTING_ERROR = 0.5
+"""Part of the variance of a trajectory's position error that outlasts the drive, where the data do
+not tell another. Any part is as likely as another."""
 MOST_LEVEL_SIGMAS = 3.0
 """Levels go no further from what is stated: a sample of tiles may hold a wrong association."""
 LEVEL_TILES, LEVEL_TILE_SIGNS, LEVEL_ROWS = 24, 30, 1500

@@ -278,7 +278,7 @@ def _summary(
         "error_levels": {
             "shared": found.levels.shared,
             "own": found.levels.own,
-            "time_constant_s": found.levels.tau_s,
+            "lasting_share": found.levels.lasting,
         },
         "drives": rows,
         "warnings": outcome.warnings,

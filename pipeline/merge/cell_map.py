@@ -103,12 +103,14 @@ def _levels(folder: Path) -> ErrorLevels:
     """The levels that go with the groups as they are."""
     path, groups = folder / LEVELS, digest_of_groups(folder)
     told = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
-    before = ErrorLevels(**told["levels"]) if told else None
+    # those of an earlier version have other names
+    known = bool(told) and told["levels"].keys() == vars(ErrorLevels()).keys()
+    before = ErrorLevels(**told["levels"]) if known else None
     if before is not None and told["groups"] == groups:
         return before
     found = estimate(folder)
     if before is not None and all(
-        abs(value / vars(before)[name] - 1.0) < KEPT_LEVEL for name, value in vars(found).items()
+        abs(value - vars(before)[name]) < KEPT_LEVEL for name, value in vars(found).items()
     ):
         found = before
     write_json(path, {"groups": groups, "levels": vars(found)})

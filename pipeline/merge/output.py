@@ -206,7 +206,7 @@ def merge_summary(
         "error_levels": {
             "shared": levels.shared,
             "own": levels.own,
-            "time_constant_s": levels.tau_s,
+            "lasting_share": levels.lasting,
         },
         "drives": [
             _drive_summary(merged, number, folder, counted) for number, folder in enumerate(folders)

@@ -129,7 +129,7 @@ def merge(store: Path, workers: int, out: Path) -> None:
         "signs": len(found.lat),
         "level_shared": found.levels.shared,
         "level_own": found.levels.own,
-        "level_tau_s": found.levels.tau_s,
+        "level_lasting": found.levels.lasting,
     }
     print(json.dumps(told))
     np.savez(

@@ -135,9 +135,9 @@ def geolocation_network() -> Any:
         root = rng.normal(size=(19, axes, axes))
         network = Network(
             alike,
-            node,
+            node[:, None],
             sign,
-            rng.uniform(0.3, 1.2, (19, axes)),
+            rng.uniform(0.3, 1.2, (19, 1, axes)),
             3.0 * rng.normal(size=(19, axes)),
             root @ np.swapaxes(root, 1, 2) + 0.4 * np.eye(axes),
         )

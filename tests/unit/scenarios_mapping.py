@@ -128,7 +128,7 @@ def mapping_places() -> Any:
     sign = found.sign
     lat, lon = of.rough_places(stacked, sign)
     members = Members(sign)
-    levels = of.ErrorLevels(1.2, 0.9, 40.0)
+    levels = of.ErrorLevels(1.2, 0.9, 0.4)
     tile = Tile(np.arange(3, 9), np.arange(1, 12))
     data = of.tile_data(stacked, members, tile, lat, lon)
     networks = [of.network_of(stacked, data, levels, axes) for axes in (1, 2)]

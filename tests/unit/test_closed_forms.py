@@ -130,13 +130,18 @@ def test_errors_of_paths_are_the_conditional_mean_of_all_unknowns_at_once(
     tau = 20.0
     alike = correlations(time_s, tau)
     np.testing.assert_array_equal(np.flatnonzero(alike == 0.0), first[:-1])
-    network = Network(alike, np.arange(n), sign, shared, measured, np.linalg.inv(own))
+    drive = np.repeat(np.arange(3), np.diff(first))
+    # what wanders along a drive, and what lasts all of it
+    node, sd = np.column_stack([np.arange(n), n + drive]), np.stack([0.8 * shared, 0.6 * shared], 1)
+    alike = np.append(alike, np.zeros(3))
+    network = Network(alike, node, sign, sd, measured, np.linalg.inv(own))
     found = Equations(network).solve(weight)
 
-    drive = np.repeat(np.arange(3), np.diff(first))
     keep = np.exp(-np.abs(time_s[:, None] - time_s) / tau) * (drive[:, None] == drive)
-    prior, noise = np.kron(keep, np.eye(axes)), np.zeros((axes * n, axes * n))
-    design, effect = np.zeros((axes * n, axes * m)), np.diag(shared.ravel())
+    prior, noise = np.eye(axes * (n + 3)), np.zeros((axes * n, axes * n))
+    prior[: axes * n, : axes * n] = np.kron(keep, np.eye(axes))
+    design, along = np.zeros((axes * n, axes * m)), np.kron(np.eye(3)[drive], np.eye(axes))
+    effect = np.hstack([np.diag(sd[:, 0].ravel()), sd[:, 1].ravel()[:, None] * along])
     for i in range(n):
         rows = slice(axes * i, axes * i + axes)
         noise[rows, rows] = own[i] / weight[i]
@@ -161,11 +166,11 @@ def test_errors_of_paths_are_the_conditional_mean_of_all_unknowns_at_once(
     np.testing.assert_allclose(found.square, square, atol=1e-9)
     for d in range(3):
         for a in range(axes):
-            pick = np.zeros(axes * n)
+            pick = np.zeros(axes * (n + 3))
             pick[axes * np.flatnonzero(drive == d) + a] = 1.0 / (drive == d).sum()
-            index = np.where(pick > 0, np.arange(axes * n), -1)
+            index = np.where(pick > 0, np.arange(len(pick)), -1)
             assert found.factor.variances_of(index, pick) == pytest.approx(pick @ errors @ pick)
-    whole = effect @ prior @ effect + noise
+    whole = effect @ prior @ effect.T + noise
     normal = design.T @ np.linalg.solve(whole, design)
     rest = z - design @ solved[: axes * m]
     told = np.linalg.slogdet(whole)[1] + np.linalg.slogdet(normal)[1]

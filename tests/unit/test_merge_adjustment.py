@@ -204,3 +204,16 @@ def test_every_sign_is_the_core_of_one_tile() -> None:
     for tile in tiles:
         assert tile.signs[: len(tile.core)].tolist() == tile.core.tolist()
         assert len(np.unique(tile.signs)) == len(tile.signs)
+
+
+def test_an_error_that_lasts_all_along_a_drive_is_not_taken_for_a_small_one() -> None:
+    """Two drives whose errors are as large as stated, but hardly change along the street: their
+    signs agree far better than the drives are good."""
+    sds = []
+    errors = replace(QUIET, tau_s=3600.0, own_along=0.06, own_across=0.06)
+    for seed in range(4):
+        scene = street_scene(seed, 2, 1500.0, spacing_m=40.0, errors=errors, both_ways=False)
+        sightings, association, _ = known_association(scene)
+        result = adjust(sightings, association, estimate_levels(sightings, association))
+        sds.append(float(np.sqrt(np.median(result.cov_enu[:, 0, 0]))))
+    assert 0.85 < np.mean(sds) / (errors.shared[0] / np.sqrt(2.0)) < 1.15
