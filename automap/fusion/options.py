@@ -85,6 +85,8 @@ class FusionOptions:
     """m/s, sideways speed of the vehicle over one second, driving straight"""
     nhc_slip: NonNegativeFloat = 0.03
     """(m/s)/(m/s^2), the same per lateral acceleration"""
+    nhc_lasting_deg: NonNegativeFloat = 0.25
+    """deg, by which a nose is off its course for minutes: camber, side wind, axles out of line"""
     nhc_min_speed: PositiveFloat = 3.0
     """m/s, the vehicle constraint holds above this speed"""
     odometer_sd: PositiveFloat = 0.05

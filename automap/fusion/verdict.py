@@ -45,6 +45,7 @@ from automap.fusion.doubts.position_jump import (
 from automap.fusion.doubts.readings import reading_doubts
 from automap.fusion.doubts.reason import Reason, Verdict, verdict_of
 from automap.fusion.doubts.receiver import accuracy_doubts, dated_velocities, receiver_doubts
+from automap.fusion.doubts.sideways import sideways
 from automap.fusion.doubts.triads import triad_doubts
 from automap.fusion.doubts.turns import turn_doubts
 from automap.fusion.doubts.velocity_step import compare, step_doubts, told_times, velocity_steps
@@ -170,6 +171,7 @@ def weigh(
         *askew,
         *outcome.weak_heading(result.align_margin, off),
         *at_bound,
+        *sideways((stretch for _, stretch in fused.stretches()), options),
         *outcome.refused(result.innovations),
         *innovation_doubts(channel_consistency(result.innovations)),
     ]

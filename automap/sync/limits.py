@@ -136,8 +136,10 @@ finds better agreement the shorter it is."""
 PREDICTED_S = 0.15
 """Receivers predict: velocities of recorded ones are ahead of their positions by no more. What is
 further ahead has positions that are late, for no velocity is measured before it is driven."""
-COURSE_OFF_RAD = 0.05
-"""A course off by more is against another north: 3 deg, as the compass is off in most countries."""
+SOUND_TURN_SD = 2e-3
+"""rad, by which a sound receiver's courses are turned over a drive: its velocities know no north of
+their own, and ones that a program made of positions on a sphere are turned by half of what the
+ellipsoid's two radii differ by, 0.19 deg at the equator, by azimuth."""
 CERTAIN_LEAD_NATS, CERTAIN_NATS = 14.0, 25.0
 """An offset stands out by odds of a million over the next (ln 1e6 = 13.8), and over chance by so
 much that a million offsets may be tried as well."""

@@ -138,8 +138,8 @@ class VelocityConsistency:
         turn = self.match.turn_rad
         if turn is None or self.turned or self.scale_wrong:
             return False
-        certain = 0.5 * (turn.value / turn.sd) ** 2 > limits.CERTAIN_LEAD_NATS
-        return certain and abs(turn.value) > limits.COURSE_OFF_RAD
+        sd = math.hypot(turn.sd, limits.SOUND_TURN_SD)
+        return 0.5 * (turn.value / sd) ** 2 > limits.CERTAIN_LEAD_NATS
 
     @property
     def may_be_minutes(self) -> bool:

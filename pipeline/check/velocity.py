@@ -10,7 +10,7 @@ import numpy as np
 from automap.evaluation.plausibility import Finding, Severity
 from automap.gates import sigmas
 from automap.records import Fixes
-from automap.sync.limits import COURSE_OFF_RAD
+from automap.sync.limits import SOUND_TURN_SD
 from automap.sync.velocity_consistency import (
     Interval,
     VelocityConsistency,
@@ -165,7 +165,7 @@ def _compared(found: VelocityConsistency) -> Finding:
     if abs(match.scale.value - 1.0) > sure * np.hypot(match.scale.sd, limits.SCALE_SD):
         return Finding("warning", text, "is it the receiver's speed? Wheels and apps err so much")
     turn = match.turn_rad
-    off = turn is not None and abs(turn.value) - sure * turn.sd > COURSE_OFF_RAD
+    off = turn is not None and abs(turn.value) > sure * np.hypot(turn.sd, SOUND_TURN_SD)
     if turn is not None and off and not found.course_off:
         return Finding(
             "warning",

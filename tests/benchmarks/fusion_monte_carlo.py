@@ -99,7 +99,7 @@ def run_drive(
         replace(mounted, axes_known=True),
         receive(motion, replace(receiver, lever=tuple(lever)), 3000 + seed),
         CLOCK,
-        options or FusionOptions(),
+        replace(options or FusionOptions(), nhc_lasting_deg=0.0),  # this car has no such slip
         Prior(0.0, DELAY_SD),
         lever_arm=np.zeros(3),
         lever_arm_sd=LEVER_SD,

@@ -88,6 +88,13 @@ def test_velocity_attitude_and_biases_are_found(plain: FusionResult, motion: Mot
     assert plain.standstill[0][1] == pytest.approx(8.0, abs=1.5)
 
 
+def test_headings_are_no_surer_than_a_nose_is_on_its_course(plain: FusionResult) -> None:
+    """A car that goes askew by the same angle all the way looks like a sensor that is turned."""
+    askew = np.radians(FusionOptions().nhc_lasting_deg)
+    for path in (plain.trajectory, plain.filtered):
+        assert (path.sd_rpy[:, 2] > askew).all()
+
+
 def test_every_epoch_has_a_row_from_the_first_on(
     plain: FusionResult, motion: Motion, imu: ImuData
 ) -> None:

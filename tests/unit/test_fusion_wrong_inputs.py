@@ -95,7 +95,7 @@ def test_heights_in_metres_are_heights(seed: int) -> None:
     assert list(height_doubts(flat, fixes_of(flat, 3.28, 2.0, seed))) == []
 
 
-@pytest.mark.parametrize("off_deg", [-11.0, 6.0])
+@pytest.mark.parametrize("off_deg", [-11.0, 6.0, 2.0])
 def test_courses_against_another_north_are_turned_back_and_told(off_deg: float) -> None:
     fixes = town_fixes()
     assert not velocity_consistency(fixes).course_off

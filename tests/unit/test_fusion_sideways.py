@@ -1,0 +1,52 @@
+"""A path whose vehicle goes sideways is told, one that slides as cars do is not."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from automap.fusion.doubts.sideways import sideways
+from automap.fusion.options import FusionOptions
+from automap.records import FloatArray, Trajectory
+
+OPTIONS = FusionOptions()
+PARTS = (slice(0, 1210), slice(1210, None))
+
+
+def path_of(slip: FloatArray, speed: float = 15.0, rate: float = 0.0) -> Trajectory:
+    """A path at 10 rows a second whose nose is ``slip`` [n] rad off its course, which turns with
+    ``rate`` rad/s."""
+    n = len(slip)
+    t, three = 0.1 * np.arange(n), np.ones((n, 3))
+    course = rate * t
+    velocity = speed * np.stack([np.cos(course), np.sin(course), 0.0 * t], axis=1)
+    rpy = np.stack([0.0 * t, 0.0 * t, course + slip], axis=1)
+    place = t, 0.6 + 0.0 * t, 0.2 + 0.0 * t, 0.0 * t
+    stamps = np.rint(t * 1e9).astype(np.int64)
+    return Trajectory(stamps, *place, velocity, rpy, three, 0.05 * three, 0.005 * three)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_nose_off_its_course_is_told_with_its_time(sign: float) -> None:
+    off = np.zeros(2000)
+    off[1200:1250] = sign * np.radians(12.0)
+    path = path_of(off)
+    (reason,) = sideways([path], OPTIONS)
+    assert reason.code == "path_sideways"
+    assert "12 deg" in reason.text
+    assert reason.spans == ((pytest.approx(110.0), pytest.approx(134.9)),)
+    # a path comes in stretches, and times are of the whole
+    halves = [replace(path, **{k: getattr(path, k)[rows] for k in vars(path)}) for rows in PARTS]
+    assert list(sideways(halves, OPTIONS)) == [reason]
+
+
+def test_what_cars_do_is_not_told() -> None:
+    assert list(sideways([path_of(np.full(600, np.radians(0.7)))], OPTIONS)) == []
+    # tyres in a bend of 0.4 g at 10 m/s: half a degree for 1 m/s^2
+    assert list(sideways([path_of(np.full(600, 0.035), 10.0, 0.4)], OPTIONS)) == []
+    # in reverse
+    assert list(sideways([path_of(np.full(600, np.pi))], OPTIONS)) == []
+    # what hardly moves has no course
+    assert list(sideways([path_of(np.full(600, 1.0), 2.0)], OPTIONS)) == []
