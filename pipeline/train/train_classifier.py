@@ -21,9 +21,9 @@ from pipeline.train.classifier_net import FaceNet, fold, membership
 from pipeline.train.degrade import tone
 from pipeline.train.loop import Recipe, fit, prepare, read_options
 
-_SHARES = (0.3, 0.41, 0.21, 0.08)
+SHARES = (0.3, 0.41, 0.21, 0.08)
 """Real signs, drawn classes, unknown faces, no signs."""
-_KINDS_SHARE = 0.2
+KINDS_SHARE = 0.2
 Judge = Callable[
     [nn.Module, tuple[torch.Tensor, torch.Tensor]], tuple[torch.Tensor, dict[str, float]]
 ]
@@ -41,7 +41,7 @@ class _Stream(IterableDataset[tuple[Image, int]]):
         makers = (self.maker.real, self.maker.drawn, self.maker.other, self.maker.nothing)
         waiting: list[tuple[Image, int, int]] = []
         while True:
-            image, name = makers[int(rng.choice(4, p=_SHARES))](rng)
+            image, name = makers[int(rng.choice(4, p=SHARES))](rng)
             sample = image, self._index[name]
             waiting.append((*sample, _SERVINGS - 1))
             yield sample
@@ -51,7 +51,7 @@ class _Stream(IterableDataset[tuple[Image, int]]):
             for _ in range(_SERVINGS - 1):
                 at = int(rng.integers(len(waiting)))
                 image, label, left = waiting[at]
-                yield _again(image, rng), label
+                yield again(image, rng), label
                 if left > 1:
                     waiting[at] = image, label, left - 1
                 else:
@@ -59,7 +59,7 @@ class _Stream(IterableDataset[tuple[Image, int]]):
                     waiting.pop()
 
 
-def _again(image: Image, rng: np.random.Generator) -> Image:
+def again(image: Image, rng: np.random.Generator) -> Image:
     """A crop moved, turned and in other light."""
     middle = (image.shape[0] - 1) / 2
     turn = cv2.getRotationMatrix2D((middle, middle), rng.normal(0.0, 3.0), rng.normal(1.0, 0.04))
@@ -90,7 +90,7 @@ def _judged_by(belongs: Tensor) -> Judge:
         folded = fold(logits, belongs)
         right = float((folded.argmax(1) == label).float().mean())
         kinds = F.cross_entropy(logits, output)
-        return F.cross_entropy(folded, label) + _KINDS_SHARE * kinds, {"right": right}
+        return F.cross_entropy(folded, label) + KINDS_SHARE * kinds, {"right": right}
 
     return judge
 
