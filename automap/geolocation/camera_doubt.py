@@ -64,21 +64,3 @@ def doubtful(sign: Sign, range_m: float) -> Sign:
         cov_enu=widened,
         confidence=sign.confidence * limits.IMPLAUSIBLE_CONFIDENCE,
     )
-
-
-def assumed(name: str, what: str) -> str:
-    """The sentence on what was taken for a camera in place of what is stated."""
-    return (
-        f"camera {name}: its boxes do not fit the path as stated, and fit it if {what}. "
-        "That was assumed; check the manifest, and run again."
-    )
-
-
-def unexplained(name: str) -> str:
-    """The sentence on a camera that is not as stated, and that nothing tried explains."""
-    return (
-        f"What is wrong with camera {name} was not found: no turn, time offset, pace of stamps, "
-        "focal length or turned picture makes its boxes fit the path. Its signs are doubtful and "
-        "their ellipses as wide as they were away; check the frames' stamps, camera_matrix and "
-        "that the video is of this drive."
-    )

@@ -8,14 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from automap.geolocation import limits
-from automap.geolocation.camera_doubt import (
-    as_unknown,
-    assumed,
-    beyond_stated,
-    doubtful,
-    misfit,
-    unexplained,
-)
+from automap.geolocation.camera_doubt import as_unknown, beyond_stated, doubtful, misfit
 from automap.geolocation.camera_hypotheses import Hypothesis, better_explanations, in_turned_picture
 from automap.geolocation.result import GeolocationResult
 from automap.geolocation.rules import GeolocationRules
@@ -71,13 +64,22 @@ def explain_doubted(
     for name in names:
         trial, found, what = _best_explanation(name, trajectory, trial, found, locate)
         if what:
-            sentences.append(assumed(name, what))
+            sentences.append(
+                f"camera {name}: its boxes do not fit the path as stated, and fit it if {what}. "
+                "That was assumed; check the manifest, and run again."
+            )
     # what was assumed of the last camera moved the signs of those before it
     left = [name for name in names if not _fits(found, stated.rows(name))]
+    sentences += found.warnings
     for name in left:
         found = _with_doubtful(found, stated.rows(name))
-    warnings = [*sentences, *found.warnings, *(unexplained(name) for name in left)]
-    return replace(found, warnings=warnings)
+        sentences.append(
+            f"What is wrong with camera {name} was not found: no turn, time offset, pace of "
+            "stamps, focal length or turned picture makes its boxes fit the path. Its signs are "
+            "doubtful and their ellipses as wide as they were away; check the frames' stamps, "
+            "camera_matrix and that the video is of this drive."
+        )
+    return replace(found, warnings=sentences)
 
 
 def _best_explanation(

@@ -11,9 +11,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from automap.geolocation.backs import find_backs
 from automap.geolocation.control import ControlSigns, match_control
-from automap.geolocation.merging import group_sightings
+from automap.geolocation.merging import find_backs, group_sightings
 from automap.geolocation.sightings import Sighting
 from automap.geolocation.trajectory_adjustment import (
     Adjustment,

@@ -165,11 +165,13 @@ def build_views(
         if (correction := (corrections or {}).get(found.camera)) is not None:
             camera = correction.applied(camera)
             margin = correction.margin * float(np.exp(-correction.focal_log))
+        columns: dict[str, Any] = {
+            k: v for k, v in vars(found).items() if isinstance(v, np.ndarray)
+        }
         # of the boxes of ten hours the poses alone are as large as their views
         for a in range(0, len(found), _ROWS):
-            part, lost = _camera_views(
-                trajectory, _stretch(found, a), camera, margin, noise, origin
-            )
+            some = replace(found, **{k: v[a : a + _ROWS] for k, v in columns.items()})
+            part, lost = _camera_views(trajectory, some, camera, margin, noise, origin)
             part["row"] += first_row + a
             part["camera"] = np.full(len(part["row"]), index, np.int64)
             without_pose.append(lost + first_row + a)
@@ -189,12 +191,6 @@ def build_views(
         without_pose=np.concatenate(without_pose),
         **joined,
     )
-
-
-def _stretch(found: Detections, first: int) -> Detections:
-    """Boxes from one on, at most ``_ROWS``."""
-    own: dict[str, Any] = {k: v for k, v in vars(found).items() if isinstance(v, np.ndarray)}
-    return replace(found, **{k: v[first : first + _ROWS] for k, v in own.items()})
 
 
 def _nothing() -> dict[str, np.ndarray]:

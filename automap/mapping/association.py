@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from automap.jit import kernel
-from automap.mapping.association_kernels import add_member, assign, found_sign
+from automap.mapping import limits
 from automap.mapping.candidates import (
     CELL_M,
     CLASS_SLOTS,
@@ -16,12 +16,13 @@ from automap.mapping.candidates import (
     SUPPORT,
     Columns,
     MapSigns,
+    add_member,
     find_candidates,
+    found_sign,
 )
 from automap.mapping.classes import class_evidence
 from automap.mapping.grid import empty_table
-from automap.mapping.limits import MOST, ROUNDS, TAU_S
-from automap.mapping.offset_kernels import smooth, vote
+from automap.mapping.offset_kernels import agreement, smooth, vote
 from automap.mapping.sightings import Sightings
 from automap.records import FloatArray, IntArray
 
@@ -47,8 +48,8 @@ class Association:
 
 def associate(
     sightings: Sightings,
-    tau_s: float = TAU_S,
-    rounds: int = ROUNDS,
+    tau_s: float = limits.TAU_S,
+    rounds: int = limits.ROUNDS,
 ) -> Association:
     """Group the sightings into signs.
 
@@ -105,6 +106,65 @@ def renumbered(sign: IntArray) -> IntArray:
 
 
 @kernel
+def assign(
+    index: IntArray,
+    values: FloatArray,
+    offset: FloatArray,
+    offset_var: FloatArray,
+    chosen: IntArray,
+    owner: IntArray,
+    price: FloatArray,
+) -> None:
+    """Best one-to-one choice of candidates, ``chosen`` [n] (-1 a sign new to the map).
+
+    Forward auction (D. P. Bertsekas, Annals of Operations Research 14, 1988): sightings bid for
+    map signs, each may also stay alone at no gain. Within n times the bid step of the optimum.
+    ``owner``, ``price`` [m] must come in as -1 and 0 and leave so.
+    """
+    n = len(index)
+    gain = np.full((n, limits.MOST), -1.0)
+    for i in range(n):
+        chosen[i] = -1
+        for c in range(limits.MOST):
+            if index[i, c] < 0:
+                break
+            here = offset[i, 0], offset[i, 1], offset[i, 2]
+            gain[i, c] = agreement(values[i, c], *here, offset_var[i, 0], offset_var[i, 1])
+    waiting = np.empty(n, np.int64)
+    for i in range(n):
+        waiting[i] = n - 1 - i
+    count = n
+    while count > 0:
+        count -= 1
+        i = waiting[count]
+        best, second, at = 0.0, 0.0, -1
+        for c in range(limits.MOST):
+            if index[i, c] < 0:
+                break
+            net = gain[i, c] - price[index[i, c]]
+            if net > best:
+                best, second, at = net, best, c
+            elif net > second:
+                second = net
+        if at < 0:
+            continue
+        k = index[i, at]
+        price[k] += best - second + limits.BID_STEP
+        if owner[k] >= 0:
+            chosen[owner[k]] = -1
+            waiting[count] = owner[k]
+            count += 1
+        owner[k] = i
+        chosen[i] = at
+    for i in range(n):
+        for c in range(limits.MOST):
+            if index[i, c] < 0:
+                break
+            price[index[i, c]] = 0.0
+            owner[index[i, c]] = -1
+
+
+@kernel
 def _associate(
     first: IntArray,
     rounds: int,
@@ -127,8 +187,8 @@ def _associate(
                     k = sign[i]
                     add_member(k, i, -1.0, seen, offset[i], signs)
                     signs.active[k] = signs.state[k, SUPPORT] > 0.5
-            index = np.empty((hi - lo, MOST), np.int64)
-            values = np.empty((hi - lo, MOST, PLACES))
+            index = np.empty((hi - lo, limits.MOST), np.int64)
+            values = np.empty((hi - lo, limits.MOST, PLACES))
             find_candidates(lo, hi, seen, evidence, signs, index, values)
             time_s, shared_sd = seen.time_s[lo:hi], seen.shared_sd[lo:hi]
             here, here_var = offset[lo:hi], offset_var[lo:hi]

@@ -62,7 +62,6 @@ def combine_attributes(sightings: Sightings, sign: IntArray) -> Attributes:
     code, share, changed, before = _classes(sightings, sign, order, edges)
     # what was read before a sign became another one tells nothing of what it is
     holds = np.where(before, -1, sign)
-    first, last = sightings.first_gps_s, sightings.last_gps_s
     facing = sightings.facing
     known = np.isfinite(facing)
     facing_sd = sightings.facing_sd_rad
@@ -72,7 +71,10 @@ def combine_attributes(sightings: Sightings, sign: IntArray) -> Attributes:
     direction = np.where(np.hypot(north, east) > 1e-9, np.arctan2(east, north), np.nan)
     sides, states, size = sightings.side, sightings.status, sightings.size_m
     looked, behind = np.nan_to_num(sightings.n_looked), np.nan_to_num(sightings.n_back_views)
-    contrast, contrast_sd = _contrast(sightings, sign, m)
+    # each drive has a light of its own, so each counts alike; the scatter is within and between
+    one = np.ones(len(sign))
+    contrast = _mean(sign, sightings.contrast, one, m)
+    square = _mean(sign, sightings.contrast**2 + sightings.contrast_sd**2, one, m)
     notes = sightings.contrast_note[order]
     seen_by = sightings.drive[order]
     return Attributes(
@@ -80,8 +82,8 @@ def combine_attributes(sightings: Sightings, sign: IntArray) -> Attributes:
         class_share=share,
         class_changed=changed,
         n_views=np.bincount(sign, views, m).astype(np.int64),
-        first_gps_s=np.fmin.reduceat(first[order], edges[:-1]),
-        last_gps_s=np.fmax.reduceat(last[order], edges[:-1]),
+        first_gps_s=np.fmin.reduceat(sightings.first_gps_s[order], edges[:-1]),
+        last_gps_s=np.fmax.reduceat(sightings.last_gps_s[order], edges[:-1]),
         height_above_road_m=_mean(sign, sightings.height_above_road_m, 1.0 / sightings.own_u, m),
         # what is wrong of a vehicle's height all its drives have in common
         sd_above_road_m=np.sqrt(
@@ -102,7 +104,7 @@ def combine_attributes(sightings: Sightings, sign: IntArray) -> Attributes:
             *(sightings.code, sightings.classes, sightings.group_probability, holds, code)
         ),
         contrast=contrast,
-        contrast_sd=contrast_sd,
+        contrast_sd=np.sqrt(np.maximum(square - contrast**2, 0.0)),
         contrast_note=[
             "" if np.isfinite(value) else _most(notes[a:b], weight[order[a:b]])
             for value, (a, b) in zip(contrast.tolist(), spans, strict=True)
@@ -111,15 +113,6 @@ def combine_attributes(sightings: Sightings, sign: IntArray) -> Attributes:
         n_looked=np.rint(np.bincount(sign, looked, m)).astype(np.int64),
         n_back_views=np.rint(np.bincount(sign, behind, m)).astype(np.int64),
     )
-
-
-def _contrast(sightings: Sightings, sign: IntArray, m: int) -> tuple[FloatArray, FloatArray]:
-    """Mean contrast [m] of the drives and its scatter within and between them: each drive has a
-    light of its own, so each counts alike."""
-    one = np.ones(len(sign))
-    value = _mean(sign, sightings.contrast, one, m)
-    square = _mean(sign, sightings.contrast**2 + sightings.contrast_sd**2, one, m)
-    return value, np.sqrt(np.maximum(square - value**2, 0.0))
 
 
 def _mean(sign: IntArray, values: FloatArray, weight: FloatArray, m: int) -> FloatArray:

@@ -1,4 +1,4 @@
-"""Map signs that a sighting may be, with the evidence for each before the drive's offset."""
+"""Signs of a map as it grows, and which of them a sighting may be before the drive's offset."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 
 from automap.jit import kernel
 from automap.mapping import limits
-from automap.mapping.grid import Table, delta, neighbours
+from automap.mapping.grid import Table, delta, insert, neighbours
 from automap.records import BoolArray, FloatArray, IntArray
 
 # columns of the map's state, one row per sign
@@ -30,6 +30,8 @@ D_E, D_N, D_U, V_EE, V_EN, V_NN, V_U, EVIDENCE = 0, 1, 2, 3, 4, 5, 6, 7
 
 CELL_M = 16.0
 """Of the table of map signs; founding and mean place of a sign differ by little."""
+_LEAST_INFORMATION = 1e-9
+"""On the place of a sign without members, 1/m^2."""
 
 
 class Columns(NamedTuple):
@@ -68,6 +70,60 @@ def mean_of(state: FloatArray) -> tuple[float, float, float]:
     north = (state[A_EE] * state[B_N] - state[A_EN] * state[B_E]) / det
     up = state[B_U] / state[A_U] if state[A_U] > 0.0 else np.nan
     return east, north, up
+
+
+@kernel
+def add_member(
+    k: int, i: int, sign: float, seen: Columns, offset: FloatArray, signs: MapSigns
+) -> None:
+    """Add sighting ``i``, moved by its drive's ``offset`` [3], to map sign ``k``.
+
+    ``sign`` -1 takes out what +1 put in.
+    """
+    state, own, height, facing = signs.state, seen.own, seen.height, seen.facing
+    det = own[i, 0] * own[i, 2] - own[i, 1] ** 2
+    w_ee, w_en, w_nn = own[i, 2] / det, -own[i, 1] / det, own[i, 0] / det
+    at = state[k, LAT], state[k, LON]
+    de, dn = delta(seen.lat[i], seen.lon[i], *at, seen.per_lat[i], seen.per_lon[i])
+    de, dn = de - offset[0], dn - offset[1]
+    state[k, A_EE] += sign * w_ee
+    state[k, A_EN] += sign * w_en
+    state[k, A_NN] += sign * w_nn
+    state[k, B_E] += sign * (w_ee * de + w_en * dn)
+    state[k, B_N] += sign * (w_en * de + w_nn * dn)
+    if height[i] == height[i] and state[k, HEIGHT] == state[k, HEIGHT]:
+        state[k, A_U] += sign / seen.own_u[i]
+        state[k, B_U] += sign * (height[i] - state[k, HEIGHT] - offset[2]) / seen.own_u[i]
+    if facing[i] == facing[i]:
+        state[k, FACE_N] += sign * np.cos(facing[i])
+        state[k, FACE_E] += sign * np.sin(facing[i])
+    state[k, SUPPORT] += sign
+    weight = sign * max(seen.confidence[i], limits.LEAST_CONFIDENCE)
+    free = -1
+    for slot in range(CLASS_SLOTS):
+        if signs.slot_weight[k, slot] > 1e-6:
+            if signs.slot_class[k, slot] == seen.code[i]:
+                signs.slot_weight[k, slot] += weight
+                return
+        elif free < 0:
+            free = slot
+    if sign > 0.0 and free >= 0:
+        signs.slot_class[k, free] = seen.code[i]
+        signs.slot_weight[k, free] = weight
+
+
+@kernel
+def found_sign(k: int, i: int, seen: Columns, offset: FloatArray, signs: MapSigns) -> None:
+    """Make map sign ``k``, still without members, where sighting ``i`` sees it."""
+    state = signs.state
+    state[k] = 0.0
+    state[k, A_EE] = state[k, A_NN] = state[k, A_U] = _LEAST_INFORMATION
+    state[k, LAT] = seen.lat[i] - offset[1] / seen.per_lat[i]
+    state[k, LON] = seen.lon[i] - offset[0] / seen.per_lon[i]
+    state[k, HEIGHT] = seen.height[i] - offset[2]
+    signs.slot_weight[k] = 0.0
+    signs.active[k] = True
+    insert(signs.table, k, state[k, LAT], state[k, LON])
 
 
 @kernel

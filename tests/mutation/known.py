@@ -104,7 +104,7 @@ KNOWN = (
     ),
     Known(
         "the sign of the east-north weight where sightings are merged",
-        "automap/mapping/association_kernels.py",
+        "automap/mapping/candidates.py",
         "own[i, 2] / det, -own[i, 1] / det, own[i, 0] / det",
         "own[i, 2] / det, own[i, 1] / det, own[i, 0] / det",
         ("test_merge_correlation.py",),

@@ -177,7 +177,6 @@ def geolocation_sightings() -> Any:
     from automap.earth import from_local_ned
     from automap.geolocation import trajectory_adjustment as adjusting
     from automap.geolocation.assembly import AssemblyRules, assemble_sign
-    from automap.geolocation.backs import find_backs
     from automap.geolocation.condition import conditions
     from automap.geolocation.control import ControlSigns, match_control
     from automap.geolocation.facing import find_facings
@@ -186,6 +185,7 @@ def geolocation_sightings() -> Any:
         class_agreement,
         combine,
         difference_covariance,
+        find_backs,
         group_sightings,
     )
     from automap.geolocation.passes import join_passes

@@ -240,7 +240,7 @@ def _values(rng: np.random.Generator, n: int, most: int) -> tuple[Any, FloatArra
 def mapping_kernels() -> Any:
     """Votes, smoothing and assignment of a drive; cells; histories; ways along roads."""
     from automap.mapping import candidates, grid, offset_kernels
-    from automap.mapping.association_kernels import assign
+    from automap.mapping.association import assign
     from automap.mapping.attributes import _change_point
     from automap.mapping.limits import MOST
 
