@@ -20,7 +20,8 @@ from automap.gap.fit import Fit
 from automap.gap.noise import Fitted, Log, fitted_about, with_noise
 from automap.gap.scoring import fit_held_out, likelier
 from automap.gap.screening import Found, Screening, in_layout
-from automap.gap.selection import Chosen, Key, Selection, pruned, select
+from automap.gap.selection import Chosen, Key, Selection
+from automap.gap.stepwise import pruned, select
 
 WALKS = tuple(bias_walks())
 WHOLE_DELAYS = frozenset(pair for pairs in pairs_of_sign(-1.0) for pair in pairs)

@@ -209,9 +209,7 @@ def variants(
     value = ends[-1]
     if len(ends) == 2:
         around = width * np.linspace(-1.0, 1.0, FINER // 2)
-        least = LEAST_BOXES * width
         pairs = [(ends[0] + x, ends[1] + y) for x in around for y in around]
-        pairs = [(begin, end) for begin, end in pairs if end - begin >= least]
         return [((terms[0][0], PLATEAU.format(*pair)),) for pair in pairs]
     if text.startswith("step"):
         moved = value + width * np.linspace(-1.0, 1.0, FINER)

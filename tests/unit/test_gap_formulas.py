@@ -29,7 +29,8 @@ from automap.gap.motion import motion_of
 from automap.gap.noise import Fitted
 from automap.gap.result import equation
 from automap.gap.screening import Screening, in_layout
-from automap.gap.selection import Chosen, Selection, select
+from automap.gap.selection import Chosen, Selection
+from automap.gap.stepwise import select
 from tests.unit.gap_linear import columns_named, linear_of, screened
 from tests.unit.test_gap import simulated
 

@@ -20,7 +20,8 @@ from automap.gap.naming import chance, describe, strongest_refused, suspected, v
 from automap.gap.noise import Fitted, Joint
 from automap.gap.result import Finding, KeptOut, Refused, Term, Unexplained
 from automap.gap.screening import Found
-from automap.gap.selection import Chosen, Selection, select
+from automap.gap.selection import Chosen, Selection
+from automap.gap.stepwise import select
 from automap.records import FloatArray
 from tests.unit.gap_linear import STEP_S, columns_named, linear_of
 

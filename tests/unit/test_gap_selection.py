@@ -13,7 +13,8 @@ from automap.gap import limits
 from automap.gap.candidates import Candidate
 from automap.gap.linear import Given, Linear
 from automap.gap.search import Search
-from automap.gap.selection import Chosen, Selection, select, twins_of
+from automap.gap.selection import Chosen, Selection, twins_of
+from automap.gap.stepwise import select
 from automap.records import FloatArray
 from tests.unit.gap_linear import columns_named, linear_of
 

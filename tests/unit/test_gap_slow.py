@@ -155,15 +155,6 @@ def test_a_course_is_refined_between_those_that_were_tried(
         assert len({x[4:] for _, x in one if x[3] == "("}) <= 1
 
 
-def test_a_plateau_is_not_refined_to_one_that_cannot_be_seen() -> None:
-    begin, least = 100.0, LEAST_BOXES * box_s(LENGTH_S)
-    short = [("gyro_y", f"(step(time - {begin:.5g}) - step(time - {begin + least:.5g}))")]
-    tried = [instants(terms[0][1]) for terms in variants(short, LENGTH_S)]
-    assert tried
-    # instants are written to a hundredth
-    assert all(end - start > least - 0.02 for start, end in tried)
-
-
 def test_what_is_no_course_of_time_is_not_refined() -> None:
     for text in ("speed", "tanh(rate_z / 0.01)", "time^2", "force_x * speed"):
         assert not is_course([("gyro_z", text)])

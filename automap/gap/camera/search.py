@@ -20,7 +20,8 @@ from automap.gap.camera.views import Boxes, keys
 from automap.gap.chance import null_maxima, p_value
 from automap.gap.limits import LONGEST_SHUTTER_S, MIN_SIGNS, SHUTTER_SLACK_S
 from automap.gap.result import Finding, ParameterValue, advice
-from automap.gap.selection import Chosen, Key, select
+from automap.gap.selection import Chosen, Key
+from automap.gap.stepwise import select
 from automap.records import FloatArray
 
 FIRST_PX, FIRST_SHARE = 1.5, 0.03

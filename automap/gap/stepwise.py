@@ -1,0 +1,73 @@
+"""Stepwise selection: which set of candidates a linear model is missing, by adding, swapping and
+dropping while the posterior odds rise.
+"""
+
+from __future__ import annotations
+
+from automap.gap import limits
+from automap.gap.selection import Chosen, Selection
+
+TRIES = 40
+"""Moves of one selection at most: each raises the odds, so this bounds the time only."""
+
+
+def select(selection: Selection, chosen: Chosen, limit: int) -> Chosen:
+    """Add, swap and drop candidates until nothing raises the odds any more; at most ``limit``."""
+    strongest = 0.0
+    for _ in range(TRIES):
+        moves = [m for m in selection.best(chosen) if selection.holds(m)]
+        if moves:
+            best = moves[0]
+            strongest = max(strongest, best.odds)
+            room = len(chosen.names) < limit or best.name in chosen.names
+            if room and best.odds >= limits.WEAK_SHARE * strongest:
+                chosen = chosen.joined(best.name, best.part, best.evidence.scale)
+                chosen = _swapped(selection, chosen, limit)
+                continue
+        fewer = pruned(selection, chosen)
+        if fewer == chosen:
+            break
+        chosen = fewer
+    return chosen
+
+
+def _swapped(selection: Selection, chosen: Chosen, limit: int) -> Chosen:
+    """The choice with a candidate in the place of another where that raises the odds, with what
+    stands out beside either: two effects may together do what one that is not there does nearly."""
+    for name in chosen.names[:-1]:
+        own, _ = selection.odds_of(chosen, name)
+        best, instead = _extended(selection, chosen)[0], chosen
+        for rival in selection.rivals(chosen, name)[: limits.RIVALS]:
+            if rival.ahead < -0.5 * own:
+                continue
+            more, with_more = _extended(selection, rival.chosen)
+            if rival.ahead + more > best + 1.0 and len(with_more.names) <= limit:
+                best, instead = rival.ahead + more, with_more
+        if instead != chosen:
+            return instead
+    return chosen
+
+
+def _extended(selection: Selection, chosen: Chosen) -> tuple[float, Chosen]:
+    """Odds of the part that stands out most beside a choice, and the choice with it."""
+    moves = [m for m in selection.best(chosen) if selection.holds(m)]
+    if not moves:
+        return 0.0, chosen
+    best = moves[0]
+    return best.odds, chosen.joined(best.name, best.part, best.evidence.scale)
+
+
+def pruned(selection: Selection, chosen: Chosen) -> Chosen:
+    """The choice without the candidate, or the part of one, that is needed least, if it is not
+    needed beside the others."""
+    odds = {name: selection.odds_of(chosen, name) for name in chosen.names}
+    for name in sorted(odds.keys() - selection.needed, key=lambda n: (odds[n][0], n)):
+        total, moves = odds[name]
+        if total < limits.LEAST_ODDS:
+            return chosen.without(name)
+        for move in moves if len(moves) > 1 else ():
+            rest = Chosen(tuple(p for p in chosen.parts if p[:2] != (name, move.part)))
+            found = selection.evidence(selection.given(rest), name, move.part)
+            if found.nats + selection.candidates[name].log_choice < 0.0:
+                return rest
+    return chosen
