@@ -185,6 +185,9 @@ which is that of potholes and joints, one reading in three million is. It is ano
 FROZEN_S = 0.5
 """Six readings that do not change by a digit for so long were not read: a slow sensor in a quick
 log repeats them for a tenth of a second."""
+STRAIGHT_BEND = 0.01
+"""A reading that is off the line between its neighbours by so small a share of what readings of the
+drive usually are, in all six columns, was put there: noise does that once in 1e13 readings."""
 JOINED_S = 0.25
 """Readings further apart are not joined where they are integrated by themselves: braking by 3 m/s^2
 that nobody saw is 0.75 m/s in it, half of the least jump that is told."""

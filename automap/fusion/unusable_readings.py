@@ -1,4 +1,4 @@
-"""Inertial readings that cannot be: single wild ones, and ones that do not change in time.
+"""Inertial readings that cannot be: single wild ones, and ones that stay the same or go straight.
 
 They are bridged by the readings beside them, and the filter takes what lies between as unknown: a
 gap inside the recording.
@@ -77,9 +77,16 @@ def _wild(t: FloatArray, readings: FloatArray, known: BoolArray) -> BoolArray:
 
 
 def _frozen(t: FloatArray, readings: FloatArray) -> BoolArray:
-    """Readings that repeat all six values for longer than noise allows."""
+    """Readings that repeat all six values, or go on straight lines, for longer than noise allows."""
     same = np.zeros(len(t), dtype=bool)
     same[1:] = (readings[1:] == readings[:-1]).all(axis=1)
+    if len(t) > 2:
+        share = (t[1:-1] - t[:-2]) / (t[2:] - t[:-2])
+        straight = np.ones(len(share), dtype=bool)
+        for column in readings.T:
+            bend = np.abs(column[1:-1] - (1.0 - share) * column[:-2] - share * column[2:])
+            straight &= bend < limits.STRAIGHT_BEND * np.median(bend)
+        same[1:-1] |= straight
     out = np.zeros(len(t), dtype=bool)
     for first, stop in _runs(same):
         if t[stop - 1] - t[first - 1] >= limits.FROZEN_S:

@@ -68,6 +68,20 @@ def test_readings_that_do_not_change_are_a_gap(imu: ImuData) -> None:
     assert bridged.stretch_s[4000] == pytest.approx(20.0, abs=0.05)
 
 
+def test_readings_on_lines_across_a_gap_were_not_read(imu: ImuData) -> None:
+    readings = np.concatenate([imu.gyro, imu.accel], axis=1)
+    t, put = imu.t_ns * 1e-9, np.zeros(len(imu), np.bool_)
+    put[3000:3150] = True
+    lines = np.stack([np.interp(t, t[~put], c[~put]) for c in readings.T], axis=1)
+    written = np.where(put[:, None], np.round(lines, 7), readings)
+    filled = replace(imu, gyro=written[:, :3], accel=written[:, 3:])
+    (found,) = bridge_unusable(filled).frozen
+    assert found == pytest.approx((30.0, 31.5), abs=0.05)
+    # a slow sensor in a quick log, with lines between its readings
+    slow = np.stack([np.interp(t, t[::10], c[::10]) for c in readings.T], axis=1)
+    assert bridge_unusable(replace(imu, gyro=slow[:, :3], accel=slow[:, 3:])).frozen == []
+
+
 def test_no_standstill_where_positions_move(motion: Motion) -> None:
     fixes = receive(motion, Receiver(), 5)
     t = fixes.gps_s - fixes.gps_s[0]

@@ -36,10 +36,11 @@ def _frozen_reason(what: str, spans: tuple[Span, ...], bridged: bool = False) ->
     seconds = sum(b - a for a, b in spans)
     # a whole row has six noises, an axis one, which a coarse step hides
     coarse = "" if bridged else ", or its steps are coarser than its noise"
+    stay = "stay the same or go on lines" if bridged else "stay the same"
     done = "; they were bridged like a gap" if bridged else ""
     return Reason(
         "imu_frozen",
-        f"{what} stay the same for {seconds:.1f} s of driving: the sensor or its "
+        f"{what} {stay} for {seconds:.1f} s of driving: the sensor or its "
         f"logging hung{coarse}; look for a loose plug or a full buffer{done}",
         spans,
         inertial=not bridged,
