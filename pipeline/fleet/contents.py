@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import shutil
 import tempfile
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -44,6 +44,17 @@ def wanted(entries: Sequence[Entry], warnings: list[str]) -> dict[str, Entry]:
             else:
                 found[key] = entry
     return found
+
+
+def older_results(drives: Iterable[Entry], key: str | None) -> list[str]:
+    """A sentence about drives whose results are not those that settings of this ``key`` give."""
+    count = 0 if key is None else sum(entry.done["key"] != key for entry in drives)
+    if not count:
+        return []
+    return [
+        f"{count} of the drives are as another version of automap, or other settings or files that "
+        "these name, made them; automap fleet run makes them anew."
+    ]
 
 
 def recording(entry: Entry) -> str:

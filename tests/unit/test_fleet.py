@@ -39,6 +39,7 @@ from pipeline.fleet.versions import current
 from pipeline.merge import output
 from pipeline.merge.whole import drive_essentials
 from pipeline.run.registry import load_stages
+from pipeline.settings.load import load_settings
 
 
 def run_all(store: Store, order: Order = ORDER) -> None:
@@ -444,6 +445,33 @@ def test_the_key_of_settings_follows_settings_versions_and_files(
     echo = settings_of(store, None, ()).echo()
     with pytest.raises(ConfigError, match="another version of automap"):
         Order(echo, other, (), 1).settings()
+
+
+def test_where_the_files_lie_that_settings_name_is_none_of_the_key(tmp_path: Path) -> None:
+    """A store that moves to another machine is done there too; what the files hold counts."""
+    keys = []
+    for folder, text in (("a", "one"), ("b", "one"), ("c", "other")):
+        roads = tmp_path / folder / "roads.geojson"
+        roads.parent.mkdir()
+        roads.write_text(text)
+        keys.append(key_of(load_settings(assignments=[f"export.roads={str(roads)!r}"])))
+    assert keys[0] == keys[1] != keys[2]
+
+
+def test_results_of_another_version_are_told_before_the_next_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    store = make_store(tmp_path, range(2))
+    order = Order({}, key_of(settings_of(store, None, ())), (), ORDER.memory)
+    run_all(store, order)
+    assert merge(store).warnings == []
+    assert status(store)[0]["older_version"] == 0
+    stages = [s if s.name != "fuse" else changed(s) for s in load_stages()]
+    monkeypatch.setattr("pipeline.fleet.orders.load_stages", lambda: stages)
+    told, drives = status(store)
+    assert (told["done"], told["older_version"]) == (2, 2)
+    assert any("another version of automap" in line for line in summary_lines(told, drives))
+    assert any(text.startswith("2 of the drives are as another") for text in merge(store).warnings)
 
 
 @pytest.mark.parametrize("words", [("add", "store", "none/*"), ("run", "store", "--drives", "no")])
