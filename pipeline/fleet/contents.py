@@ -90,7 +90,11 @@ def update_contents(
             shutil.rmtree(cells / kind, ignore_errors=True)
     order = [k for k in there if k in drives] if stale else []
     there = [] if stale else there
-    fresh = sorted(set(drives) - set(there) - set(order), key=lambda k: drives[k].digest)
+    # neighbours in one batch: else each of a hundred batches has a file in each of its cells
+    fresh = sorted(
+        set(drives) - set(there) - set(order),
+        key=lambda k: (str(drives[k].done.get("cell", "")), drives[k].digest),
+    )
     order += fresh
     told = _named(known, drives)
     write_json(cells / CONTENTS, {"drives": told})

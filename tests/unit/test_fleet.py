@@ -7,6 +7,7 @@ import errno
 import json
 import os
 import shutil
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from types import ModuleType
@@ -22,6 +23,7 @@ from automap.errors import ConfigError, InputError, StageError
 from automap.export import pieces
 from automap.io.map_tables import TRACKS, read_tracks
 from automap.io.signs_table import read_signs
+from automap.mapping.cells import cell_of, quadkey
 from automap.mapping.merge import merge_drives
 from automap.records import Trajectory
 from pipeline.cli.root import cli
@@ -29,7 +31,8 @@ from pipeline.fleet import merge as merging
 from pipeline.fleet import publish as publishing
 from pipeline.fleet import task, tracks
 from pipeline.fleet.add import add
-from pipeline.fleet.child import kind_of
+from pipeline.fleet.child import begin_of, kind_of
+from pipeline.fleet.contents import update_contents, wanted
 from pipeline.fleet.merge import merge
 from pipeline.fleet.orders import Order, keep_done, key_of, settings_of
 from pipeline.fleet.retry import retry
@@ -133,6 +136,34 @@ def test_the_map_is_that_of_one_merge_of_all(tmp_path: Path) -> None:
         assert (tmp_path / "store" / "map" / name).is_file()
     again = merge(store)
     assert (again.new, again.version) == (False, "000001")
+
+
+def test_drives_of_one_place_come_into_cells_together(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """By their digests alone every batch would have some of every place, and every cell a file of
+    every batch."""
+    store = make_store(tmp_path, range(6))
+    for entry in store.entries():
+        number = int((Path(entry.path) / "imu.csv").read_text())
+        publish_made(store.place.url, entry.digest, entry.path, ORDER, cell=f"31{number % 2}")
+    monkeypatch.setattr("pipeline.fleet.contents.BATCH", 3)
+    batches = []
+    monkeypatch.setattr(
+        "pipeline.fleet.contents.add_drives",
+        lambda cells, drives: batches.append({drive.name for drive in drives}),
+    )
+    update_contents(store, tmp_path, wanted(store.entries(), []), [], lambda done: None)
+    assert batches == [{scene()[k].name for k in ks} for ks in ((0, 2, 4), (1, 3, 5))]
+
+
+def test_where_a_drive_began_is_told(tmp_path: Path) -> None:
+    drive = scene()[0]
+    assert drive.path is not None
+    home = cell_of(drive.path.lat_rad[:1], drive.path.lon_rad[:1])
+    assert begin_of(drive) == quadkey(int(home[0]))
+    assert begin_of(replace(drive, path=None)).startswith("3")
+    assert begin_of(replace(drive, lat_rad=drive.lat_rad * np.nan, path=None)) == ""
 
 
 def test_a_merge_that_is_ended_anywhere_goes_on_to_the_same_map(
