@@ -40,7 +40,7 @@ def estimate_levels(sightings: Sightings, association: Association) -> ErrorLeve
 
 
 def levels_of_tiles(tiles: Sequence[tuple[Sightings, TileData]]) -> ErrorLevels:
-    """The levels that a sample of tiles tells."""
+    """The levels that a sample of tiles tells, rounded."""
     if not tiles:
         return ErrorLevels()
     from scipy.optimize import minimize
@@ -72,7 +72,8 @@ def levels_of_tiles(tiles: Sequence[tuple[Sightings, TileData]]) -> ErrorLevels:
         method="Nelder-Mead",
         options={"initial_simplex": start, "xatol": 0.002, "fatol": 0.005, "maxfev": 200},
     )
-    return _levels(np.clip(found.x, -most, most))
+    step = np.array([limits.LEVEL_STEP, limits.LEVEL_STEP, limits.TAU_STEP])
+    return _levels(np.rint(np.clip(found.x, -most, most) / step) * step)
 
 
 def _levels(x: FloatArray) -> ErrorLevels:

@@ -18,7 +18,7 @@ from automap.mapping.merge import map_signs
 from automap.records import FloatArray
 from automap.records.sign_lists import Names, SignList
 from automap.signs.backs import NO_BACK
-from pipeline.merge.cell_belief import KEPT_LEVEL, kept_belief
+from pipeline.merge.cell_belief import kept_belief
 from pipeline.merge.cell_steps import (
     digest_of_groups,
     estimate,
@@ -103,14 +103,9 @@ def _levels(folder: Path) -> ErrorLevels:
     """The levels that go with the groups as they are."""
     path, groups = folder / LEVELS, digest_of_groups(folder)
     told = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
-    before = ErrorLevels(**told["levels"]) if told else None
-    if before is not None and told["groups"] == groups:
-        return before
+    if told.get("groups") == groups:
+        return ErrorLevels(**told["levels"])
     found = estimate(folder)
-    if before is not None and all(
-        abs(value / vars(before)[name] - 1.0) < KEPT_LEVEL for name, value in vars(found).items()
-    ):
-        found = before
     write_json(path, {"groups": groups, "levels": vars(found)})
     return found
 
