@@ -86,6 +86,8 @@ def run(
     for name in store.leftovers(entries):
         store.place.remove(name)
     waiting = [entry for entry in entries if entry.state(order.key) == "waiting"]
+    # a long one that came last would have one worker alone
+    waiting.sort(key=lambda entry: -entry.size)
     ran = Ran()
     if not waiting:
         return ran
