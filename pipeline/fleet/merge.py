@@ -92,8 +92,9 @@ def merge(
                     [*older, *warnings, *summary["warnings"]], time.monotonic() - started,
                 )  # fmt: skip
             named = update_contents(
-                store, cells, drives, warnings, lambda done: progress(0.2 * done, "reading drives")
-            )
+                store, cells, drives, warnings,
+                lambda done: progress(0.2 * done, "reading drives"), workers,
+            )  # fmt: skip
             drives = {key: drives[key] for key in named}
             if not drives:
                 raise InputError(f"{store.place.url}: {warnings[0]}")

@@ -33,6 +33,8 @@ if TYPE_CHECKING:
 
 CHANGES = "changes.geojson"
 SCHEMA = "automap.merge/1"
+BESIDE = ("gpkg", "kmz")
+"""Formats that take about half of the processor's time that all take."""
 
 
 def write_map(
@@ -120,7 +122,7 @@ def write_files(
 ) -> list[Path]:
     """Write what a map consists of, once ``run.json``, signs, sightings and coverage are there;
     returns the files for people. ``summary`` becomes merge.json. ``many`` signs are read part by
-    part from their table, one format as ``begin`` has it, and pieces of their files ``kept``."""
+    part from their table, two formats as ``begin`` has it, and pieces of their files ``kept``."""
     from automap.export.roads import roads_csv
     from automap.io.clock_json import write_clock
     from pipeline.export.content import map_content, stored_content
@@ -133,9 +135,9 @@ def write_files(
     files = [out / FORMATS[fmt][0] for fmt in formats]
     beside = None
     if many:
-        # what takes longest is written beside all others
-        formats.remove("gpkg")
-        beside = begin(write_stored, out, outcome.name, "gpkg")
+        # half of the work is done beside the other
+        formats = [fmt for fmt in formats if fmt not in BESIDE]
+        beside = begin(write_stored, out, outcome.name, BESIDE, kept)
     content = (
         stored_content(out, outcome.name, kept)
         if many
@@ -162,13 +164,14 @@ def write_files(
     return [*files, out / names.REPORT, out / names.MERGE]
 
 
-def write_stored(out: Path, name: str, fmt: str) -> None:
-    """Write a format of a map whose signs are read part by part, in a process of its own."""
+def write_stored(out: Path, name: str, formats: Sequence[str], kept: Kept | None) -> None:
+    """Write formats of a map whose signs are read part by part, in a process of its own."""
     from pipeline.export.content import stored_content
     from pipeline.export.formats import FORMATS
 
-    file, write = FORMATS[fmt]
-    write(stored_content(out, name), out / file)
+    content = stored_content(out, name, kept)
+    for file, write in map(FORMATS.__getitem__, formats):
+        write(content, out / file)
 
 
 def _run_record(outcome: MergeOutcome, folders: Sequence[Path]) -> dict[str, Any]:
