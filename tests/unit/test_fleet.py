@@ -7,6 +7,8 @@ import errno
 import json
 import os
 import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -43,6 +45,7 @@ from pipeline.merge import output
 from pipeline.merge.whole import drive_essentials
 from pipeline.run.registry import load_stages
 from pipeline.settings.load import load_settings
+from pipeline.shared.beside import Begin
 
 
 def run_all(store: Store, order: Order = ORDER) -> None:
@@ -164,6 +167,27 @@ def test_where_a_drive_began_is_told(tmp_path: Path) -> None:
     assert begin_of(drive) == quadkey(int(home[0]))
     assert begin_of(replace(drive, path=None)).startswith("3")
     assert begin_of(replace(drive, lat_rad=drive.lat_rad * np.nan, path=None)) == ""
+
+
+def test_what_is_written_beside_needs_nothing_that_is_written_later(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Another process begins with it as early as it can, and ends it when it does."""
+
+    @contextmanager
+    def at_once(workers: int) -> Iterator[Begin]:
+        yield lambda call, /, *words: partial(lambda result: result, call(*words))
+
+    monkeypatch.setattr(output, "MOST_PICTURED", 1)
+    store = make_store(tmp_path, range(3))
+    run_all(store)
+    merge(store)
+    last = map_bytes(store)
+    shutil.rmtree(tmp_path / "store" / "maps")
+    (tmp_path / "store" / "map").unlink()
+    monkeypatch.setattr(publishing, "beside", at_once)
+    merge(store)
+    assert map_bytes(store) == last
 
 
 def test_a_merge_that_is_ended_anywhere_goes_on_to_the_same_map(
