@@ -15,7 +15,8 @@ from test_merge_cells import at_edge, moved
 
 from automap.mapping.merge import merge_drives
 from automap.mapping.sightings import DriveSigns
-from pipeline.merge.cell_map import LEVELS, merge_store
+from pipeline.merge.cell_levels import LEVELS
+from pipeline.merge.cell_map import merge_store
 from pipeline.merge.cell_steps import group, turns
 from pipeline.merge.cell_store import add_drives, read_drives
 
