@@ -156,7 +156,8 @@ def _opened(
     try:
         # pq.read_table would import the whole dataset machinery for one file
         with pq.ParquetFile(path) as file:
-            missing = [name for name in required if name not in file.schema_arrow.names]
+            there = set(file.schema_arrow.names)
+            missing = [name for name in required if name not in there]
             if missing:
                 raise InputError(f"{path} lacks the column {missing[0]}; run again with --force.")
             _check_kinds(path, file.schema_arrow, numbers, whole)

@@ -42,7 +42,7 @@ def estimate_levels(sightings: Sightings, association: Association) -> ErrorLeve
 
 
 def levels_of_tiles(tiles: Sequence[tuple[Sightings, TileData]]) -> ErrorLevels:
-    """The levels that a sample of tiles tells."""
+    """The levels that a sample of tiles tells, rounded."""
     if not tiles:
         return ErrorLevels()
     from scipy.optimize import minimize
@@ -80,7 +80,8 @@ def levels_of_tiles(tiles: Sequence[tuple[Sightings, TileData]]) -> ErrorLevels:
             "maxfev": 200,
         },
     )
-    return _levels(found.x)
+    step = np.array([limits.LEVEL_STEP, limits.LEVEL_STEP, limits.LASTING_STEP])
+    return _levels(np.rint(found.x / step) * step)
 
 
 def _levels(x: FloatArray) -> ErrorLevels:

@@ -15,10 +15,13 @@ import sys
 import threading
 import time
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from automap.errors import AutoMapError
 from automap.io.atomic import write_json
+
+if TYPE_CHECKING:
+    from automap.mapping.sightings import DriveSigns
 
 PASSING = frozenset(
     {
@@ -68,6 +71,7 @@ def run_one(drive: Path, out: Path, echo: dict[str, Any]) -> dict[str, Any]:
         "start_gps_s": run.signs.start_gps_s,
         "hours": 0.0 if path is None else (path.gps_s[-1] - path.gps_s[0]) / 3600.0,
         "km": 0.0 if path is None else _length_km(path),
+        "cell": begin_of(run.signs),
         "sd_m": None if path is None else _typical_sd(path),
         "verdict": record.get("verdict"),
         "warnings": record.get("warnings", []),
@@ -76,6 +80,22 @@ def run_one(drive: Path, out: Path, echo: dict[str, Any]) -> dict[str, Any]:
         "processor_s": time.process_time() - processor,
         "peak_bytes": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024,
     }
+
+
+def begin_of(signs: DriveSigns) -> str:
+    """The cell where a drive began, "" unknown: drives that are put into cells together should lie
+    together."""
+    import numpy as np
+
+    from automap.mapping.cells import cell_of, quadkey
+
+    lat, lon = (
+        (signs.lat_rad, signs.lon_rad)
+        if signs.path is None
+        else (signs.path.lat_rad, signs.path.lon_rad)
+    )
+    known = np.flatnonzero(np.isfinite(lat) & np.isfinite(lon))[:1]
+    return "".join(map(quadkey, cell_of(lat[known], lon[known]).tolist()))
 
 
 def _length_km(path: Any) -> float:

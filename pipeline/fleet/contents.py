@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import shutil
 import tempfile
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -18,6 +18,7 @@ from automap.mapping.sightings import DriveSigns
 from pipeline.fleet.store import DONE, Entry, Store
 from pipeline.merge.cell_store import DRIVES, PATHS, SIGHTINGS, add_drives, read_drives
 from pipeline.merge.inputs import read_run
+from pipeline.shared.beside import ahead, beside
 from pipeline.shared.values import json_object, mapping
 
 CONTENTS = "contents.json"
@@ -46,6 +47,17 @@ def wanted(entries: Sequence[Entry], warnings: list[str]) -> dict[str, Entry]:
     return found
 
 
+def older_results(drives: Iterable[Entry], key: str | None) -> list[str]:
+    """A sentence about drives whose results are not those that settings of this ``key`` give."""
+    count = 0 if key is None else sum(entry.done["key"] != key for entry in drives)
+    if not count:
+        return []
+    return [
+        f"{count} of the drives are as another version of automap, or other settings or files that "
+        "these name, made them; automap fleet run makes them anew."
+    ]
+
+
 def recording(entry: Entry) -> str:
     """What names a recording, however often it is run."""
     return str(entry.done.get("recording") or entry.digest)
@@ -62,9 +74,11 @@ def update_contents(
     drives: dict[str, Entry],
     warnings: list[str],
     progress: Callable[[float], None],
+    workers: int = 1,
 ) -> dict[str, Any]:
     """Bring the cells in ``cells`` up to date with ``drives``; what is there of each by recording.
 
+    Results of more than a batch are read by so many ``workers``, put into cells by this process.
     May be ended at any time and called again. A result that cannot be read is forgotten, and its
     drive waits again.
     """
@@ -79,22 +93,29 @@ def update_contents(
             shutil.rmtree(cells / kind, ignore_errors=True)
     order = [k for k in there if k in drives] if stale else []
     there = [] if stale else there
-    fresh = sorted(set(drives) - set(there) - set(order), key=lambda k: drives[k].digest)
+    # neighbours in one batch: else each of a hundred batches has a file in each of its cells
+    fresh = sorted(
+        set(drives) - set(there) - set(order),
+        key=lambda k: (str(drives[k].done.get("cell", "")), drives[k].digest),
+    )
     order += fresh
     told = _named(known, drives)
     write_json(cells / CONTENTS, {"drives": told})
-    for start in range(0, len(order), BATCH):
-        batch = []
-        for key in order[start : start + BATCH]:
-            try:
-                batch.append(_read(store, drives[key], key, told[key]["name"]))
-            except InputError as error:
-                warnings.append(f"left out until it is run again: {error}")
-                store.unmark(drives[key].digest, DONE)
-                del told[key]
-        if batch:
-            add_drives(cells, batch)
-        progress(min(1.0, (start + BATCH) / len(order)))
+    batches = [order[start : start + BATCH] for start in range(0, len(order), BATCH)]
+    words = [(store, [(drives[k], k, told[k]["name"]) for k in batch]) for batch in batches]
+    workers = min(workers, len(batches)) if store.place.folder is not None else 1
+    with beside(workers, workers) as begin:
+        found = ahead(begin, _read_batch, words, workers)
+        for done, (batch, read) in enumerate(zip(batches, found, strict=True)):
+            for key, drive in zip(batch, read, strict=True):
+                if isinstance(drive, str):
+                    warnings.append(f"left out until it is run again: {drive}")
+                    store.unmark(drives[key].digest, DONE)
+                    del told[key]
+            good = [drive for drive in read if not isinstance(drive, str)]
+            if good:
+                add_drives(cells, good)
+            progress((done + 1) / len(batches))
     return told
 
 
@@ -112,9 +133,17 @@ def _named(known: dict[str, Any], drives: dict[str, Entry]) -> dict[str, Any]:
     return told
 
 
-def _read(store: Store, entry: Entry, key: str, name: str) -> DriveSigns:
-    with result_folder(store, entry, _READ) as folder:
-        return replace(read_run(folder).signs, key=key, name=name)
+def _read_batch(store: Store, entries: Sequence[tuple[Entry, str, str]]) -> list[DriveSigns | str]:
+    """What drives saw, by the keys and names that go with them; of a result that cannot be read the
+    sentence why not."""
+    read: list[DriveSigns | str] = []
+    for entry, key, name in entries:
+        try:
+            with result_folder(store, entry, _READ) as folder:
+                read.append(replace(read_run(folder).signs, key=key, name=name))
+        except InputError as error:
+            read.append(str(error))
+    return read
 
 
 @contextmanager

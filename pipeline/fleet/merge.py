@@ -16,7 +16,8 @@ from automap.errors import AutoMapError, InputError, StageError
 from automap.io import names
 from automap.io.atomic import make_folder
 from automap.io.json_text import parse_json
-from pipeline.fleet.contents import update_contents, version, wanted
+from pipeline.fleet.contents import older_results, update_contents, version, wanted
+from pipeline.fleet.orders import current_key
 from pipeline.fleet.places import Place
 from pipeline.fleet.store import Store
 from pipeline.fleet.versions import current, current_map, new_map
@@ -77,6 +78,7 @@ def merge(
         drives = wanted(store.entries(), warnings)
         if not drives:
             raise InputError(f"{store.place.url}: no drive is done; automap fleet run does them.")
+        older = older_results(drives.values(), current_key(store))
         told = [f"{key} {version(drives[key])}" for key in sorted(drives)]
         made_of = hashlib.sha256(
             "\n".join([__version__, repr(least_existence), _digest(roads), *told]).encode()
@@ -87,11 +89,12 @@ def merge(
                 return FleetMap(
                     current(store), False, len(summary["drives"]), summary["sightings"],
                     summary["signs"], (0, 0, summary["cells"]), None,
-                    [*warnings, *summary["warnings"]], time.monotonic() - started,
+                    [*older, *warnings, *summary["warnings"]], time.monotonic() - started,
                 )  # fmt: skip
             named = update_contents(
-                store, cells, drives, warnings, lambda done: progress(0.2 * done, "reading drives")
-            )
+                store, cells, drives, warnings,
+                lambda done: progress(0.2 * done, "reading drives"), workers,
+            )  # fmt: skip
             drives = {key: drives[key] for key in named}
             if not drives:
                 raise InputError(f"{store.place.url}: {warnings[0]}")
@@ -106,8 +109,8 @@ def merge(
                 summary = _summary(out)
     return FleetMap(
         number, True, len(drives), summary["sightings"], summary["signs"],
-        (found.grouped, found.placed, found.cells), comparison, summary["warnings"],
-        time.monotonic() - started,
+        (found.grouped, found.placed, found.cells), comparison,
+        [*older, *summary["warnings"]], time.monotonic() - started,
     )  # fmt: skip
 
 

@@ -11,6 +11,7 @@ from typing import Any
 
 from automap.errors import ConfigError
 from pipeline.fleet.store import DONE, SETTINGS, Store
+from pipeline.run.named_files import without_folders
 from pipeline.run.registry import load_stages
 from pipeline.settings.load import Settings, load_settings, settings_of_echo
 
@@ -54,13 +55,25 @@ def settings_of(store: Store, config: Path | None, assignments: Sequence[str]) -
 def key_of(settings: Settings) -> str:
     """Of the settings, the stages' versions, and the content of files that the settings name."""
     stages = load_stages()
-    files = {str(path) for stage in stages for path in stage.setting_files(settings)}
+    files = list(dict.fromkeys(p for stage in stages for p in stage.setting_files(settings)))
     told = {
-        "settings": settings.echo(),
+        "settings": without_folders(settings.echo(), files),
         "stages": {stage.name: stage.version for stage in stages},
-        "files": {path: _digest(Path(path)) for path in sorted(files)},
+        "files": [[path.name, _digest(path)] for path in files],
     }
     return hashlib.sha256(json.dumps(told, sort_keys=True).encode()).hexdigest()[:20]
+
+
+def current_key(store: Store) -> str | None:
+    """The name of the store's settings by this version of automap; None where it has none, or this
+    version makes nothing of them."""
+    told = store.read(SETTINGS)
+    if not told.get("settings"):
+        return None
+    try:
+        return key_of(settings_of_echo(told["settings"], f"{store.place.url}/{SETTINGS}"))
+    except ConfigError:
+        return None
 
 
 def keep_done(store: Store, key: str) -> int:

@@ -14,6 +14,7 @@ from automap.export.clock import iso_texts, utc_of_gps
 from automap.export.pieces import Kept
 from automap.io import names
 from automap.io.atomic import write_json
+from automap.io.clock_json import write_clock
 from automap.io.map_tables import COVERAGE, SIGHTINGS
 from automap.io.signs_table import write_signs
 from automap.mapping.compare import Comparison, Newer, compare
@@ -31,7 +32,8 @@ from pipeline.merge.cell_steps import drive_offsets, members
 from pipeline.merge.cell_store import Drives, read_drives
 from pipeline.merge.command import named_changes
 from pipeline.merge.outcome import MapOutcome
-from pipeline.merge.output import SCHEMA, in_parts, write_files
+from pipeline.merge.output import SCHEMA, in_parts, write_files, write_stored
+from pipeline.merge.signs import GPS_CLOCK
 from pipeline.merge.whole import MANY_DRIVES, Contribution, complete, gather, write_whole
 from pipeline.shared.beside import Begin, beside
 from pipeline.shared.freed import give_freed_back
@@ -97,27 +99,35 @@ def _write(
     with_posts = with_supports(changed(signs, id=ids), found.columns["own_variance"])
     assert isinstance(with_posts, SignList)
     on_map = with_posts.at(np.flatnonzero(likely))
-    progress(0.2)
-    counts = write_sightings(out / SIGHTINGS, cells, found, drives, ids)
-    last_pass = write_looked(out / COVERAGE, cells, drives)
-    progress(0.4)
+    progress(0.1)
     countries = {str(e.done["country"]).upper() for e in entries.values() if e.done.get("country")}
     name = Path(store.place.url).name
     outcome = MapOutcome(
         name=name, signs=on_map, comparison=comparison, warnings=warnings,
         country=countries.pop() if len(countries) == 1 else None, roads=roads,
     )  # fmt: skip
-    rows = _drive_rows(store, cells, entries, found, drives, counts, warnings)
+    rows = _drive_rows(store, cells, entries, found, drives, warnings)
     if many:
         warnings.append(left_out(store.place.folder is None))
         outcome = replace(outcome, signs=changed(on_map, geoid_m=geoid()[likely].tolist()))
     else:
         outcome = _with_whole(out, outcome, store, cells, entries, found, drives, ids)
     # what is written now needs the room
-    del signs, with_posts, on_map, ids
+    del signs, with_posts, on_map
     found.columns.clear()
     write_signs(out / names.SIGNS_RAW, outcome.signs)
     write_json(out / names.RUN, _run_record(store, outcome, rows))
+    write_clock(out / names.SYNC, GPS_CLOCK)
+    kept = Kept(None if before is None else before.folder)
+    # before all that does not need it: the GeoPackage takes longest
+    rest = begin(write_stored, out, name, kept) if in_parts(outcome, out) else None
+    progress(0.2)
+    counts = write_sightings(out / SIGHTINGS, cells, found, drives, ids)
+    del ids
+    for row, k in zip(rows, np.argsort(drives.rank), strict=True):
+        row["signs"], row["signs_in_map"] = counts[k].tolist()
+    last_pass = write_looked(out / COVERAGE, cells, drives)
+    progress(0.4)
     summary = _summary(outcome, found, rows, counts, before, made_of)
     summary["cells"] = found.cells
     summary["history"] = [
@@ -130,13 +140,9 @@ def _write(
         },
     ]
     summary["last_pass"] = last_pass
-    in_pieces = in_parts(outcome, out)
-    if in_pieces:
+    if rest is not None:
         outcome = replace(outcome, signs=())
-    kept = Kept(None if before is None else before.folder)
-    write_files(
-        out, outcome, summary, lambda done: progress(0.4 + 0.6 * done), in_pieces, begin, kept
-    )
+    write_files(out, outcome, summary, lambda done: progress(0.4 + 0.6 * done), rest, kept)
     return comparison
 
 
@@ -168,10 +174,9 @@ def _drive_rows(
     entries: Mapping[str, Entry],
     found: StoreMap,
     drives: Drives,
-    counts: IntArray,
     warnings: list[str],
 ) -> list[dict[str, Any]]:
-    """What merge.json says of each drive, in the order of their starts."""
+    """What merge.json says of each drive, in the order of their starts, but for its counts."""
     offset, sd = drive_offsets(cells, found.homes, len(drives))
     starts = iso_texts(utc_of_gps(drives.start_gps_s))
     likely = found.existence[found.pairs.sign] >= 0.5
@@ -192,8 +197,6 @@ def _drive_rows(
                 "key": drives.key[k],
                 "folder": f"{store.place.url}/{store.result(entry)}",
                 "start": starts[k],
-                "signs": int(counts[k, 0]),
-                "signs_in_map": int(counts[k, 1]),
                 "offset_m": dict(zip("enu", offset[k].tolist(), strict=True)),
                 "offset_sd_m": dict(zip("enu", sd[k].tolist(), strict=True)),
                 "in_view": int(in_view[k]),

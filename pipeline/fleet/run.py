@@ -86,6 +86,8 @@ def run(
     for name in store.leftovers(entries):
         store.place.remove(name)
     waiting = [entry for entry in entries if entry.state(order.key) == "waiting"]
+    # a long one that came last would have one worker alone
+    waiting.sort(key=lambda entry: -entry.size)
     ran = Ran()
     if not waiting:
         return ran
@@ -137,7 +139,8 @@ class _Round:
         return self.client.submit(
             self.task, self.store.place.url, entry.digest, entry.path, one.order,
             key=f"{entry.digest}-{one.order.key[:8]}-{one.tries}-{one.lost}-{time.time_ns()}",
-            pure=False,
+            # what is submitted within a moment comes in no order
+            pure=False, priority=entry.size,
         )  # fmt: skip
 
     def _result(self, future: Any, one: _Try) -> Result:

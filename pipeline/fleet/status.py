@@ -12,6 +12,7 @@ import numpy as np
 from automap.export.clock import iso_texts, utc_of_gps
 from automap.io import names
 from automap.io.atomic import plain
+from pipeline.fleet.orders import current_key
 from pipeline.fleet.store import SCHEMA, SETTINGS, Entry, Store
 from pipeline.fleet.versions import MAP, current
 from pipeline.shared.values import listing, mapping, number
@@ -52,6 +53,7 @@ def _text(value: Any) -> str | None:
 def status(store: Store) -> tuple[dict[str, Any], list[dict[str, Any]]]:
     """Counts of the whole store, and a line of each drive."""
     key = store.read(SETTINGS).get("key")
+    now = current_key(store)
     drives = [drive_line(entry, key) for entry in store.entries() if not entry.replaced]
     done = [line for line in drives if line["state"] == "done"]
 
@@ -67,6 +69,7 @@ def status(store: Store) -> tuple[dict[str, Any], list[dict[str, Any]]]:
         "waiting": sum(line["state"] == "waiting" for line in drives),
         "aside": sum(line["state"] == "aside" for line in drives),
         "older_settings": sum(line["older_settings"] for line in done),
+        "older_version": len(done) if now not in (None, key) else 0,
         "doubtful": sum(line["verdict"] not in (None, "", "good") for line in done),
         "hours": total("hours"),
         "km": total("km"),
@@ -130,6 +133,11 @@ def summary_lines(told: dict[str, Any], drives: Sequence[dict[str, Any]]) -> lis
             lines.append(f"    - {line['name']} is {line['verdict']}{why}")
     if told["older_settings"]:
         lines.append(f"  settings    {told['older_settings']} were done with older ones")
+    if told["older_version"]:
+        lines.append(
+            f"  version     {told['older_version']} were done by another version of automap, or "
+            "with other files that the settings name; automap fleet run does them anew"
+        )
     made = told["map"]
     if made is None:
         lines.append("  map         none; automap fleet merge makes it")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from automap.io.atomic import write_json
 from automap.mapping.adjustment import ErrorLevels
 from automap.mapping.backs import map_backs, with_backs
 from automap.mapping.existence import Chances, DetectionRates, detection_rates, existence
@@ -18,10 +16,9 @@ from automap.mapping.merge import map_signs
 from automap.records import FloatArray
 from automap.records.sign_lists import Names, SignList
 from automap.signs.backs import NO_BACK
-from pipeline.merge.cell_belief import KEPT_LEVEL, kept_belief
+from pipeline.merge.cell_belief import kept_belief
+from pipeline.merge.cell_levels import levels_of
 from pipeline.merge.cell_steps import (
-    digest_of_groups,
-    estimate,
     group,
     place,
     placed_cells,
@@ -30,8 +27,6 @@ from pipeline.merge.cell_steps import (
 )
 from pipeline.merge.cell_store import Drives, read_drives
 from pipeline.shared.beside import processes
-
-LEVELS = "levels.json"
 
 
 @dataclass(frozen=True)
@@ -76,7 +71,7 @@ def merge_store(
 
 
 def _merge(
-    folder: Path, over: Callable[..., Iterable[bool]], progress: Callable[[float, str], None]
+    folder: Path, over: Callable[..., Iterable[Any]], progress: Callable[[float, str], None]
 ) -> StoreMap:
     waves = turns(folder)
     cells = sum(len(wave) for wave in waves)
@@ -87,7 +82,7 @@ def _merge(
             grouped += changed
             done += 1
             progress(0.5 * done / cells, "which sightings are one sign")
-    levels = _levels(folder)
+    levels = levels_of(folder, over)
     wanted = standing(folder)
     placed = 0
     for done, changed in enumerate(
@@ -97,24 +92,6 @@ def _merge(
         progress(0.5 + 0.4 * done / len(wanted), "where signs stand")
     progress(0.9, "which signs are there")
     return _whole(folder, wanted, levels, (grouped, placed, cells))
-
-
-def _levels(folder: Path) -> ErrorLevels:
-    """The levels that go with the groups as they are."""
-    path, groups = folder / LEVELS, digest_of_groups(folder)
-    told = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
-    # those of an earlier version have other names
-    known = bool(told) and told["levels"].keys() == vars(ErrorLevels()).keys()
-    before = ErrorLevels(**told["levels"]) if known else None
-    if before is not None and told["groups"] == groups:
-        return before
-    found = estimate(folder)
-    if before is not None and all(
-        abs(value - vars(before)[name]) < KEPT_LEVEL for name, value in vars(found).items()
-    ):
-        found = before
-    write_json(path, {"groups": groups, "levels": vars(found)})
-    return found
 
 
 def _whole(

@@ -1,8 +1,9 @@
 """The merge of a store, step by step: every step is a function of one cell, and done once only.
 
-``group`` in the order of ``turns``, ``estimate``, then ``place`` of every cell that ``standing``
-names. A step writes a file for its cell with a digest of what it took, and is left out where that
-digest is as it was: after new drives only cells change that have something new in them or near.
+``group`` in the order of ``turns``, then, with the levels of ``cell_levels``, ``place`` of every
+cell that ``standing`` names. A step writes a file for its cell with a digest of what it took, and
+is left out where that digest is as it was: after new drives only cells change that have something
+new in them or near.
 """
 
 from __future__ import annotations
@@ -24,7 +25,6 @@ from automap.mapping.association import renumbered
 from automap.mapping.by_cells import group_cell
 from automap.mapping.cell_merge import PLACE_MARGIN_M, place_cell
 from automap.mapping.cells import cell_of, colour_of, quadkey
-from automap.mapping.error_levels import level_cells, level_tiles, levels_of_tiles
 from automap.mapping.existence import Chances
 from automap.mapping.limits import FARTHEST_M, HALO_M
 from automap.records import FloatArray, IntArray
@@ -64,7 +64,7 @@ def group(folder: Path, cell: int) -> bool:
     cells = near_cells(folder, cell, HALO_M)
     before = [k for k in cells.tolist() if colour_of(k) < colour_of(cell)]
     path = _file(folder, GROUPS, cell)
-    stamp = _stamp(parts(folder, SIGHTINGS, cells), [_file(folder, GROUPS, k) for k in before])
+    stamp = stamp_of(parts(folder, SIGHTINGS, cells), [_file(folder, GROUPS, k) for k in before])
     if _text(path, "stamp") == stamp:
         return False
     near = read_near(folder, read_drives(folder), cell, HALO_M)
@@ -88,25 +88,6 @@ def group(folder: Path, cell: int) -> bool:
     return True
 
 
-def estimate(folder: Path) -> ErrorLevels:
-    """How large the errors are, from a draw of cells."""
-    import pyarrow.parquet as pq
-
-    cells = occupied(folder)
-    count = [
-        sum(pq.read_metadata(file).num_rows for file in parts(folder, SIGHTINGS, cells[k : k + 1]))
-        for k in range(len(cells))
-    ]
-    drives, tiles = read_drives(folder), []
-    chosen, most = level_cells(cells, np.array(count, np.int64))
-    for cell in chosen:
-        near, sign = _grouped(folder, drives, cell)
-        rows = np.flatnonzero(sign >= 0)
-        if len(rows):
-            tiles += level_tiles(near.sightings.at(rows), renumbered(sign[rows]), cell, most)
-    return levels_of_tiles(tiles)
-
-
 def standing(folder: Path) -> list[int]:
     """Cells that signs stand in."""
     homes = [_read(path)["home"] for path in sorted((folder / GROUPS).glob("*.npz"))]
@@ -117,12 +98,11 @@ def place(folder: Path, cell: int, levels: ErrorLevels) -> bool:
     """Place the signs of one cell; False where nothing had changed."""
     cells = near_cells(folder, cell, HALO_M)
     files = parts(folder, SIGHTINGS, cells) + parts(folder, PATHS, cells)
-    grouped = [_file(folder, GROUPS, k) for k in cells.tolist()]
-    stamp = _stamp(files, grouped) + repr(levels)
+    stamp = stamp_of(files, [_file(folder, GROUPS, k) for k in cells.tolist()]) + repr(levels)
     path = _file(folder, PLACED, cell)
     if _text(path, "stamp") == stamp:
         return False
-    near, sign = _grouped(folder, read_drives(folder), cell, VIEW_MARGIN_M)
+    near, sign = grouped(folder, read_drives(folder), cell, VIEW_MARGIN_M)
     took = _FORMAT + near.digest() + repr(levels)
     whole = hashlib.sha256(took.encode() + sign.tobytes())
     if _text(path, "digest") == whole.hexdigest():
@@ -258,7 +238,7 @@ def _short(column: np.ndarray) -> np.ndarray:
     return np.array([*map(sys.intern, column.tolist()), None], object)[:-1]
 
 
-def _grouped(
+def grouped(
     folder: Path, drives: Drives, cell: int, path_margin_m: float | None = None
 ) -> tuple[Near, IntArray]:
     """What the places of a cell's signs are told from, and whose each sighting is (-1)."""
@@ -303,7 +283,7 @@ def _text(path: Path, name: str) -> str:
         return ""
 
 
-def _stamp(files: Sequence[Path], before: Sequence[Path]) -> str:
+def stamp_of(files: Sequence[Path], before: Sequence[Path]) -> str:
     """Of the files of a cell and its neighbours by names and sizes, as parts are written once, and
     of the digests of the steps ``before``: where it is as it was, nothing need be read."""
     told = [f"{path.parent.name}/{path.name} {path.stat().st_size}" for path in files]
@@ -318,17 +298,12 @@ def covered_file(folder: Path, cell: int) -> Path:
 
 def path_stamp(folder: Path, cell: int) -> str:
     """Of the paths in a cell."""
-    return _stamp(parts(folder, PATHS, np.array([cell])), [])
+    return stamp_of(parts(folder, PATHS, np.array([cell])), [])
 
 
 def is_done(path: Path, stamp: str) -> bool:
     """Whether a step wrote its file from what has this stamp."""
     return _text(path, "stamp") == stamp
-
-
-def digest_of_groups(folder: Path) -> str:
-    """Of how all cells are grouped."""
-    return _stamp([], sorted((folder / GROUPS).glob("*.npz")))
 
 
 def write_columns(path: Path, **columns: Any) -> None:

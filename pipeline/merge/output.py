@@ -21,7 +21,7 @@ from pipeline.merge.changes_file import changes_geojson
 from pipeline.merge.coverage import coverage_of
 from pipeline.merge.signs import GPS_CLOCK
 from pipeline.merge.whole import MOST_PICTURED
-from pipeline.shared.beside import Begin, later
+from pipeline.shared.beside import later
 from pipeline.shared.lock import locked
 
 if TYPE_CHECKING:
@@ -33,6 +33,8 @@ if TYPE_CHECKING:
 
 CHANGES = "changes.geojson"
 SCHEMA = "automap.merge/1"
+BESIDE = ("gpkg", "kmz")
+"""Formats that take about half of the processor's time that all take."""
 
 
 def write_map(
@@ -81,6 +83,7 @@ def _write_files(
     previous: Path | None,
     progress: Callable[[float], None],
 ) -> list[Path]:
+    from automap.io.clock_json import write_clock
     from automap.io.map_tables import write_coverage
     from automap.io.signs_table import write_signs
     from pipeline.merge.whole import complete, gather, write_whole
@@ -95,8 +98,10 @@ def _write_files(
     write_coverage(out / COVERAGE, coverage_of(outcome.merged.drives))
     progress(0.25)
     write_json(out / names.RUN, _run_record(outcome, folders))
+    write_clock(out / names.SYNC, GPS_CLOCK)
     summary = merge_summary(outcome, signs, folders, previous)
-    written = write_files(out, outcome, summary, progress, in_parts(outcome, out))
+    rest = later(write_stored, out, outcome.name, None) if in_parts(outcome, out) else None
+    written = write_files(out, outcome, summary, progress, rest)
     # with the warnings of what was written
     write_json(out / names.RUN, _run_record(outcome, folders))
     return written
@@ -114,35 +119,28 @@ def write_files(
     outcome: MapOutcome,
     summary: dict[str, Any],
     progress: Callable[[float], None],
-    many: bool,
-    begin: Begin = later,
+    rest: Callable[[], None] | None = None,
     kept: Kept | None = None,
 ) -> list[Path]:
-    """Write what a map consists of, once ``run.json``, signs, sightings and coverage are there;
-    returns the files for people. ``summary`` becomes merge.json. ``many`` signs are read part by
-    part from their table, one format as ``begin`` has it, and pieces of their files ``kept``."""
+    """Write what a map consists of, once ``run.json``, clock, signs, sightings and coverage are
+    there; returns the files for people. ``summary`` becomes merge.json. With a ``rest``, begun
+    as ``write_stored``, the signs are read part by part from their table, and pieces of their files
+    ``kept``."""
     from automap.export.roads import roads_csv
-    from automap.io.clock_json import write_clock
     from pipeline.export.content import map_content, stored_content
     from pipeline.export.formats import FORMATS, STANDARD_FORMATS, write_dictionary
     from pipeline.export.roads import tried_on_roads
     from pipeline.merge.report import merge_report
 
-    write_clock(out / names.SYNC, GPS_CLOCK)
-    formats = list(STANDARD_FORMATS)
-    files = [out / FORMATS[fmt][0] for fmt in formats]
-    beside = None
-    if many:
-        # what takes longest is written beside all others
-        formats.remove("gpkg")
-        beside = begin(write_stored, out, outcome.name, "gpkg")
+    files = [out / FORMATS[fmt][0] for fmt in STANDARD_FORMATS]
+    formats = [fmt for fmt in STANDARD_FORMATS if rest is None or fmt not in BESIDE]
     content = (
         stored_content(out, outcome.name, kept)
-        if many
+        if rest is not None
         else map_content(out, outcome.name, on_roads=False, fresh=True)
     )
     told = len(content.warnings)
-    rows = [] if many else tried_on_roads(content, outcome.roads)
+    rows = [] if rest is not None else tried_on_roads(content, outcome.roads)
     if rows:
         write_text(out / names.SIGN_ROADS, roads_csv(rows))
     outcome.warnings.extend(content.warnings[told:])
@@ -150,8 +148,8 @@ def write_files(
         FORMATS[fmt][1](content, out / FORMATS[fmt][0])
         progress(0.3 + 0.6 * (number + 1) / len(files))
     report = merge_report(outcome, summary, content)
-    if beside is not None:
-        beside()
+    if rest is not None:
+        rest()
     write_dictionary(out / names.DICTIONARY)
     changes = outcome.comparison.changes if outcome.comparison is not None else None
     if changes is not None:
@@ -162,13 +160,15 @@ def write_files(
     return [*files, out / names.REPORT, out / names.MERGE]
 
 
-def write_stored(out: Path, name: str, fmt: str) -> None:
-    """Write a format of a map whose signs are read part by part, in a process of its own."""
+def write_stored(out: Path, name: str, kept: Kept | None) -> None:
+    """Write ``BESIDE`` of a map whose signs are read part by part, once its ``run.json``, clock and
+    signs are there; in a process of its own, say."""
     from pipeline.export.content import stored_content
     from pipeline.export.formats import FORMATS
 
-    file, write = FORMATS[fmt]
-    write(stored_content(out, name), out / file)
+    content = stored_content(out, name, kept)
+    for file, write in map(FORMATS.__getitem__, BESIDE):
+        write(content, out / file)
 
 
 def _run_record(outcome: MergeOutcome, folders: Sequence[Path]) -> dict[str, Any]:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from automap.io import names
 from pipeline.run.digests import DigestCache
+from pipeline.run.named_files import names_of, without_folders
 from pipeline.run.stage import Stage
 from pipeline.shared.values import flatten
 
@@ -60,17 +61,18 @@ def gather(
 ) -> Ingredients:
     """What the stage would use now. ``earlier`` are the records of the stages before it."""
     manifest = drive.path / names.MANIFEST
+    named = stage.setting_files(settings)
     inputs = {}
-    for path in (*stage.inputs(drive), *stage.setting_files(settings)):
+    for name, path in names_of((*stage.inputs(drive), *named), drive.path).items():
         value = digests.digest(path)
         if value is not None and path != manifest:
-            inputs[_name_in(drive.path, path)] = value
+            inputs[name] = value
     needs: dict[str, str | None] = {}
     for need in stage.needs:
         needs[need] = _history(earlier) if need == names.RUN else digests.digest(out / need)
     return Ingredients(
         version=stage.version,
-        settings=flatten(settings.echo(stage.settings)),
+        settings=flatten(without_folders(settings.echo(stage.settings), named)),
         manifest=_manifest(manifest, stage.manifest),
         inputs=inputs,
         needs=needs,
@@ -129,10 +131,6 @@ def _manifest(path: Path, sections: tuple[str, ...] | None) -> dict[str, Any]:
 def _history(earlier: Sequence[Mapping[str, Any]]) -> str:
     stamps = [[record.get("key"), record.get("started")] for record in earlier]
     return hashlib.sha256(json.dumps(stamps).encode()).hexdigest()
-
-
-def _name_in(folder: Path, path: Path) -> str:
-    return str(path.relative_to(folder)) if path.is_relative_to(folder) else str(path)
 
 
 def _mapping(record: Mapping[str, Any], key: str) -> Mapping[str, Any]:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import ctypes
 import os
 import signal
-from collections.abc import Callable, Iterator
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from functools import partial
@@ -46,10 +47,24 @@ def _end_with(parent: int) -> None:
 
 
 @contextmanager
-def beside(workers: int) -> Iterator[Begin]:
-    """With two workers a process that makes one call after another; with one ``later``."""
+def beside(workers: int, count: int = 1) -> Iterator[Begin]:
+    """With two workers so many processes that make one call after another; with one ``later``."""
     if workers < 2:
         yield later
         return
-    with processes(1) as pool:
+    with processes(count) as pool:
         yield lambda call, /, *words: pool.submit(call, *words).result
+
+
+def ahead(
+    begin: Begin, call: Callable[..., T], words: Iterable[Sequence[object]], most: int
+) -> Iterator[T]:
+    """Results of calls in their order, of which ``most`` are begun before they are asked for: more
+    would fill the memory."""
+    begun: deque[Callable[[], T]] = deque()
+    for each in words:
+        begun.append(begin(call, *each))
+        if len(begun) > most:
+            yield begun.popleft()()
+    while begun:
+        yield begun.popleft()()

@@ -16,6 +16,7 @@ def cache_reasons() -> Any:
     from automap.io import names
     from pipeline.run import cache as of
     from pipeline.run.digests import DigestCache
+    from pipeline.run.named_files import names_of
 
     settings, manifest = {"a.x": 1.5, "a.y": "long " * 12, "b": None}, {"imu.rate": 100}
     inputs = {"imu.csv": "11", "gps.csv": "22"}
@@ -67,7 +68,9 @@ def cache_reasons() -> Any:
             for name in ("drive.toml", "bad.toml", "gone.toml")
             for sections in (None, ("imu",), ())
         ]
-        found["names"] = [of._name_in(out, p) for p in (out / "within" / "x", Path("/else/y"))]
+        found["names"] = list(
+            names_of([out / "within" / "x", Path("/else/y"), Path("/else/z/y")], out)
+        )
         changed = kept._changed
         kept.save()
         found["saved"] = [changed, kept._changed]

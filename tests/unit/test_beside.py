@@ -6,11 +6,12 @@ import os
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
-from pipeline.shared.beside import beside, later
+from pipeline.shared.beside import T, ahead, beside, later
 
 PARENT = """
 import time
@@ -62,3 +63,18 @@ def test_what_is_begun_is_waited_for_and_may_fail() -> None:
             two()
     with beside(1) as begin:
         assert begin(os.getpid)() == os.getpid()
+
+
+def test_no_more_is_begun_than_was_asked_for() -> None:
+    """Ten thousand drives read ahead would not fit into memory."""
+    begun: list[int] = []
+
+    def begin(call: Callable[..., T], /, *words: object) -> Callable[[], T]:
+        begun.append(len(begun))
+        return later(call, *words)
+
+    taken = []
+    for result in ahead(begin, int, [(str(k),) for k in range(7)], 2):
+        taken.append(result)
+        assert len(begun) <= len(taken) + 2
+    assert taken == list(range(7))

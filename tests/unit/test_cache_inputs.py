@@ -348,22 +348,28 @@ def test_an_output_that_is_gone_makes_a_stage_run(ran: Ran, name: str, tmp_path:
 
 def test_the_files_of_a_users_detector_make_detect_run(ran: Ran, tmp_path: Path) -> None:
     """Its description, its model and what a model of large weights has beside it."""
-    (tmp_path / "mine.toml").write_text(
+    mine = tmp_path / "mine"
+    mine.mkdir()
+    (mine / "mine.toml").write_text(
         'schema = "automap.detector/1"\nmodel = "mine.onnx"\nclasses = ["stop"]\n'
     )
-    (tmp_path / "mine.onnx").write_bytes(b"a model")
-    (tmp_path / "mine.onnx.data").write_bytes(b"its weights")
+    (mine / "mine.onnx").write_bytes(b"a model")
+    (mine / "mine.onnx.data").write_bytes(b"its weights")
     stage = next(each for each in ran.stages if each.name == "detect")
-    settings = load_settings(None, [f"detect.detector={json.dumps(str(tmp_path / 'mine.toml'))}"])
 
-    def key() -> str:
+    def key(folder: Path = mine) -> str:
+        text = json.dumps(str(folder / "mine.toml"))
+        settings = load_settings(None, [f"detect.detector={text}"])
         digests = DigestCache(tmp_path / "no such folder")
         return gather(stage, load_drive(ran.drive), ran.out, settings, digests, []).key("detect")
 
     before = key()
     for name in ("mine.toml", "mine.onnx", "mine.onnx.data"):
-        assert changed(tmp_path / name, key) != before, name
+        assert changed(mine / name, key) != before, name
         assert key() == before
+    # where they lie does not count
+    shutil.copytree(mine, tmp_path / "elsewhere")
+    assert key(tmp_path / "elsewhere") == before
 
 
 def test_all_parts_of_a_shapefile_make_export_run(ran: Ran, tmp_path: Path) -> None:

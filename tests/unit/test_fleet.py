@@ -7,6 +7,9 @@ import errno
 import json
 import os
 import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from types import ModuleType
@@ -22,6 +25,7 @@ from automap.errors import ConfigError, InputError, StageError
 from automap.export import pieces
 from automap.io.map_tables import TRACKS, read_tracks
 from automap.io.signs_table import read_signs
+from automap.mapping.cells import cell_of, quadkey
 from automap.mapping.merge import merge_drives
 from automap.records import Trajectory
 from pipeline.cli.root import cli
@@ -29,7 +33,8 @@ from pipeline.fleet import merge as merging
 from pipeline.fleet import publish as publishing
 from pipeline.fleet import task, tracks
 from pipeline.fleet.add import add
-from pipeline.fleet.child import kind_of
+from pipeline.fleet.child import begin_of, kind_of
+from pipeline.fleet.contents import update_contents, wanted
 from pipeline.fleet.merge import merge
 from pipeline.fleet.orders import Order, keep_done, key_of, settings_of
 from pipeline.fleet.retry import retry
@@ -39,6 +44,8 @@ from pipeline.fleet.versions import current
 from pipeline.merge import output
 from pipeline.merge.whole import drive_essentials
 from pipeline.run.registry import load_stages
+from pipeline.settings.load import load_settings
+from pipeline.shared.beside import Begin
 
 
 def run_all(store: Store, order: Order = ORDER) -> None:
@@ -132,6 +139,55 @@ def test_the_map_is_that_of_one_merge_of_all(tmp_path: Path) -> None:
         assert (tmp_path / "store" / "map" / name).is_file()
     again = merge(store)
     assert (again.new, again.version) == (False, "000001")
+
+
+def test_drives_of_one_place_come_into_cells_together(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """By their digests alone every batch would have some of every place, and every cell a file of
+    every batch."""
+    store = make_store(tmp_path, range(6))
+    for entry in store.entries():
+        number = int((Path(entry.path) / "imu.csv").read_text())
+        publish_made(store.place.url, entry.digest, entry.path, ORDER, cell=f"31{number % 2}")
+    monkeypatch.setattr("pipeline.fleet.contents.BATCH", 3)
+    batches = []
+    monkeypatch.setattr(
+        "pipeline.fleet.contents.add_drives",
+        lambda cells, drives: batches.append({drive.name for drive in drives}),
+    )
+    update_contents(store, tmp_path, wanted(store.entries(), []), [], lambda done: None)
+    assert batches == [{scene()[k].name for k in ks} for ks in ((0, 2, 4), (1, 3, 5))]
+
+
+def test_where_a_drive_began_is_told(tmp_path: Path) -> None:
+    drive = scene()[0]
+    assert drive.path is not None
+    home = cell_of(drive.path.lat_rad[:1], drive.path.lon_rad[:1])
+    assert begin_of(drive) == quadkey(int(home[0]))
+    assert begin_of(replace(drive, path=None)).startswith("3")
+    assert begin_of(replace(drive, lat_rad=drive.lat_rad * np.nan, path=None)) == ""
+
+
+def test_what_is_written_beside_needs_nothing_that_is_written_later(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Another process begins with it as early as it can, and ends it when it does."""
+
+    @contextmanager
+    def at_once(workers: int) -> Iterator[Begin]:
+        yield lambda call, /, *words: partial(lambda result: result, call(*words))
+
+    monkeypatch.setattr(output, "MOST_PICTURED", 1)
+    store = make_store(tmp_path, range(3))
+    run_all(store)
+    merge(store)
+    last = map_bytes(store)
+    shutil.rmtree(tmp_path / "store" / "maps")
+    (tmp_path / "store" / "map").unlink()
+    monkeypatch.setattr(publishing, "beside", at_once)
+    merge(store)
+    assert map_bytes(store) == last
 
 
 def test_a_merge_that_is_ended_anywhere_goes_on_to_the_same_map(
@@ -444,6 +500,33 @@ def test_the_key_of_settings_follows_settings_versions_and_files(
     echo = settings_of(store, None, ()).echo()
     with pytest.raises(ConfigError, match="another version of automap"):
         Order(echo, other, (), 1).settings()
+
+
+def test_where_the_files_lie_that_settings_name_is_none_of_the_key(tmp_path: Path) -> None:
+    """A store that moves to another machine is done there too; what the files hold counts."""
+    keys = []
+    for folder, text in (("a", "one"), ("b", "one"), ("c", "other")):
+        roads = tmp_path / folder / "roads.geojson"
+        roads.parent.mkdir()
+        roads.write_text(text)
+        keys.append(key_of(load_settings(assignments=[f"export.roads={str(roads)!r}"])))
+    assert keys[0] == keys[1] != keys[2]
+
+
+def test_results_of_another_version_are_told_before_the_next_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    store = make_store(tmp_path, range(2))
+    order = Order({}, key_of(settings_of(store, None, ())), (), ORDER.memory)
+    run_all(store, order)
+    assert merge(store).warnings == []
+    assert status(store)[0]["older_version"] == 0
+    stages = [s if s.name != "fuse" else changed(s) for s in load_stages()]
+    monkeypatch.setattr("pipeline.fleet.orders.load_stages", lambda: stages)
+    told, drives = status(store)
+    assert (told["done"], told["older_version"]) == (2, 2)
+    assert any("another version of automap" in line for line in summary_lines(told, drives))
+    assert any(text.startswith("2 of the drives are as another") for text in merge(store).warnings)
 
 
 @pytest.mark.parametrize("words", [("add", "store", "none/*"), ("run", "store", "--drives", "no")])

@@ -16,9 +16,10 @@ import pytest
 
 pytest.importorskip("distributed", reason="Dask is not installed (the extra fleet)")
 
-from fleet_scene import ORDER, full, make_store, map_bytes, publish_made
+from fleet_scene import ORDER, full, make_drives, make_store, map_bytes, publish_made
 
 from automap.errors import ConfigError, StageError
+from pipeline.fleet.add import add
 from pipeline.fleet.merge import merge
 from pipeline.fleet.orders import Order
 from pipeline.fleet.run import fitting_workers, order_for, run
@@ -70,6 +71,19 @@ def test_the_drives_of_a_store_are_run_and_merged(tmp_path: Path) -> None:
     assert run(store, ORDER, task=publish_made).done == []
 
 
+def test_the_largest_drives_are_begun_first(tmp_path: Path) -> None:
+    """One that came last would be run while all other workers have nothing to do."""
+    paths = make_drives(tmp_path / "drives", range(5))
+    for k, path in enumerate(paths):
+        (Path(path) / "notes.txt").write_text("long " * (k * 3 % 5))
+    store = Store.at(str(tmp_path / "store"), make=True)
+    add(store, paths)
+    done = run(store, ORDER, workers=1, task=publish_made).done
+    sizes = [store.entry(digest).size for digest in done]
+    assert len(sizes) == 5
+    assert sizes == sorted(sizes, reverse=True)
+
+
 @pytest.mark.parametrize(
     ("kind", "after", "tries", "good"),
     [("io", 2, 3, True), ("io", 9, 3, False), ("data", 9, 1, False), ("lost", 4, 5, True),
@@ -110,8 +124,6 @@ def test_damaged_drives_are_put_aside_with_their_sentence(tmp_path: Path) -> Non
     paths = [str(make_drive(tmp_path / name, "t_ns,what\n1,2\n")) for name in ("log", "toml")]
     (tmp_path / "toml" / "drive.toml").write_text("schema = [")
     store = Store.at(str(tmp_path / "store"), make=True)
-    from pipeline.fleet.add import add
-
     add(store, paths)
     ran = run(store, order_for(store, load_settings(), 3 << 30), workers=2)
     assert len(ran.aside) == 2
@@ -124,8 +136,6 @@ def test_damaged_drives_are_put_aside_with_their_sentence(tmp_path: Path) -> Non
 
 def test_a_drive_takes_no_more_memory_than_stated(tmp_path: Path) -> None:
     store = Store.at(str(tmp_path / "store"), make=True)
-    from pipeline.fleet.add import add
-
     add(store, [str(make_drive(tmp_path / "drive"))])
     order = order_for(store, load_settings(), 20 << 20)
     (entry,) = store.entries()

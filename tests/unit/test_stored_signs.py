@@ -73,9 +73,9 @@ def test_a_map_in_parts_has_the_bytes_of_one_at_once(
         assert (tmp_path / "map" / name).read_bytes() == once[name], name
     assert rows_of(tmp_path / "map" / names.GPKG) == once_rows
     # as a process of its own does it
-    (tmp_path / "map" / names.KML).unlink()
-    output.write_stored(tmp_path / "map", "map", "kml")
-    assert (tmp_path / "map" / names.KML).read_bytes() == once[names.KML]
+    (tmp_path / "map" / names.KMZ).unlink()
+    output.write_stored(tmp_path / "map", "map", None)
+    assert (tmp_path / "map" / names.KMZ).read_bytes() == once[names.KMZ]
 
 
 def test_signs_in_parts_are_no_signs_for_what_takes_them_all(
