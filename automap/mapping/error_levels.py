@@ -80,8 +80,21 @@ def levels_of_tiles(tiles: Sequence[tuple[Sightings, TileData]]) -> ErrorLevels:
             "maxfev": 200,
         },
     )
-    step = np.array([limits.LEVEL_STEP, limits.LEVEL_STEP, limits.LASTING_STEP])
-    return _levels(np.rint(found.x / step) * step)
+    return _rounded(_levels(found.x))
+
+
+def _rounded(levels: ErrorLevels) -> ErrorLevels:
+    """Levels whose own errors, and what lasts and what wanders of the shared, are rounded."""
+    own = limits.OWN_STEP * round(levels.own / limits.OWN_STEP)
+    lasts = levels.shared * levels.lasting**0.5
+    wanders = max(levels.shared, 1.0) * (1.0 - levels.lasting) ** 0.5
+    lasts = limits.LASTING_STEP * round(lasts / limits.LASTING_STEP)
+    wanders = limits.WANDER_STEP * round(wanders / limits.WANDER_STEP)
+    both = lasts**2 + wanders**2
+    if both >= 1.0:
+        return ErrorLevels(both**0.5, own, lasts**2 / both)
+    lasting = 1.0 - wanders**2
+    return ErrorLevels(lasts / lasting**0.5, own, lasting)
 
 
 def _levels(x: FloatArray) -> ErrorLevels:

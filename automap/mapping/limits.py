@@ -103,11 +103,12 @@ LASTING_ERROR = 0.5
 not tell another. Any part is as likely as another."""
 MOST_LEVEL_SIGMAS = 3.0
 """Levels go no further from what is stated: a sample of tiles may hold a wrong association."""
-LEVEL_STEP, LASTING_STEP = 0.02, 0.1
-"""Levels and the time constant are rounded to these steps of their logarithms, so that they stay,
-and with them all that was placed, where some more drives tell them anew. Two standard errors of
-what the tiles below tell, by the curvature of the restricted likelihood of 24 tiles of 100
-simulated drives of a town (0.011 shared, 0.009 own, 0.050 tau): rounding adds 0.6 of one."""
+OWN_STEP, WANDER_STEP, LASTING_STEP = 0.02, 0.02, 0.05
+"""What the own errors, what wanders and what lasts of the shared ones are, in what is stated, is
+rounded to these steps, so that it stays, and with it all that was placed, where some more drives
+tell it anew. Two standard errors, or little more than one of what lasts, by the curvature of the
+restricted likelihood of 24 tiles of 100 simulated drives of a town (0.008 own, 0.014 wanders,
+0.04 lasts): rounding adds at most 0.6 of one."""
 LEVEL_TILES, LEVEL_TILE_SIGNS, LEVEL_ROWS = 24, 30, 1500
 """Tiles that levels are estimated from, their signs, and the sightings a tile may have. Chosen:
 more take longer."""
