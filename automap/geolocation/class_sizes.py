@@ -13,10 +13,11 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from automap.geolocation import limits
-from automap.geolocation.landmark import Landmark, SizePrior, commonest
+from automap.geolocation.landmark import Landmark, SizePrior
 from automap.geolocation.views import Views
 from automap.records import FloatArray
 from automap.robust import cauchy_weight
+from automap.signs.class_shares import commonest
 from automap.signs.classes import load_classes
 from automap.signs.vocabulary import load_vocabulary
 

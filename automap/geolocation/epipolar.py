@@ -114,7 +114,7 @@ class PairGeometry:
         pairs: IntArray,
     ) -> None:
         self._scene = (trajectory, camera, origin, ray, t_ns)
-        self._pairs = pairs
+        self._ray, self._pairs = ray, pairs
         self._times, frame = np.unique(t_ns[pairs], return_inverse=True)
         self._frames = frame.reshape(pairs.shape)
         self._offset_s = np.nan
@@ -128,7 +128,7 @@ class PairGeometry:
     @property
     def n_boxes(self) -> int:
         """Boxes that have a direction."""
-        return len(self._scene[3])
+        return len(self._ray)
 
     def thinned(self, n: int) -> PairGeometry:
         """The same with ``n`` pairs at most."""
@@ -152,7 +152,7 @@ class PairGeometry:
         """The way between the two cameras of each pair, m, and their rays: each [p, 3]."""
         if x[3] != self._offset_s:
             self._place(float(x[3]))
-        first, second = (self._scene[3] @ rpy_to_matrix(x[:3]).T)[self._pairs]
+        first, second = (self._ray @ rpy_to_matrix(x[:3]).T)[self._pairs]
         one = np.einsum("nij,nj->ni", self._C_first, first)
         other = np.einsum("nij,nj->ni", self._C_second, second)
         return self._way, one, other

@@ -21,12 +21,13 @@ import numpy as np
 from automap.frames import wrap_pi
 from automap.geolocation import limits
 from automap.geolocation.box_noise import scatter
-from automap.geolocation.landmark import commonest, view_sd
+from automap.geolocation.landmark import view_sd
 from automap.geolocation.path_relation import Path, course_at
 from automap.geolocation.sightings import Sighting
 from automap.geolocation.views import Views
 from automap.records import FloatArray, IntArray
 from automap.robust import cauchy_weight
+from automap.signs.class_shares import commonest
 from automap.signs.outlines import outline_of, outline_points
 
 _ROUNDS = 8

@@ -16,7 +16,6 @@ Orbit Determination, 2004, chapter 6).
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -34,6 +33,7 @@ from automap.geolocation.landmark_kernels import (
 from automap.geolocation.views import Views
 from automap.records import FloatArray, IntArray
 from automap.robust import BY_CAUCHY, PLAIN, cauchy_weight
+from automap.signs.class_shares import commonest
 
 
 @dataclass(frozen=True)
@@ -55,25 +55,18 @@ class SizePrior:
         return float(cauchy_weight(off**2))
 
 
-def commonest(names: Iterable[str]) -> str:
-    """The name that is there most often; the alphabet decides between equals."""
-    return min(Counter(names).items(), key=lambda item: (-item[1], item[0]))[0]
-
-
 @dataclass(frozen=True)
 class Landmark:
     """Estimate of one sign from ``rows`` (of the Views).
 
-    ``anchor`` the row whose camera the parameters [4] refer to; ``covariance`` [4, 4] of
-    them from the measurements alone, ``pass_covariance`` [4, 4] what the errors of the
-    trajectory during the pass add (zero until ``pass_errors.settle`` has regarded them),
-    ``common`` [4, 12] their derivative by what is common to the views: turn (rad), time offset
-    (s), log focal length, lever arm (m), box margin (rad), velocity error (m/s). ``pass_bias``
-    [12] what these were found to be in the pass and ``pass_bias_variance`` [12] (zero until
-    ``settle``). ``position`` [3]
-    in the local frame; ``residual`` [n, 3] in sigmas, ``weight`` [n] of the direction
-    (1 = fully used). ``chi2`` weighted sum of squares over ``dof``.
-    ``ok`` is False when no place in front of all cameras was found.
+    ``anchor`` the row whose camera the parameters [4] refer to; ``covariance`` [4, 4] of them from
+    the measurements alone; ``common`` [4, 12] their derivative by what is common to the views: turn
+    (rad), time offset (s), log focal length, lever arm (m), box margin (rad), velocity error (m/s).
+    Zero until ``solve_with_pass_errors``: ``pass_covariance`` [4, 4] what the errors of the pass
+    add, ``pass_bias`` [12] what these were found to be and ``pass_bias_variance`` [12].
+    ``position`` [3] in the local frame; ``residual`` [n, 3] in sigmas, ``weight`` [n] of the
+    direction (1 = fully used). ``chi2`` weighted sum of squares over ``dof``. ``ok`` is False when
+    no place in front of all cameras was found.
     """
 
     rows: IntArray
@@ -228,8 +221,7 @@ def elapsed_s(views: Views, rows: IntArray, anchor: int) -> FloatArray:
 
 def relative_views(views: Views, rows: IntArray, anchor: int) -> tuple[FloatArray, FloatArray]:
     """``M`` [n, 3, 3] and ``b`` [n, 3] with q_view = M q_anchor + b for any point."""
-    C_anchor = views.C_cam_ref[anchor]
-    M = views.C_cam_ref[rows] @ C_anchor.T
+    M = views.C_cam_ref[rows] @ views.C_cam_ref[anchor].T
     b = np.einsum("nij,nj->ni", views.C_cam_ref[rows], views.centre[anchor] - views.centre[rows])
     return np.ascontiguousarray(M), np.ascontiguousarray(b)
 
@@ -269,10 +261,8 @@ def seen_from(
 
 
 def _crossing_depth(views: Views, rows: IntArray, anchor: int) -> float:
-    """Forward distance of the point nearest to all rays in the sense of least squares.
-
-    Zero when the rays are too parallel to say.
-    """
+    """Forward distance of the point nearest to all rays in the sense of least squares; zero where
+    they are too parallel to say."""
     rays = np.column_stack([np.ones(len(rows)), views.measured[rows, :2]])
     rays = np.einsum("nji,nj->ni", views.C_cam_ref[rows], rays)
     rays /= np.linalg.norm(rays, axis=1)[:, None]

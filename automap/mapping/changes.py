@@ -118,7 +118,7 @@ def _costs(
     evidence = class_evidence(names)
     places = []
     for among, own in ((signs, rows), (older, older_rows)):
-        lat, lon = numbers_of([among[k] for k in own], "lat_rad", "lon_rad")
+        lat, lon = (v[list(own)] for v in numbers_of(among, "lat_rad", "lon_rad"))
         places.append(ecef(lat, lon, np.zeros(len(own))))
     costs = []
     found: Any = cKDTree(places[1]).query_ball_point(places[0], reach_m * 1.01)

@@ -99,11 +99,8 @@ def detection_rates(pairs: Chances, n_signs: int, n_drives: int) -> DetectionRat
     Signs that fewer than three drives had in view tell nothing about rates: that one of them
     saw it is why it is known at all.
     """
-    rates = DetectionRates(
-        limits.RATE_PRIOR[0] / sum(limits.RATE_PRIOR),
-        np.full(max(n_drives, 1), limits.RATE_PRIOR[0] / sum(limits.RATE_PRIOR)),
-        limits.REAL_PRIOR[0] / sum(limits.REAL_PRIOR),
-    )
+    usual = limits.RATE_PRIOR[0] / sum(limits.RATE_PRIOR)
+    rates = DetectionRates(usual, np.full(max(n_drives, 1), usual), _share(0.0, 0.0))
     telling = np.bincount(pairs.sign, minlength=n_signs) >= limits.TELLING_DRIVES
     seen = np.bincount(pairs.sign[pairs.seen], minlength=n_signs).astype(np.float64)
     evidence = np.log(_mean_ratio(pairs, _ratios(pairs), n_signs))
@@ -187,9 +184,8 @@ def _mixture(pairs: Chances, rates: DetectionRates, evidence: FloatArray) -> Flo
     hits, misses = _counts(pairs, rates, len(evidence))
     a, b = rates.beta
     real = betaln(a + hits, b + misses) - betaln(a + 1.0, b)
-    fleeting = betaln(limits.FALSE_BETA[0] + hits - 1.0, limits.FALSE_BETA[1] + misses) - betaln(
-        *limits.FALSE_BETA
-    )
+    c, d = limits.FALSE_BETA
+    fleeting = betaln(c + hits - 1.0, d + misses) - betaln(c, d)
     false = np.logaddexp(math.log(limits.LASTING) + real, math.log1p(-limits.LASTING) + fleeting)
     return probability(evidence + math.log(rates.real / (1.0 - rates.real)) + real - false)
 
@@ -252,6 +248,7 @@ def _histories(
     b: float,
 ) -> FloatArray:
     result = np.full(n_signs, real)
+    c, d = limits.FALSE_BETA
     start = 0
     while start < len(sign):
         stop = start
@@ -264,8 +261,7 @@ def _histories(
         throughout = _log_beta(a + hits, b + misses) - base
         # against what any sign that was seen once has
         known = throughout - (_log_beta(a + 1.0, b) - base)
-        false = _log_beta(limits.FALSE_BETA[0] + hits - 1.0, limits.FALSE_BETA[1] + misses)
-        false -= _log_beta(limits.FALSE_BETA[0], limits.FALSE_BETA[1])
+        false = _log_beta(c + hits - 1.0, d + misses) - _log_beta(c, d)
         there, gone = 1.0, 0.0
         early_hits, early_misses = 0.0, 0.0
         for k in range(start, stop - 1):

@@ -7,6 +7,11 @@ from collections import Counter
 from collections.abc import Iterable, Mapping
 
 
+def commonest(names: Iterable[str]) -> str:
+    """The name that most views have; the alphabet decides between equals."""
+    return min(Counter(names).items(), key=lambda item: (-item[1], item[0]))[0]
+
+
 def shares_text(shares: Iterable[tuple[str, float]]) -> str:
     """Names with their shares, in the order given."""
     return "; ".join(f"{name} {share:.3f}" for name, share in shares)
