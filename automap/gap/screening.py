@@ -24,8 +24,8 @@ from automap.gap.linear import Column, Given, NodeMotion, conditional, linearise
 from automap.gap.motion import Motion, motion_of
 from automap.gap.noise import Fitted, Joint, Log, fitted_about
 from automap.gap.result import equation
-from automap.gap.selection import Chosen, Selection
-from automap.gap.slow import box_columns, term_columns, variants, with_shapes
+from automap.gap.selection import Chosen, Key, Selection
+from automap.gap.slow import box_columns, lasts, term_columns, variants, with_shapes
 from automap.records import FloatArray
 
 Terms = tuple[tuple[str, str], ...]
@@ -103,9 +103,13 @@ class Screening:
         held = {SKEW: {ORIGIN: HELD}}
         return values, replace(self.options, prior_sd=_joined(self.options.prior_sd, held))
 
-    def refined(self, here: Fitted, selection: Selection, chosen: Chosen) -> Chosen:
-        """The choice with the periods, instants and time constants that fit best."""
+    def refined(
+        self, here: Fitted, selection: Selection, chosen: Chosen
+    ) -> tuple[Chosen, list[Key]]:
+        """The choice with the periods, instants and time constants that fit best, but for what is
+        too brief then to be seen, and the keys of that."""
         length = float(here.fits[0].last.problem.t[-1])
+        brief: list[Key] = []
         for name in chosen.names:
             candidate = selection.candidates[name]
             finer = variants(candidate.terms, length)
@@ -114,6 +118,10 @@ class Screening:
             self.log(f"refining {name}")
             rest = [n for n in chosen.names if n != name]
             best = self._likeliest(here, rest, [candidate.terms, *finer])
+            if not lasts(best, length):
+                brief += [selection.key(n, part) for n, part, _ in chosen.parts if n == name]
+                chosen = chosen.without(name)
+                continue
             self.courses[equation(best)] = best
             selection.candidates[equation(best)] = replace(
                 candidate, name=equation(best), terms=best
@@ -124,7 +132,7 @@ class Screening:
                     for n, part, scale in chosen.parts
                 )
             )
-        return chosen
+        return chosen, brief
 
     def estimate(self, selection: Selection, chosen: Chosen) -> dict[str, float]:
         """What the filter is to estimate of a choice: effect -> factor on its prior sds."""

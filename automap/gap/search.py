@@ -73,7 +73,8 @@ class Search:
             for key in keys - fitted:
                 self.tried[key] = self.tried.get(key, 0) + 1
             if keys != fitted:
-                found = self.screening.refined(here, selection, found)
+                found, brief = self.screening.refined(here, selection, found)
+                self._bar(brief)
                 new = self._fit(here, selection, found)
                 here, found = self._better_twins(here, new, selection, found)
                 del new

@@ -196,6 +196,14 @@ def term_columns(at: NodeMotion, terms: Sequence[tuple[str, str]]) -> list[Colum
     ]
 
 
+def lasts(terms: Sequence[tuple[str, str]], length_s: float) -> bool:
+    """Whether a course of time is no plateau of fewer boxes than one is seen by: for so short a
+    time vehicles sway, and receivers err, by themselves."""
+    ends = [float(n) for n in NUMBER.findall(terms[0][1])]
+    brief = len(ends) == 2 and ends[1] - ends[0] < LEAST_BOXES * box_s(length_s)
+    return not (brief and is_course(terms))
+
+
 def variants(
     terms: Sequence[tuple[str, str]], length_s: float
 ) -> list[tuple[tuple[str, str], ...]]:

@@ -64,12 +64,30 @@ def test_the_instant_of_a_step_is_found_between_boxes() -> None:
     chosen = select(selection, Chosen(), 1)
     (found,) = chosen.names
     assert found.startswith("accel_y += k * step(")
-    (finer,) = search.refined(search.base, selection, chosen).names
+    finest, brief = search.refined(search.base, selection, chosen)
+    assert brief == []
+    (finer,) = finest.names
     told = re.findall(r"time - ([\d.]+)", finer)
     assert float(told[0]) == pytest.approx(STEP_AT_S, abs=1.0)
     # it is a candidate of its own then, and stays one
     assert selection.candidates[finer].terms == search.courses[finer]
     assert finer in search.selection(search.base, False).candidates
+
+
+def test_what_lasts_for_a_moment_is_no_plateau() -> None:
+    drive = simulated({})
+    t = (drive.imu.t_ns - drive.imu.t_ns[0]) * 1e-9
+    accel = drive.imu.accel.copy()
+    accel[:, 1] += 0.6 * ((t > STEP_AT_S) & (t < STEP_AT_S + 2.5))
+    search = search_on(replace(drive, imu=replace(drive.imu, accel=accel)))
+    selection = search.selection(search.base, True)
+    courses = [n for n in selection.candidates if n.startswith("accel_y += k * (step(")]
+    (move, *_) = selection.best(Chosen(), courses)
+    chosen = Chosen(((move.name, move.part, 1.0),))
+    left, brief = search.refined(search.base, selection, chosen)
+    assert left.names == ()
+    assert brief == [selection.key(move.name, move.part)]
+    assert search.courses == {}
 
 
 def test_what_the_library_does_without_is_told_axis_by_axis() -> None:

@@ -20,8 +20,10 @@ from automap.gap.linear import Column, Given, Linear, conditional
 from automap.gap.result import equation
 from automap.gap.slow import (
     LEAST_BOXES,
+    PLATEAU,
     _time_signals,
     box_s,
+    lasts,
     plateaus,
     shapes,
     variants,
@@ -153,6 +155,18 @@ def test_a_course_is_refined_between_those_that_were_tried(
     for one in tried:
         assert [on for on, _ in one] == ["gyro_z"] * len(texts)
         assert len({x[4:] for _, x in one if x[3] == "("}) <= 1
+
+
+def test_a_plateau_of_a_moment_does_not_last() -> None:
+    least = LEAST_BOXES * box_s(LENGTH_S)
+
+    def plateau(seconds: float) -> list[tuple[str, str]]:
+        return [("accel_x", PLATEAU.format(100.0, 100.0 + seconds))]
+
+    assert lasts(plateau(1.1 * least), LENGTH_S)
+    assert not lasts(plateau(0.9 * least), LENGTH_S)
+    for text in ("step(time - 3)", "exp(-time / 2)", "speed"):
+        assert lasts([("accel_x", text)], LENGTH_S)
 
 
 def test_what_is_no_course_of_time_is_not_refined() -> None:
