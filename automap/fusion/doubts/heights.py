@@ -120,7 +120,8 @@ def _fit(x: FloatArray, length: FloatArray, y: FloatArray) -> tuple[float, float
 
     design = np.column_stack([x, length])
     weight = np.ones(len(y))
-    normal, slope, rest = np.eye(2), 0.0, y
+    normal: FloatArray = np.eye(2)
+    slope, rest = 0.0, y
     for _ in range(limits.SLOPE_ROUNDS):
         normal = np.linalg.pinv((design * weight[:, None]).T @ design)
         found = normal @ ((design * weight[:, None]).T @ y)
