@@ -77,7 +77,7 @@ def _wild(t: FloatArray, readings: FloatArray, known: BoolArray) -> BoolArray:
 
 
 def _frozen(t: FloatArray, readings: FloatArray) -> BoolArray:
-    """Readings that repeat all six values, or go on straight lines, for longer than noise allows."""
+    """Readings that repeat all six values, or go on lines, for longer than noise allows."""
     same = np.zeros(len(t), dtype=bool)
     same[1:] = (readings[1:] == readings[:-1]).all(axis=1)
     if len(t) > 2:

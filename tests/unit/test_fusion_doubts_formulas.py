@@ -72,7 +72,9 @@ def test_heights_rise_by_a_units_factor_of_the_climb(factor: float) -> None:
     t = np.arange(0.0, at[-1], 1.0)
     rng = np.random.default_rng(3)
     height = factor * np.interp(t, at, level) + 50.0 + 0.5 * rng.normal(size=len(t))
-    found = heights._slope(path, t, height)
+    changes = heights._changes(path, t, height)
+    assert changes is not None
+    found = heights._slope(changes)
     assert found is not None
     assert abs(found[0] - factor) < 4.0 * found[1]
     assert found[1] < 0.03
@@ -84,7 +86,9 @@ def test_heights_rise_by_a_units_factor_of_the_climb(factor: float) -> None:
     for pitch in (0.0, 0.02):
         even = np.tile([0.0, pitch, 0.0], (n, 1))
         flat: Any = SimpleNamespace(gps_s=path.gps_s, vel_ned=velocity, rpy=even)
-        assert heights._slope(flat, t, rng.normal(size=len(t))) is None
+        changes = heights._changes(flat, t, rng.normal(size=len(t)))
+        assert changes is not None
+        assert heights._slope(changes) is None
 
 
 def test_what_bends_leave_of_a_force_is_that_of_a_line_and_a_delay_is_worth_what_is_new_of_it() -> (

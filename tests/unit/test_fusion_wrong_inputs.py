@@ -95,6 +95,24 @@ def test_heights_in_metres_are_heights(seed: int) -> None:
     assert list(height_doubts(flat, fixes_of(flat, 3.28, 2.0, seed))) == []
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_heights_by_the_pressure_in_a_car_are_told(seed: int) -> None:
+    path = hilly()
+    t = path.gps_s - path.gps_s[0]
+    speed, gain = 15.0 + 12.0 * np.sin(t / 24.0), 0.5 * np.cos(t / 24.0)
+    climb = speed * np.tan(path.rpy[:, 1])
+    velocity = np.stack([speed, 0.0 * t, -climb], axis=1)
+    path = replace(path, vel_ned=velocity, height_m=500.0 + 0.1 * np.cumsum(climb))
+    sound = fixes_of(path, 1.0, 1.0, seed)
+    # a body that rises at the front as it speeds up climbs no hill
+    squat = replace(path, rpy=path.rpy + np.outer(0.005 * gain, [0.0, 1.0, 0.0]))
+    assert [*height_doubts(path, sound), *height_doubts(squat, sound)] == []
+    off = 0.012 * speed[::10] ** 2
+    (reason,) = height_doubts(path, replace(sound, height_m=sound.height_m - off))
+    assert reason.code == "height_by_pressure"
+    assert reason.height_m == pytest.approx(off.max(), rel=0.3)
+
+
 @pytest.mark.parametrize("off_deg", [-11.0, 6.0, 2.0])
 def test_courses_against_another_north_are_turned_back_and_told(off_deg: float) -> None:
     fixes = town_fixes()

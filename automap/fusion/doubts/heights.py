@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -21,20 +22,39 @@ def height_doubts(path: Trajectory, fixes: Fixes) -> Iterator[Reason]:
     """Whether the heights of ``fixes`` rise as the vehicle climbs, by its pitch on the ``path``.
 
     The slope of the heights' changes on the climbs is one for metres. The pitch of the body against
-    the road is the same all the way, and is estimated with it.
+    the road is the same all the way, and is estimated with it. A height by the pressure inside a
+    vehicle, which falls with the square of its speed, falls as well.
     """
     told = np.isfinite(fixes.gps_s + fixes.lat_rad + fixes.height_m)
     t = fixes.gps_s[told] - path.gps_s[0]
     order = np.argsort(t, kind="stable")
     height, t = fixes.height_m[told][order], t[order]
     keep = np.diff(t, prepend=-np.inf) > limits.SAME_FIX_S
-    t, height = t[keep], height[keep]
-    found = _slope(path, t, height)
-    if found is None:
+    changes = _changes(path, t[keep], height[keep])
+    if changes is None:
         return
-    slope, sd = found
-    if abs(slope - 1.0) <= limits.SLOPE_OFF + sigmas(DOUBT_PROBABILITY) * sd:
+    found = _slope(changes)
+    if found is not None and _beyond(found[0] - 1.0, found[1], limits.SLOPE_OFF):
+        yield _scaled(*found, height)
         return
+    by_speed, sd = _fit(changes.square, changes.length, changes.height - changes.climb)
+    if _beyond(by_speed, sd, limits.SQUAT):
+        speed = float(np.percentile(np.hypot(path.vel_ned[:, 0], path.vel_ned[:, 1]), 95.0))
+        off = by_speed * speed**2
+        yield Reason(
+            "height_by_pressure",
+            f"the receiver's heights are {off:+.0f} m at {speed:.0f} m/s beside where the vehicle "
+            f"climbs (sigma {sd * speed**2:.1f} m), and right at rest: they are of a barometer in "
+            "the vehicle, whose pressure changes with the speed; log the heights of its satellites",
+            height_m=abs(off),
+        )
+
+
+def _beyond(off: float, sd: float, usual: float) -> bool:
+    return abs(off) > usual + sigmas(DOUBT_PROBABILITY) * sd
+
+
+def _scaled(slope: float, sd: float, height: FloatArray) -> Reason:
     unit = next(
         (
             text
@@ -43,7 +63,7 @@ def height_doubts(path: Trajectory, fixes: Fixes) -> Iterator[Reason]:
         ),
         "",
     )
-    yield Reason(
+    return Reason(
         "height_scale",
         f"the receiver's heights rise {slope:.2f} times as far as the vehicle climbs (sigma "
         f"{sd:.2f}){unit}: the heights of the path and of the signs are as wrong; check the unit "
@@ -52,11 +72,20 @@ def height_doubts(path: Trajectory, fixes: Fixes) -> Iterator[Reason]:
     )
 
 
-def _slope(path: Trajectory, t: FloatArray, height: FloatArray) -> tuple[float, float] | None:
-    """How many times the climb the ``height`` [m] m at ``t`` [m] s from the path's first row
-    changes, and its sigma; None on a road too level to say."""
-    from scipy.special import stdtrit
+@dataclass(frozen=True)
+class _Changes:
+    """From window to window of as much road [k]: of the receiver's ``height``, of what the vehicle
+    has climbed and driven (``climb``, ``length``), m, and of its speed's ``square``, m^2/s^2."""
 
+    height: FloatArray
+    climb: FloatArray
+    length: FloatArray
+    square: FloatArray
+
+
+def _changes(path: Trajectory, t: FloatArray, height: FloatArray) -> _Changes | None:
+    """Changes beside the ``height`` [m] m at ``t`` [m] s from the path's first row; None where too
+    few windows are driven."""
     at = path.gps_s - path.gps_s[0]
     step = np.diff(at, prepend=at[0])
     speed = np.hypot(path.vel_ned[:, 0], path.vel_ned[:, 1])
@@ -69,16 +98,30 @@ def _slope(path: Trajectory, t: FloatArray, height: FloatArray) -> tuple[float, 
     rows = np.unique(rows[(rows > 0) & (rows < len(t))])
     if len(rows) < limits.LEAST_CLIMBS:
         return None
-    y, x, length = (
-        np.diff(np.interp(t[rows], t, v)) for v in (height, np.interp(t, at, climb), far)
-    )
+    values = height, np.interp(t, at, climb), far, np.interp(t, at, speed**2)
+    return _Changes(*(np.diff(np.interp(t[rows], t, v)) for v in values))
+
+
+def _slope(changes: _Changes) -> tuple[float, float] | None:
+    """How many times the climb the height changes, and its sigma; None on a road too level to
+    say."""
+    x, length = changes.climb, changes.length
     # beside what rises evenly, which the body's pitch does; less is the pseudo-inverse's rounding
     hills = x - length * float(x @ length) / float(length @ length)
     if float(hills @ hills) < _EVEN * float(length @ length):
         return None
+    slope, sd = _fit(x, length, changes.height)
+    return (slope, sd) if sd < limits.KNOWN_CLIMB_SD * max(abs(slope), 1.0) else None
+
+
+def _fit(x: FloatArray, length: FloatArray, y: FloatArray) -> tuple[float, float]:
+    """How many times ``x`` [k] ``y`` [k] is, beside what goes with ``length``, and its sigma."""
+    from scipy.special import stdtrit
+
     design = np.column_stack([x, length])
     weight = np.ones(len(y))
-    normal, slope, rest = np.eye(2), 0.0, y
+    normal: FloatArray = np.eye(2)
+    slope, rest = 0.0, y
     for _ in range(limits.SLOPE_ROUNDS):
         normal = np.linalg.pinv((design * weight[:, None]).T @ design)
         found = normal @ ((design * weight[:, None]).T @ y)
@@ -88,5 +131,4 @@ def _slope(path: Trajectory, t: FloatArray, height: FloatArray) -> tuple[float, 
     variance = max(float(weight @ rest**2 / weight.sum()), limits.LEAST_HEIGHT_SD_M**2)
     # of few windows the scatter is little known (Student)
     wide = -float(stdtrit(len(y) - 2, 0.5 * DOUBT_PROBABILITY)) / sigmas(DOUBT_PROBABILITY)
-    sd = wide * float(np.sqrt(normal[0, 0] * variance))
-    return (slope, sd) if sd < limits.KNOWN_CLIMB_SD * max(abs(slope), 1.0) else None
+    return slope, wide * float(np.sqrt(normal[0, 0] * variance))

@@ -93,6 +93,10 @@ CLIMB_WAY_M = 200.0
 """Heights are compared with the climb over so much road: a hill's length, some ten seconds."""
 LEAST_HEIGHT_SD_M = 0.1
 """Heights are told to a decimetre (GGA)."""
+SQUAT = 0.0025
+"""s^2/m, half of the 0.005 rad that a body pitches by for 1 m/s^2 (3 deg for 1 g, as soft cars do):
+on its way to a speed it seems to climb by so many times the square of it. Pressure in a car at 30
+m/s falls by a third of the stagnation pressure at most: 0.015."""
 KNOWN_CLIMB_SD = 0.3
 """A slope less sure than this tells no unit from another: feet are 3.28 metres."""
 LEAST_CLIMBS = 7
