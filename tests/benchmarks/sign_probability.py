@@ -22,6 +22,7 @@ from scipy.optimize import minimize_scalar
 
 from automap.records import FloatArray
 from automap.signs.classes import load_classes
+from automap.vision import limits
 from automap.vision.classifier import SignClassifier
 from automap.vision.voting import PoolingRules, group_of, pooling, vote
 from pipeline.train.art import load_faces
@@ -157,7 +158,9 @@ def fitted(passes: dict[str, list[Pass]], at_home: bool) -> PoolingRules:
     passes = {k: of for k, of in passes.items() if AT_HOME[k.split()[0]] == at_home}
     for correlation in CORRELATIONS:
         # everything is named, so that the class claimed does not hang on its own probability
-        plain = PoolingRules(correlation, 1.0, 1.0, 0.0)
+        plain = replace(
+            pooling(at_home), correlation=correlation, class_power=1.0, group_power=1.0, named=0.0
+        )
         parts = {kind: claims([p for p in of if not p.check], plain) for kind, of in passes.items()}
         whole = pooled_mixes(parts)
         by_class = _power(whole.probability, whole.right, whole.weight)
@@ -167,7 +170,12 @@ def fitted(passes: dict[str, list[Pass]], at_home: bool) -> PoolingRules:
         print(f"{place}, correlation {correlation}: powers {by_class[0]:.2f}, {by_group[0]:.2f}, "
               f"loss {by_class[1]:.4f} + {by_group[1]:.4f}", flush=True)  # fmt: skip
         if best is None or loss < best[0]:
-            best = loss, PoolingRules(correlation, by_class[0], by_group[0])
+            best = (
+                loss,
+                replace(
+                    plain, class_power=by_class[0], group_power=by_group[0], named=limits.NAMED
+                ),
+            )
     assert best is not None
     return best[1]
 

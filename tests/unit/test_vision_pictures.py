@@ -20,6 +20,7 @@ from automap.vision.voting import (
     PoolingRules,
     View,
     group_of,
+    pooled,
     pooling,
     rules_of,
     tempered,
@@ -134,6 +135,24 @@ def test_the_evidence_of_many_views_ends() -> None:
     assert more == pytest.approx(most, abs=1e-3)
     # one alone says no more than it says
     assert vote([unsure], plain).probability < 0.7
+
+
+def test_what_is_likely_before_anything_is_seen_counts_once() -> None:
+    group = group_of(TWENTY)
+    assert group is not None
+    # faces of no class are taken to be four times as likely, and the face says nothing of it
+    rules = PoolingRules(0.25, class_power=1.0, group_power=1.0, named=0.0, unknown=4.0)
+    blank = View(((group, 0.8), (TWENTY, 0.2)), 40.0)
+    for views in (1, 4, 40):
+        names, shares = pooled([blank] * views, rules)
+        assert dict(zip(names, shares, strict=True))[TWENTY] == pytest.approx(0.2)
+    # a face that looks more like the class than was to be expected is more likely it, the more views
+    alike = View(((group, 0.6), (TWENTY, 0.4)), 40.0)
+    told = [dict(zip(*pooled([alike] * n, rules), strict=True))[TWENTY] for n in (1, 4, 40)]
+    assert told[0] < 0.5 < told[1] < told[2]
+    # the country's set makes them as likely as one class, and other detectors say nothing of it
+    assert pooling(at_home=False).unknown > 4.0 * pooling(at_home=True).unknown
+    assert PoolingRules().unknown == 1.0
 
 
 def test_a_power_of_the_odds_keeps_the_order_and_even_odds() -> None:
