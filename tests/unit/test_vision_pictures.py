@@ -146,7 +146,7 @@ def test_what_is_likely_before_anything_is_seen_counts_once() -> None:
     for views in (1, 4, 40):
         names, shares = pooled([blank] * views, rules)
         assert dict(zip(names, shares, strict=True))[TWENTY] == pytest.approx(0.2)
-    # a face that looks more like the class than was to be expected is more likely it, the more views
+    # the more views, the likelier a face that looks more like the class than was to be expected
     alike = View(((group, 0.6), (TWENTY, 0.4)), 40.0)
     told = [dict(zip(*pooled([alike] * n, rules), strict=True))[TWENTY] for n in (1, 4, 40)]
     assert told[0] < 0.5 < told[1] < told[2]
