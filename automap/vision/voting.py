@@ -4,8 +4,8 @@ The views of a pass share the face, its dirt and light, the optics and what the 
 a hundred of them say hardly more than four. Their evidence is the mean of their log probabilities
 (a logarithmic pool: Genest and Zidek, Statistical Science 1, 1986), which counts as so many
 independent views as the mean of n equally correlated values does: n / (1 + rho n), at most 1 / rho.
-How likely an unknown face is before it is seen is in the probabilities of every view, but counts
-once.
+How likely a face is before it is seen (an unknown one, or one of another country) is in the
+probabilities of every view, but counts once.
 What is left of overconfidence, of faces that are drawn as none that was trained on, is taken out by
 a power of the odds (Platt's scaling without a shift). All was fitted on passes of signs that the
 classifier was not trained on (``docs/detector.md``).
@@ -20,7 +20,7 @@ from functools import lru_cache
 import numpy as np
 
 from automap.records import FloatArray
-from automap.signs.classes import load_classes
+from automap.signs.classes import country_set, load_classes
 from automap.signs.vocabulary import load_vocabulary
 from automap.vision import limits
 from automap.vision.detector import Alternatives, CalibratedDetector, Detector, FoundSigns
@@ -49,29 +49,34 @@ class PoolingRules:
     """``correlation`` of the views of a pass; ``class_power`` and ``group_power`` of the odds that
     the class, and the group, are as they come out; ``named`` the probability from which a class
     is named; ``unknown`` how likely each view takes an unknown face of a group to be, against one
-    class, before it is seen."""
+    class of the country, before it is seen, and ``foreign`` the classes of other countries."""
 
     correlation: float = limits.VIEW_CORRELATION
     class_power: float = limits.POWERS_ELSEWHERE[0]
     group_power: float = limits.POWERS_ELSEWHERE[1]
     named: float = limits.NAMED
     unknown: float = 1.0
+    foreign: frozenset[str] = frozenset()
 
 
-def pooling(at_home: bool) -> PoolingRules:
-    """How to pool views where the country's set of signs is known, or not."""
+def pooling(country: str | None) -> PoolingRules:
+    """How to pool what is told of views in a country (ISO 3166 alpha-2), or where none is known."""
+    foreign = frozenset(load_classes()) - country_set(country)
+    at_home = len(foreign) > 0
     by_class, by_group = limits.POWERS_AT_HOME if at_home else limits.POWERS_ELSEWHERE
     odds = limits.ODDS_AT_HOME if at_home else limits.ODDS_ELSEWHERE
     # the classes together are ``odds`` times as likely as the groups together
     unknown = len(load_classes()) / len(load_vocabulary().groups) / odds
-    return PoolingRules(class_power=by_class, group_power=by_group, unknown=unknown)
+    return PoolingRules(
+        class_power=by_class, group_power=by_group, unknown=unknown, foreign=foreign
+    )
 
 
 def rules_of(detector: Detector) -> PoolingRules:
     """How to pool what a detector says of views."""
     if not isinstance(detector, CalibratedDetector):
         return PoolingRules()
-    return pooling(detector.at_home)
+    return pooling(detector.country)
 
 
 def view_of(found: FoundSigns, index: int) -> View:
@@ -125,7 +130,9 @@ def pooled(views: Sequence[View], rules: PoolingRules) -> tuple[list[str], Float
     listed = np.array([[dict(v.alternatives).get(name, 0.0) for name in names] for v in views])
     rest = np.maximum(1.0 - listed.sum(axis=1), limits.FAINTEST) / limits.OTHERS
     # rounded probabilities of exactly zero must not forbid a class
-    prior = np.log([1.0 if name in known else rules.unknown for name in names])
+    expected = [limits.FOREIGN if n in rules.foreign else 1.0 if n in known else rules.unknown
+                for n in names]  # fmt: skip
+    prior = np.log(expected)
     total = weight @ (np.log(np.maximum(listed, rest[:, None])) - prior)
     total = total / (1.0 + rules.correlation * weight.sum()) + prior
     shares = np.exp(total - total.max())
