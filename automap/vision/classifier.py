@@ -99,7 +99,7 @@ class SignClassifier:
         self, country: str | None = None, path: Path | None = None, threads: int = 1
     ) -> None:
         self._model = OnnxModel("sign-classifier.onnx", path, threads)
-        self._country = country
+        self.country = country
         self._prior: Floats | None = None
         self._called: _Outcomes | None = None
 
@@ -158,7 +158,7 @@ class SignClassifier:
     @property
     def at_home(self) -> bool:
         """Whether the country's set of signs is known."""
-        return len(country_set(self._country)) < len(load_classes())
+        return len(country_set(self.country)) < len(load_classes())
 
     def _outcomes(self) -> _Outcomes:
         """What the outputs but the last are called."""
@@ -181,7 +181,7 @@ class SignClassifier:
     def _weights(self) -> Floats:
         """Prior weights of all outputs but the last."""
         if self._prior is None:
-            known, allowed = load_classes(), country_set(self._country)
+            known, allowed = load_classes(), country_set(self.country)
             weights = [
                 limits.TRAINED_ODDS / self.unknown_odds
                 if label not in known

@@ -44,12 +44,12 @@ class Detector(Protocol):
 
 @runtime_checkable
 class CalibratedDetector(Detector, Protocol):
-    """A detector by whose alternatives the pooling of views was fitted; ``at_home`` where it knows
-    the country's set of signs."""
+    """A detector by whose alternatives the pooling of views was fitted; ``country`` whose
+    signs it takes to be likely."""
 
     @property
-    def at_home(self) -> bool:
-        """Whether the classes that it names are those of the country."""
+    def country(self) -> str | None:
+        """Of ISO 3166 (alpha-2); None where it takes all classes alike."""
         ...
 
 

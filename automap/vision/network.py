@@ -83,9 +83,9 @@ class NetworkDetector:
         self.classifier = classifier or SignClassifier(country, threads=threads)
 
     @property
-    def at_home(self) -> bool:
-        """Whether the country's set of signs is known."""
-        return self.classifier.at_home
+    def country(self) -> str | None:
+        """Whose signs are taken to be likely."""
+        return self.classifier.country
 
     def detect(
         self, image: Image, region: Region | None = None, zoom: float | None = None

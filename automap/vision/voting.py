@@ -4,6 +4,8 @@ The views of a pass share the face, its dirt and light, the optics and what the 
 a hundred of them say hardly more than four. Their evidence is the mean of their log probabilities
 (a logarithmic pool: Genest and Zidek, Statistical Science 1, 1986), which counts as so many
 independent views as the mean of n equally correlated values does: n / (1 + rho n), at most 1 / rho.
+How likely a face is before it is seen (an unknown one, or one of another country) is in the
+probabilities of every view, but counts once.
 What is left of overconfidence, of faces that are drawn as none that was trained on, is taken out by
 a power of the odds (Platt's scaling without a shift). All was fitted on passes of signs that the
 classifier was not trained on (``docs/detector.md``).
@@ -18,7 +20,7 @@ from functools import lru_cache
 import numpy as np
 
 from automap.records import FloatArray
-from automap.signs.classes import load_classes
+from automap.signs.classes import country_set, load_classes
 from automap.signs.vocabulary import load_vocabulary
 from automap.vision import limits
 from automap.vision.detector import Alternatives, CalibratedDetector, Detector, FoundSigns
@@ -46,23 +48,35 @@ class Verdict:
 class PoolingRules:
     """``correlation`` of the views of a pass; ``class_power`` and ``group_power`` of the odds that
     the class, and the group, are as they come out; ``named`` the probability from which a class
-    is named."""
+    is named; ``unknown`` how likely each view takes an unknown face of a group to be, against one
+    class of the country, before it is seen, and ``foreign`` the classes of other countries."""
 
     correlation: float = limits.VIEW_CORRELATION
     class_power: float = limits.POWERS_ELSEWHERE[0]
     group_power: float = limits.POWERS_ELSEWHERE[1]
     named: float = limits.NAMED
+    unknown: float = 1.0
+    foreign: frozenset[str] = frozenset()
 
 
-def pooling(at_home: bool) -> PoolingRules:
-    """How to pool views where the country's set of signs is known, or not."""
+def pooling(country: str | None) -> PoolingRules:
+    """How to pool what is told of views in a country (ISO 3166 alpha-2), or where none is known."""
+    foreign = frozenset(load_classes()) - country_set(country)
+    at_home = len(foreign) > 0
     by_class, by_group = limits.POWERS_AT_HOME if at_home else limits.POWERS_ELSEWHERE
-    return PoolingRules(class_power=by_class, group_power=by_group)
+    odds = limits.ODDS_AT_HOME if at_home else limits.ODDS_ELSEWHERE
+    # the classes together are ``odds`` times as likely as the groups together
+    unknown = len(load_classes()) / len(load_vocabulary().groups) / odds
+    return PoolingRules(
+        class_power=by_class, group_power=by_group, unknown=unknown, foreign=foreign
+    )
 
 
 def rules_of(detector: Detector) -> PoolingRules:
     """How to pool what a detector says of views."""
-    return pooling(isinstance(detector, CalibratedDetector) and detector.at_home)
+    if not isinstance(detector, CalibratedDetector):
+        return PoolingRules()
+    return pooling(detector.country)
 
 
 def view_of(found: FoundSigns, index: int) -> View:
@@ -83,7 +97,7 @@ def vote(views: Sequence[View], rules: PoolingRules | None = None) -> Verdict:
     colour.
     """
     rules = rules or PoolingRules()
-    names, shares = pooled(views, rules.correlation)
+    names, shares = pooled(views, rules)
     own = [group_of(name) or name for name in names]
     sure: dict[str, float] = {}
     for group, share in zip(own, shares.tolist(), strict=True):
@@ -107,16 +121,20 @@ def tempered(share: float, power: float) -> float:
     return odds / (1.0 + odds)
 
 
-def pooled(views: Sequence[View], correlation: float) -> tuple[list[str], FloatArray]:
+def pooled(views: Sequence[View], rules: PoolingRules) -> tuple[list[str], FloatArray]:
     """Names that the views list, and the share [k] of each in what they say together."""
+    known = load_classes()
     names = sorted({name for view in views for name, _ in view.alternatives})
     clear = np.array([min(max(v.height, 1.0) / limits.CLEAR_PX, 1.0) for v in views])
     weight = clear**2
     listed = np.array([[dict(v.alternatives).get(name, 0.0) for name in names] for v in views])
     rest = np.maximum(1.0 - listed.sum(axis=1), limits.FAINTEST) / limits.OTHERS
     # rounded probabilities of exactly zero must not forbid a class
-    total = weight @ np.log(np.maximum(listed, rest[:, None]))
-    total /= 1.0 + correlation * weight.sum()
+    expected = [limits.FOREIGN if n in rules.foreign else 1.0 if n in known else rules.unknown
+                for n in names]  # fmt: skip
+    prior = np.log(expected)
+    total = weight @ (np.log(np.maximum(listed, rest[:, None])) - prior)
+    total = total / (1.0 + rules.correlation * weight.sum()) + prior
     shares = np.exp(total - total.max())
     return names, np.asarray(shares / shares.sum(), np.float64)
 

@@ -15,6 +15,7 @@ import pickle
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -42,8 +43,8 @@ MIXES = {
 """Shares of the kinds of passes: faces of no class are one in seven at home, one in two elsewhere,
 as the classifier takes them to be (``limits.ODDS_AT_HOME``); of the classes two in three, or one in
 two, look like a drawing that was trained on."""
-AT_HOME = {"tracks": True, "AU": True, "all": False}
-"""Whether the classifier knew the country's set, by the first word of a kind."""
+COUNTRY = {"tracks": "DE", "AU": "AU", "all": None}
+"""Whose set of signs the classifier knew, by the first word of a kind."""
 COUNTS = {"AU": 1100, "": 500}
 """Passes of each kind of drawn faces."""
 CORRELATIONS = (0.1, 0.25, 0.5, 1.0)
@@ -147,18 +148,24 @@ def bins(
 
 def rules_for(kind: str) -> PoolingRules:
     """How passes of a kind are pooled."""
-    return pooling(AT_HOME[kind.split()[0]])
+    return pooling(COUNTRY[kind.split()[0]])
 
 
-def fitted(passes: dict[str, list[Pass]], at_home: bool) -> PoolingRules:
-    """The correlation and powers that make the half to fit the most likely, of the kinds that had
-    the country's set, or that had none."""
-    best: tuple[float, PoolingRules] | None = None
-    passes = {k: of for k, of in passes.items() if AT_HOME[k.split()[0]] == at_home}
+def fitted(passes: dict[str, list[Pass]], at_home: bool) -> dict[str, Any]:
+    """The correlation and powers, by their names among the rules, that make the half to fit the
+    most likely, of the kinds that had the country's set, or that had none."""
+    best: tuple[float, dict[str, Any]] | None = None
+    passes = {k: of for k, of in passes.items() if _at_home(k) == at_home}
+    plain: dict[str, Any] = {"class_power": 1.0, "group_power": 1.0, "named": 0.0}
     for correlation in CORRELATIONS:
         # everything is named, so that the class claimed does not hang on its own probability
-        plain = PoolingRules(correlation, 1.0, 1.0, 0.0)
-        parts = {kind: claims([p for p in of if not p.check], plain) for kind, of in passes.items()}
+        parts = {
+            kind: claims(
+                [p for p in of if not p.check],
+                replace(rules_for(kind), correlation=correlation, **plain),
+            )
+            for kind, of in passes.items()
+        }
         whole = pooled_mixes(parts)
         by_class = _power(whole.probability, whole.right, whole.weight)
         by_group = _power(whole.group_probability, whole.group_right, whole.weight)
@@ -167,9 +174,14 @@ def fitted(passes: dict[str, list[Pass]], at_home: bool) -> PoolingRules:
         print(f"{place}, correlation {correlation}: powers {by_class[0]:.2f}, {by_group[0]:.2f}, "
               f"loss {by_class[1]:.4f} + {by_group[1]:.4f}", flush=True)  # fmt: skip
         if best is None or loss < best[0]:
-            best = loss, PoolingRules(correlation, by_class[0], by_group[0])
+            found = {"class_power": by_class[0], "group_power": by_group[0]}
+            best = loss, {"correlation": correlation, **found}
     assert best is not None
     return best[1]
+
+
+def _at_home(kind: str) -> bool:
+    return COUNTRY[kind.split()[0]] is not None
 
 
 def _power(p: FloatArray, right: FloatArray, weight: FloatArray) -> tuple[float, float]:
@@ -230,7 +242,7 @@ def main() -> None:
     anew = {home: fitted(passes, home) for home in (True, False)} if options.fit else {}
     parts = {
         kind: claims(
-            [p for p in of if p.check], anew.get(AT_HOME[kind.split()[0]], rules_for(kind))
+            [p for p in of if p.check], replace(rules_for(kind), **anew.get(_at_home(kind), {}))
         )
         for kind, of in passes.items()
     }

@@ -255,7 +255,7 @@ def test_what_is_told_of_a_track_comes_back_from_its_table(
     other = "regulatory--no-entry--g1"
 
     class Fitted(RedFinder):
-        at_home = False
+        country = None
 
         def detect(self, image: Image) -> FoundSigns:
             found = super().detect(image)

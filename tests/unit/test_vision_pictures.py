@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -15,11 +16,13 @@ from automap.vision.annotate import draw, label_for
 from automap.vision.contact_sheet import contact_sheet, short_name
 from automap.vision.crops import BestCrops, cut_out
 from automap.vision.detector import FoundSigns
+from automap.vision.limits import FOREIGN
 from automap.vision.network import NetworkDetector
 from automap.vision.voting import (
     PoolingRules,
     View,
     group_of,
+    pooled,
     pooling,
     rules_of,
     tempered,
@@ -108,16 +111,16 @@ TWENTY, SIXTY = "regulatory--maximum-speed-limit-20--g1", "regulatory--maximum-s
 
 
 def test_a_detector_that_knows_the_country_is_believed_more() -> None:
-    for country, at_home in (("AU", True), ("DE", True), (None, False)):
-        assert rules_of(NetworkDetector(country)) == pooling(at_home)
-    assert pooling(at_home=True).class_power > pooling(at_home=False).class_power
+    for country in ("AU", "DE", None):
+        assert rules_of(NetworkDetector(country)) == pooling(country)
+    assert pooling("AU").class_power == pooling("DE").class_power > pooling(None).class_power
 
 
 def test_near_views_outvote_far_ones() -> None:
     far = View(((TWENTY, 0.5), (SIXTY, 0.4)), 14.0)
     near = View(((SIXTY, 0.97), (TWENTY, 0.02)), 60.0)
     assert vote([far] * 8 + [near]).name == SIXTY
-    told = vote([near, near, near], pooling(at_home=True))
+    told = vote([near, near, near], pooling("AU"))
     assert told.name == SIXTY
     assert told.probability > 0.95
     # where the country's set is not known more faces are of no class
@@ -134,6 +137,30 @@ def test_the_evidence_of_many_views_ends() -> None:
     assert more == pytest.approx(most, abs=1e-3)
     # one alone says no more than it says
     assert vote([unsure], plain).probability < 0.7
+
+
+def test_what_is_likely_before_anything_is_seen_counts_once() -> None:
+    group = group_of(TWENTY)
+    assert group is not None
+    # faces of no class are taken to be four times as likely, and the face says nothing of it
+    rules = PoolingRules(0.25, class_power=1.0, group_power=1.0, named=0.0, unknown=4.0)
+    blank = View(((group, 0.8), (TWENTY, 0.2)), 40.0)
+    for views in (1, 4, 40):
+        names, shares = pooled([blank] * views, rules)
+        assert dict(zip(names, shares, strict=True))[TWENTY] == pytest.approx(0.2)
+    # the more views, the likelier a face that looks more like the class than was to be expected
+    alike = View(((group, 0.6), (TWENTY, 0.4)), 40.0)
+    told = [dict(zip(*pooled([alike] * n, rules), strict=True))[TWENTY] for n in (1, 4, 40)]
+    assert told[0] < 0.5 < told[1] < told[2]
+    # a class of another country likewise: thirty times the evidence, once
+    seldom = replace(rules, foreign=frozenset({TWENTY}))
+    abroad = View(((SIXTY, 1.0 / (1.0 + FOREIGN)), (TWENTY, FOREIGN / (1.0 + FOREIGN))), 40.0)
+    for views in (1, 4, 40):
+        names, shares = pooled([abroad] * views, seldom)
+        assert dict(zip(names, shares, strict=True))[TWENTY] == pytest.approx(0.03 / 1.03)
+    # the country's set makes them as likely as one class, and other detectors say nothing of it
+    assert pooling(None).unknown > 4.0 * pooling("AU").unknown
+    assert PoolingRules().unknown == 1.0
 
 
 def test_a_power_of_the_odds_keeps_the_order_and_even_odds() -> None:
