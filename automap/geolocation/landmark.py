@@ -34,6 +34,11 @@ from automap.geolocation.views import Views
 from automap.records import FloatArray, IntArray
 from automap.robust import BY_CAUCHY, PLAIN
 
+_REWEIGHTINGS = 2
+"""Of log heights, by what is expected of them."""
+_MOST_OFF = float(np.log(2.0))
+"""A box of more than twice its sign's height, or less than half, is no noise."""
+
 
 @dataclass(frozen=True)
 class SizePrior:
@@ -127,6 +132,13 @@ def fit_landmark(views: Views, rows: IntArray, prior: SizePrior, robust: bool = 
         if np.isfinite(cost) and (best is None or cost < best[1]):
             best = (found, cost)
     parameters, cost = best if best is not None else (first, np.inf)
+    for _ in range(_REWEIGHTINGS if best is not None else 0):
+        sd = expected_sd(views, rows, M, b, parameters)
+        found, again = solve_landmark(
+            parameters, M, b, measured, sd, drift, prior_mean, prior_sd, robust
+        )
+        if np.isfinite(again):
+            parameters, cost = found, again
     columns, _ = columns_of(views, rows, anchor, parameters)
     information, A, _, residual, weight, chi2 = normal_equations(
         *(parameters, M, b, measured, sd, drift, columns, np.zeros(N_COMMON)),
@@ -183,8 +195,8 @@ def sign_equations(
     M, b = relative_views(views, rows, anchor)
     prior = prior.of(views.class_name[rows].tolist())
     N, A, shared, residual, weight, chi2 = normal_equations(
-        *(parameters, M, b, views.measured[rows], view_sd(views, rows), np.zeros(len(rows))),
-        *(columns, bias, float(np.log(prior.size_m)), prior.log_sd, kind),
+        *(parameters, M, b, views.measured[rows], expected_sd(views, rows, M, b, parameters)),
+        *(np.zeros(len(rows)), columns, bias, float(np.log(prior.size_m)), prior.log_sd, kind),
     )
     return N, A, shared, residual, weight, float(chi2)
 
@@ -202,6 +214,23 @@ def view_sd(views: Views, rows: IntArray) -> FloatArray:
     crowd = np.empty(len(rows))
     crowd[order] = np.sqrt(count[member])
     return np.asarray(views.sd[rows] * crowd[:, None])
+
+
+def expected_sd(
+    views: Views, rows: IntArray, M: FloatArray, b: FloatArray, parameters: FloatArray
+) -> FloatArray:
+    """``view_sd`` [n, 3] with the errors of log heights by the heights [n] that a sign with
+    ``parameters`` lets expect.
+
+    A box that came out too tall states the smaller error of a taller one: with weights by its own
+    height signs seem taller, and boxes tighter, than they are.
+    """
+    sd = view_sd(views, rows)
+    forward = np.exp(parameters[2]) * (M[:, 0] @ [1.0, *parameters[:2]]) + b[:, 0]
+    expected = parameters[3] - np.log(np.maximum(forward, limits.MIN_FORWARD_M))
+    off = np.clip(views.measured[rows, 2] - expected, -_MOST_OFF, _MOST_OFF)
+    sd[:, 2] *= np.exp(off)
+    return sd
 
 
 def view_drift(views: Views, rows: IntArray, anchor: int) -> FloatArray:

@@ -12,11 +12,11 @@ from automap.earth import local_ned
 from automap.geolocation.landmark import (
     SizePrior,
     columns_of,
+    expected_sd,
     fit_landmark,
     position_jacobian,
     relative_views,
     view_drift,
-    view_sd,
 )
 from automap.geolocation.landmark_kernels import N_COMMON, normal_equations
 from automap.geolocation.locate import locate_signs
@@ -384,7 +384,8 @@ def test_gradient_vanishes_at_the_solution(world) -> None:
     M, b = relative_views(views, every, landmark.anchor)
     columns, _ = columns_of(views, every, landmark.anchor, landmark.parameters)
     N, _, shared, _, _, _ = normal_equations(
-        *(landmark.parameters, M, b, views.measured, view_sd(views, every)),
+        *(landmark.parameters, M, b, views.measured),
+        expected_sd(views, every, M, b, landmark.parameters),
         *(view_drift(views, every, landmark.anchor), columns, np.zeros(N_COMMON)),
         *(float(np.log(prior.size_m)), prior.log_sd, BY_CAUCHY),
     )
