@@ -35,6 +35,11 @@ from automap.records import FloatArray, IntArray
 from automap.robust import BY_CAUCHY, PLAIN, cauchy_weight
 from automap.signs.class_shares import commonest
 
+_REWEIGHTINGS = 2
+"""Of log heights, by what is expected of them."""
+_MOST_OFF = float(np.log(2.0))
+"""A box of more than twice its sign's height, or less than half, is no noise."""
+
 
 @dataclass(frozen=True)
 class SizePrior:
@@ -124,6 +129,12 @@ def fit_landmark(views: Views, rows: IntArray, prior: SizePrior, robust: bool = 
         if np.isfinite(cost) and (best is None or cost < best[1]):
             best = (found, cost)
     parameters, cost = best if best is not None else (first, np.inf)
+    stated = boxes
+    for _ in range(_REWEIGHTINGS if best is not None else 0):
+        boxes = by_expected_heights(stated, parameters)
+        found, again = solve_landmark(parameters, boxes, robust)
+        if np.isfinite(again):
+            parameters, cost = found, again
     columns, _ = columns_of(views, rows, anchor, parameters)
     information, A, _, residual, weight, chi2 = normal_equations(
         parameters, boxes, columns, np.zeros(N_COMMON), BY_CAUCHY if robust else PLAIN
@@ -187,6 +198,7 @@ def sign_equations(
     with what is common to the views, of derivatives ``columns`` [n, 3, m], at ``bias`` [m]."""
     # what drifts is among what is common
     boxes = boxes_of(views, rows, anchor, prior)._replace(drift=np.zeros(len(rows)))
+    boxes = by_expected_heights(boxes, parameters)
     N, A, shared, residual, weight, chi2 = normal_equations(parameters, boxes, columns, bias, kind)
     return N, A, shared, residual, weight, float(chi2)
 
@@ -204,6 +216,20 @@ def view_sd(views: Views, rows: IntArray) -> FloatArray:
     crowd = np.empty(len(rows))
     crowd[order] = np.sqrt(count[member])
     return np.asarray(views.sd[rows] * crowd[:, None])
+
+
+def by_expected_heights(boxes: Boxes, parameters: FloatArray) -> Boxes:
+    """The same boxes with the errors of log heights that the heights have which a sign with
+    ``parameters`` [4] lets expect.
+
+    ``boxes`` state those of their own heights. A box that came out too tall states the smaller
+    error of a taller one: with weights by its own height signs seem taller, and boxes tighter,
+    than they are.
+    """
+    forward = np.exp(parameters[2]) * (boxes.M[:, 0] @ [1.0, *parameters[:2]]) + boxes.b[:, 0]
+    expected = parameters[3] - np.log(np.maximum(forward, limits.MIN_FORWARD_M))
+    off = np.clip(boxes.measured[:, 2] - expected, -_MOST_OFF, _MOST_OFF)
+    return boxes._replace(sd=boxes.sd * np.exp(off[:, None] * [0.0, 0.0, 1.0]))
 
 
 def view_drift(views: Views, rows: IntArray, anchor: int) -> FloatArray:

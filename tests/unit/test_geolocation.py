@@ -12,6 +12,7 @@ from automap.earth import local_ned
 from automap.geolocation.landmark import (
     SizePrior,
     boxes_of,
+    by_expected_heights,
     columns_of,
     fit_landmark,
     position_jacobian,
@@ -381,6 +382,7 @@ def test_gradient_vanishes_at_the_solution(world) -> None:
     landmark = fit_landmark(views, every, prior)
     columns, _ = columns_of(views, every, landmark.anchor, landmark.parameters)
     boxes = boxes_of(views, every, landmark.anchor, prior)
+    boxes = by_expected_heights(boxes, landmark.parameters)
     N, _, shared, _, _, _ = normal_equations(
         landmark.parameters, boxes, columns, np.zeros(N_COMMON), BY_CAUCHY
     )

@@ -47,10 +47,18 @@ def expected(views: Views, position: FloatArray, log_size: float) -> FloatArray:
     return np.column_stack([q[:, 1] / q[:, 0], q[:, 2] / q[:, 0], log_size - np.log(q[:, 0])])
 
 
+def by_expected_heights(views: Views, landmark: Landmark) -> FloatArray:
+    """Sigmas [n, 3] of the views of a landmark, those of heights by the heights expected."""
+    height = expected(views, landmark.position, float(landmark.parameters[3]))[:, 2]
+    sd = view_sd(views, landmark.rows)
+    sd[:, 2] *= np.exp(views.measured[:, 2] - height)
+    return sd
+
+
 def test_place_size_and_covariance_are_those_of_plain_least_squares(views: Views) -> None:
     rows = np.arange(len(views))
     landmark = fit_landmark(views, rows, PRIOR, robust=False)
-    sd = view_sd(views, rows)
+    sd = by_expected_heights(views, landmark)
 
     def residuals(x: FloatArray) -> FloatArray:
         own = (x[3] - np.log(PRIOR.size_m)) / PRIOR.log_sd
@@ -85,7 +93,7 @@ def test_an_unsure_velocity_widens_the_views_that_are_far_from_the_anchors() -> 
     log_size = float(landmark.parameters[3])
     forward = np.exp(log_size - expected(views, landmark.position, log_size)[:, 2])
     late = np.abs(views.t_ns - views.t_ns[landmark.anchor]) * 1e-9
-    variance = view_sd(views, rows) ** 2
+    variance = by_expected_heights(views, landmark) ** 2
     variance[:, :2] += ((0.5 * late / forward) ** 2)[:, None]
     assert variance[0, 0] > 2.0 * view_sd(views, rows)[0, 0] ** 2
     x = np.append(landmark.position, log_size)

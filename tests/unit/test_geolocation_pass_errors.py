@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from geolocation_scene import boxes, camera, drive_path, roadside
 
+from automap.geolocation.boresight import evidence_of
 from automap.geolocation.box_noise import scatter
 from automap.geolocation.existence import _base_rate
 from automap.geolocation.landmark import Landmark, SizePrior, fit_landmark
@@ -139,3 +140,29 @@ def test_single_boxes_of_a_cluttered_drive_are_doubted() -> None:
     assert _base_rate(clutter) < -2.0
     assert abs(_base_rate(np.array([0.0]))) < 0.5
     assert _base_rate(np.full(30, 3.0)) > 1.0
+
+
+def test_noise_of_heights_is_not_taken_for_a_margin() -> None:
+    """Boxes without margins, of signs seen from afar only, tell of none."""
+    path = drive_path(120.0, turn_rate=0.0)
+    far, rng = (40.0, 55.0), np.random.default_rng(5)
+    scene = roadside(path, every_s=2.5)
+    found, owner = boxes(path, scene, camera(), rng, 0.3, 0.1, range_m=far)
+    middle, half = (
+        0.5 * (found.box[:, 1] + found.box[:, 3]),
+        0.5 * np.ptp(found.box[:, 1::2], axis=1),
+    )
+    half += rng.normal(0.0, 0.7, len(half))
+    box = np.column_stack([found.box[:, 0], middle - half, found.box[:, 2], middle + half])
+    views = build_views(path, [replace(found, box=box)], {"front": camera()}, MeasurementNoise())
+    size, sd = SizePrior(0.75, 0.05), np.zeros(N_COMMON)
+    told = [
+        evidence_of(
+            views, fit_landmark(views, np.flatnonzero(owner[views.row] == k), size), size, sd
+        )
+        for k in range(len(scene.size_m))
+        if (owner == k).sum() > 9
+    ]
+    known, pull = sum(own[-1, -1] for own, _ in told), sum(step[-1] for _, step in told)
+    # by each box's own height two sigmas and more of a margin that is none
+    assert abs(pull / known) < 1.2 / np.sqrt(known)

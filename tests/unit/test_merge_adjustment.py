@@ -48,6 +48,7 @@ def brute_force(sightings: Sightings, sign: np.ndarray, tau_s: float) -> tuple[n
         for j in range(n):
             if sightings.drive[i] == sightings.drive[j]:
                 keep = np.exp(-abs(sightings.time_s[i] - sightings.time_s[j]) / tau_s)
+                keep = limits.LASTING_ERROR + (1.0 - limits.LASTING_ERROR) * keep
                 for a in range(2):
                     covariance[2 * i + a, 2 * j + a] = (
                         keep * sightings.shared_sd[i, a] * sightings.shared_sd[j, a]

@@ -153,14 +153,16 @@ def design(sign: np.ndarray) -> np.ndarray:
     return np.kron(np.eye(int(sign.max()) + 1)[sign], np.eye(3))
 
 
-@pytest.mark.parametrize("levels", [ErrorLevels(), ErrorLevels(1.3, 0.8, 25.0)])
+@pytest.mark.parametrize("levels", [ErrorLevels(), ErrorLevels(1.3, 0.8, 0.3), ErrorLevels(0.7)])
 def test_a_street_is_the_generalised_least_squares_of_all_at_once(levels: ErrorLevels) -> None:
     """Places, covariances, and the drives' offsets with theirs."""
     sightings, sign = street()
     result = adjust(sightings, linked(sign), levels)
-    shared, total = dense_covariance(sightings, levels.tau_s)
-    shared = levels.shared**2 * shared
-    own = levels.own**2 * (total - dense_covariance(sightings, levels.tau_s)[0])
+    wander, total = dense_covariance(sightings, TAU_S)
+    own = levels.own**2 * (total - wander)
+    # what wanders shows within a drive: a level below one is not of that
+    shared = max(levels.shared, 1.0) ** 2 * (1.0 - levels.lasting) * wander
+    shared = shared + levels.shared**2 * levels.lasting * dense_covariance(sightings, 1e12)[0]
     total = shared + own
     z = to_enu(sightings.lat, sightings.lon, sightings.height).ravel()
     a, weight = design(sign), np.linalg.inv(total)
