@@ -75,10 +75,12 @@ def update_contents(
     warnings: list[str],
     progress: Callable[[float], None],
     workers: int = 1,
+    also: Callable[[str, Entry], object] | None = None,
 ) -> dict[str, Any]:
     """Bring the cells in ``cells`` up to date with ``drives``; what is there of each by recording.
 
-    Results of more than a batch are read by so many ``workers``, put into cells by this process.
+    Results of more than a batch are read by so many ``workers``, which do what is to be done with
+    each ``also``, and put into cells by this process.
     May be ended at any time and called again. A result that cannot be read is forgotten, and its
     drive waits again.
     """
@@ -102,7 +104,7 @@ def update_contents(
     told = _named(known, drives)
     write_json(cells / CONTENTS, {"drives": told})
     batches = [order[start : start + BATCH] for start in range(0, len(order), BATCH)]
-    words = [(store, [(drives[k], k, told[k]["name"]) for k in batch]) for batch in batches]
+    words = [(store, [(drives[k], k, told[k]["name"]) for k in batch], also) for batch in batches]
     workers = min(workers, len(batches)) if store.place.folder is not None else 1
     with beside(workers, workers) as begin:
         found = ahead(begin, _read_batch, words, workers)
@@ -133,14 +135,21 @@ def _named(known: dict[str, Any], drives: dict[str, Entry]) -> dict[str, Any]:
     return told
 
 
-def _read_batch(store: Store, entries: Sequence[tuple[Entry, str, str]]) -> list[DriveSigns | str]:
+def _read_batch(
+    store: Store,
+    entries: Sequence[tuple[Entry, str, str]],
+    also: Callable[[str, Entry], object] | None = None,
+) -> list[DriveSigns | str]:
     """What drives saw, by the keys and names that go with them; of a result that cannot be read the
     sentence why not."""
     read: list[DriveSigns | str] = []
     for entry, key, name in entries:
         try:
             with result_folder(store, entry, _READ) as folder:
-                read.append(replace(read_run(folder).signs, key=key, name=name))
+                signs = read_run(folder).signs
+            if also is not None:
+                also(key, entry)
+            read.append(replace(signs, key=key, name=name))
         except InputError as error:
             read.append(str(error))
     return read

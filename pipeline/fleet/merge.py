@@ -8,6 +8,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -69,6 +70,7 @@ def merge(
     """
     from pipeline.fleet.older import Before
     from pipeline.fleet.publish import write_fleet_map
+    from pipeline.fleet.tracks import has_tracks, keep_track
     from pipeline.merge.cell_map import merge_store
 
     started = time.monotonic()
@@ -94,6 +96,7 @@ def merge(
             named = update_contents(
                 store, cells, drives, warnings,
                 lambda done: progress(0.2 * done, "reading drives"), workers,
+                partial(keep_track, store, cells) if has_tracks(store, len(drives)) else None,
             )  # fmt: skip
             drives = {key: drives[key] for key in named}
             if not drives:

@@ -26,7 +26,7 @@ from pipeline.fleet.map_tables import write_looked, write_sightings
 from pipeline.fleet.older import Before, fresh_drives, read_older, shared_with
 from pipeline.fleet.own_names import OwnNames
 from pipeline.fleet.store import Entry, Store
-from pipeline.fleet.tracks import gather_tracks, left_out
+from pipeline.fleet.tracks import gather_tracks, has_tracks, left_out
 from pipeline.merge.cell_map import StoreMap
 from pipeline.merge.cell_steps import drive_offsets, members
 from pipeline.merge.cell_store import Drives, read_drives
@@ -34,7 +34,7 @@ from pipeline.merge.command import named_changes
 from pipeline.merge.outcome import MapOutcome
 from pipeline.merge.output import SCHEMA, in_parts, write_files, write_stored
 from pipeline.merge.signs import GPS_CLOCK
-from pipeline.merge.whole import MANY_DRIVES, Contribution, complete, gather, write_whole
+from pipeline.merge.whole import Contribution, complete, gather, write_whole
 from pipeline.shared.beside import Begin, beside
 from pipeline.shared.freed import give_freed_back
 
@@ -84,7 +84,7 @@ def _write(
 ) -> Comparison | None:
     drives = read_drives(cells)
     likely = found.existence >= least_existence
-    many = len(drives) > MANY_DRIVES or store.place.folder is None
+    many = has_tracks(store, len(drives))
     if many:
         geoid = begin(gather_tracks, store, cells, entries, found.homes, likely, out)
     signs = found.signs(drives)

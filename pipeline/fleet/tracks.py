@@ -56,7 +56,7 @@ def gather_tracks(
     ``out`` as they are read, in the order of the drives' starts."""
     drives = read_drives(cells)
     order = np.argsort(drives.rank).tolist()
-    files = {k: _up_to_date(store, cells, drives.key[k], entries[drives.key[k]]) for k in order}
+    files = {k: keep_track(store, cells, drives.key[k], entries[drives.key[k]]) for k in order}
     every = -(-sum(map(_rows, files.values())) // MOST_ROWS)
     named = None
     heights: dict[int, list[float]] = {}
@@ -103,8 +103,11 @@ def _read(path: Path) -> Kept:
         )
 
 
-def _up_to_date(store: Store, cells: Path, key: str, entry: Entry) -> Path:
-    """The file of what is kept of a drive, made where it is not of its last result."""
+def keep_track(store: Store, cells: Path, key: str, entry: Entry) -> Path:
+    """The file of what is kept of a drive, made where it is not of its last result.
+
+    Raises InputError for a result that cannot be read.
+    """
     path = cells / KEPT / f"{key}.npz"
     wanted = version(entry)
     if path.is_file():
@@ -121,6 +124,12 @@ def _up_to_date(store: Store, cells: Path, key: str, entry: Entry) -> Path:
             **({} if track is None else vars(track)),
         )
     return path
+
+
+def has_tracks(store: Store, drives: int) -> bool:
+    """Whether the map of so many drives has their tracks and heights from what is kept of them, and
+    nothing else of their results."""
+    return drives > MANY_DRIVES or store.place.folder is None
 
 
 def left_out(remote: bool) -> str:

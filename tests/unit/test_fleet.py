@@ -156,7 +156,13 @@ def test_drives_of_one_place_come_into_cells_together(
         "pipeline.fleet.contents.add_drives",
         lambda cells, drives: batches.append({drive.name for drive in drives}),
     )
-    update_contents(store, tmp_path, wanted(store.entries(), []), [], lambda done: None)
+    kept: list[str] = []
+    drives = wanted(store.entries(), [])
+    update_contents(
+        store, tmp_path, drives, [], lambda done: None, also=lambda key, entry: kept.append(key)
+    )
+    # what reads a result does with it all that there is to do
+    assert sorted(kept) == sorted(drives)
     assert batches == [{scene()[k].name for k in ks} for ks in ((0, 2, 4), (1, 3, 5))]
 
 
@@ -219,7 +225,7 @@ def test_a_map_takes_over_what_is_as_it_was_in_the_one_before(
 ) -> None:
     monkeypatch.setattr(output, "MOST_PICTURED", 1)
     monkeypatch.setattr(pieces, "USUAL", 2)
-    monkeypatch.setattr(publishing, "MANY_DRIVES", 1)
+    monkeypatch.setattr(tracks, "MANY_DRIVES", 1)
     taken: list[bool] = []
     take = pieces.Index.take
 
@@ -596,8 +602,7 @@ def test_a_map_of_very_many_drives_has_tracks_and_heights_above_the_sea(
     few = merge(store)
     one = read_tracks(tmp_path / "store" / "map" / TRACKS)
     assert len(one) == few.drives == 5
-    for module in (publishing, tracks):
-        monkeypatch.setattr(module, "MANY_DRIVES", 3)
+    monkeypatch.setattr(tracks, "MANY_DRIVES", 3)
     (tmp_path / "store" / "map").unlink()
     merge(store)
     same = read_tracks(tmp_path / "store" / "map" / TRACKS)
