@@ -131,7 +131,7 @@ class Equations:
         )
         pull = np.einsum("nij,nj->ni", W, net.measured)
         size = axes * (self.nodes + self.signs)
-        right = np.bincount(self._at.ravel(), (self._by * pull[:, None]).ravel(), size)
+        right: FloatArray = np.bincount(self._at.ravel(), (self._by * pull[:, None]).ravel(), size)
         x = factor.solve(right)
         error, place = np.split(x.reshape(-1, axes), [self.nodes])
         miss = net.measured - place[net.sign] - (net.sd * error[net.node]).sum(axis=1)

@@ -18,18 +18,15 @@ from automap.fusion.wheel_match import between
 from automap.geolocation.bearing_rays import in_plane
 from automap.geolocation.bearings import BearingRules
 from automap.geolocation.path_errors import Equations, Network, correlations
-from automap.mapping.existence import (
+from automap.mapping.existence import Chances, DetectionRates, existence, still_there
+from automap.mapping.limits import (
     CHANGE_PER_YEAR,
     FALSE_BETA,
     LASTING,
     LEAST_CHANGE,
+    REAL_PRIOR,
     STRAY,
-    Chances,
-    DetectionRates,
-    existence,
-    still_there,
 )
-from automap.mapping.limits import REAL_PRIOR
 from automap.records import Bearings, FloatArray
 from automap.sync import limits
 from automap.sync.coarse import _correlation

@@ -12,7 +12,7 @@ from geolocation_scene import ORIGIN, camera, drive_path
 from automap.earth import from_local_ned, tangent_rotation
 from automap.frames import rotation_vector_to_matrix
 from automap.gates import gate
-from automap.geolocation import assembly, backs, existence, facing, limits, merging, splitting
+from automap.geolocation import assembly, existence, facing, limits, merging, splitting
 from automap.geolocation.assembly import AssemblyRules, _status, class_beliefs
 from automap.geolocation.landmark import (
     _crossing_depth,
@@ -347,15 +347,15 @@ def test_a_back_is_near_its_front_by_both_sigmas_and_a_plates_thickness(
 
     ahead = np.array([1.0, 0.0])
     back = one(-distance, turned * [1.001, 1.0], [0, 1])
-    assert backs._is_other_side(views, back, one(0.0, ahead, [2])) == (factor < 1.0)
-    assert not backs._is_other_side(
+    assert merging._is_other_side(views, back, one(0.0, ahead, [2])) == (factor < 1.0)
+    assert not merging._is_other_side(
         views, one(0.0, turned * [0.999, 1.0], [0]), one(0.0, ahead, [2])
     )
-    assert not backs._is_other_side(views, one(0.0, -ahead, [0, 1]), one(0.0, ahead, [1]))
+    assert not merging._is_other_side(views, one(0.0, -ahead, [0, 1]), one(0.0, ahead, [1]))
     far = 1.001 * limits.BACK_REACH_M
     monkeypatch.setattr(backs, "difference_covariance", lambda a, b: 1e6 * np.eye(3))
     for where, wanted in ((far, False), (-far, False), (0.998 * far, True)):
-        found = backs._is_other_side(views, one(where, -ahead, [0]), one(0.0, ahead, [2]))
+        found = merging._is_other_side(views, one(where, -ahead, [0]), one(0.0, ahead, [2]))
         assert found is wanted
 
 
