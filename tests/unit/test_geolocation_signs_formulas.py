@@ -334,7 +334,7 @@ def test_a_back_is_near_its_front_by_both_sigmas_and_a_plates_thickness(
 ) -> None:
     slack = [limits.THICKNESS_M, limits.THICKNESS_M, limits.HEIGHT_SLACK_M][axis]
     sd = 0.3
-    monkeypatch.setattr(backs, "difference_covariance", lambda a, b: sd**2 * np.eye(3))
+    monkeypatch.setattr(merging, "difference_covariance", lambda a, b: sd**2 * np.eye(3))
     distance = factor * np.sqrt(gate(limits.BACK_PROBABILITY, 3) * (sd**2 + slack**2))
     assert distance < limits.BACK_REACH_M
     views: Any = SimpleNamespace(frame=np.array([1, 2, 3, 4]))
@@ -353,7 +353,7 @@ def test_a_back_is_near_its_front_by_both_sigmas_and_a_plates_thickness(
     )
     assert not merging._is_other_side(views, one(0.0, -ahead, [0, 1]), one(0.0, ahead, [1]))
     far = 1.001 * limits.BACK_REACH_M
-    monkeypatch.setattr(backs, "difference_covariance", lambda a, b: 1e6 * np.eye(3))
+    monkeypatch.setattr(merging, "difference_covariance", lambda a, b: 1e6 * np.eye(3))
     for where, wanted in ((far, False), (-far, False), (0.998 * far, True)):
         found = merging._is_other_side(views, one(where, -ahead, [0]), one(0.0, ahead, [2]))
         assert found is wanted
