@@ -18,10 +18,9 @@ from automap.geolocation.landmark import (
     SizePrior,
     fit_landmark,
     relative_views,
-    view_drift,
-    view_sd,
 )
 from automap.geolocation.landmark_kernels import solve_landmark
+from automap.geolocation.view_errors import view_drift, view_sd
 from automap.geolocation.views import Views, numbered_tracks
 from automap.records import BoolArray, IntArray
 
