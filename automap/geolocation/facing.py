@@ -21,9 +21,9 @@ import numpy as np
 from automap.frames import wrap_pi
 from automap.geolocation import limits
 from automap.geolocation.box_noise import scatter
-from automap.geolocation.landmark import view_sd
 from automap.geolocation.path_relation import Path, course_at
 from automap.geolocation.sightings import Sighting
+from automap.geolocation.view_errors import view_sd
 from automap.geolocation.views import Views
 from automap.records import FloatArray, IntArray
 from automap.robust import cauchy_weight

@@ -11,6 +11,7 @@ from automap.geolocation import limits
 from automap.geolocation.boresight import N_CAMERA
 from automap.geolocation.contradiction import AGREED, Disagreement
 from automap.geolocation.landmark import Landmark, SizePrior, position_jacobian
+from automap.geolocation.landmark_kernels import MARGIN
 from automap.geolocation.views import Views
 from automap.records import FloatArray
 
@@ -27,8 +28,9 @@ class Sighting:
     ``path_sd`` [3] the trajectory's position error at the nearest view, m; ``time_s`` the
     middle of the pass; ``facing`` [2] unit vector (north, east) from the sign towards the
     cameras; ``class_score`` sum of scores by class. ``size_effect`` [3] what of ``own_cov`` and
-    ``pass_cov`` comes of the size that the sign was taken for: how far a sigma of that moves the
-    place, m. Every pass and every drive takes the sign for that size.
+    ``pass_cov`` comes of the size that the sign was taken for and of what boxes leave around it:
+    how far a sigma of both moves the place, m. Every pass and every drive takes the sign for that
+    size, and a detector leaves about as much around it each time.
     """
 
     landmark: Landmark
@@ -58,11 +60,18 @@ class Sighting:
 
 
 def _by_size(views: Views, landmark: Landmark, size: SizePrior) -> FloatArray:
-    """How far a landmark's parameters [4] move when its size prior does by its sigma."""
+    """How far a landmark's place [3] moves by a sigma of its size prior and of the part of its
+    boxes' margin that every pass has: both move it along the line of sight, and count as one."""
     prior = size.of(views.class_name[landmark.rows].tolist())
     stated = landmark.covariance / max(1.0, landmark.chi2 / landmark.dof)
+    J = position_jacobian(views, landmark)
     share = prior.weight(landmark) / prior.log_sd
-    return np.asarray((stated + landmark.pass_covariance)[:, 3] * share)
+    by_size = J @ (stated + landmark.pass_covariance)[:, 3] * share
+    margin = float(views.margin_sd[landmark.rows].mean()) * np.sqrt(limits.MARGIN_ALIKE)
+    by_margin = J @ landmark.common[:, MARGIN] * margin
+    both = by_size + np.copysign(1.0, by_size @ by_margin) * by_margin
+    total = np.hypot(np.linalg.norm(by_size), np.linalg.norm(by_margin))
+    return np.asarray(both * (total / max(float(np.linalg.norm(both)), 1e-12)))
 
 
 def make_sighting(
@@ -101,5 +110,5 @@ def make_sighting(
         facing=mean / max(float(np.linalg.norm(mean)), 1e-6),
         class_score=scores,
         contradictory=found.contradictory,
-        size_effect=np.zeros(3) if size is None else J @ _by_size(views, landmark, size),
+        size_effect=np.zeros(3) if size is None else _by_size(views, landmark, size),
     )

@@ -31,7 +31,8 @@ class ErrorLevels:
 
     Factors on the standard deviations, ``shared`` by a drive's signs and each sighting's
     ``own``, and what part of the shared variance is ``lasting``: one error all along the drive.
-    How much wanders a drive shows by itself, so a ``shared`` below one is of what lasts.
+    How much wanders a drive shows by itself, so a ``shared`` below one is of what lasts; and of
+    that in plan only, where it was found: heights err by the air as well.
     """
 
     shared: float = 1.0
@@ -181,8 +182,9 @@ def network_of(sightings: Sightings, data: TileData, levels: ErrorLevels, axes: 
     drive = np.repeat(np.arange(len(data.first) - 1), np.diff(data.first))
     node = np.column_stack([np.arange(n), n + drive])
     alike = np.append(alike, np.zeros(len(data.first) - 1))
-    wander = max(levels.shared, 1.0) * np.sqrt(1.0 - levels.lasting)
-    parts = np.array([[wander], [levels.shared * np.sqrt(levels.lasting)]])
+    most = max(levels.shared, 1.0)
+    lasting = levels.shared if axes == 2 else most
+    parts = np.sqrt([[1.0 - levels.lasting], [levels.lasting]]) * [[most], [lasting]]
     if axes == 2:
         own = levels.own**2 * data.own[:, [0, 1, 1, 2]].reshape(-1, 2, 2)
         shared, measured = sightings.shared_sd[rows, :2], data.measured[:, :2]

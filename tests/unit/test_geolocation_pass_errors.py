@@ -8,12 +8,14 @@ import numpy as np
 import pytest
 from geolocation_scene import boxes, camera, drive_path, roadside
 
+from automap.geolocation import limits
 from automap.geolocation.boresight import evidence_of
 from automap.geolocation.box_noise import scatter
 from automap.geolocation.existence import _base_rate
 from automap.geolocation.landmark import Landmark, SizePrior, fit_landmark
 from automap.geolocation.landmark_kernels import N_COMMON
 from automap.geolocation.pass_errors import equations, pass_sd, solve_with_pass_errors
+from automap.geolocation.sightings import make_sighting
 from automap.geolocation.views import CameraCorrection, MeasurementNoise, Views, build_views
 from automap.records import Detections
 
@@ -166,3 +168,27 @@ def test_noise_of_heights_is_not_taken_for_a_margin() -> None:
     known, pull = sum(own[-1, -1] for own, _ in told), sum(step[-1] for _, step in told)
     # by each box's own height two sigmas and more of a margin that is none
     assert abs(pull / known) < 1.2 / np.sqrt(known)
+
+
+def test_what_a_sign_is_taken_for_moves_its_place_as_is_told(approach) -> None:
+    """A tenth of a sigma of the usual size and of the margin that comes again, each put in."""
+    views, landmark, _ = approach
+    views = replace(views, margin_sd=4.0 * views.margin_sd)
+    rows = landmark.rows[np.exp(views.measured[landmark.rows, 2]) < 0.75 / 25.0]
+    assert len(rows) > 4
+
+    def place(seen: Views, size: SizePrior) -> np.ndarray:
+        return solve_with_pass_errors(seen, fit_landmark(seen, rows, size), size).position
+
+    usual, tenth = SizePrior(0.75, 0.03), 0.1
+    at = place(views, usual)
+    larger = place(views, SizePrior(0.75 * np.exp(tenth * 0.03), 0.03))
+    margin = tenth * np.sqrt(limits.MARGIN_ALIKE) * views.margin_sd
+    taller = views.measured.copy()
+    taller[:, 2] = np.log(np.exp(taller[:, 2]) + margin)
+    looser = place(replace(views, measured=taller), usual)
+    mark = solve_with_pass_errors(views, fit_landmark(views, rows, usual), usual)
+    told = make_sighting(views, mark, [np.eye(9)], size=usual).size_effect
+    moved = np.hypot(np.linalg.norm(larger - at), np.linalg.norm(looser - at)) / tenth
+    assert np.linalg.norm(looser - at) > 0.5 * np.linalg.norm(larger - at)
+    assert np.linalg.norm(told) == pytest.approx(moved, rel=0.15)

@@ -230,11 +230,6 @@ def test_a_class_is_believed_by_what_tracks_tell_each_box_by_its_score() -> None
     assert found[1] >= found[0]
     views.class_probability[:] = np.nan
     assert np.isnan(class_beliefs(views, rows, "a")).all()
-    s = np.array([0.9, 0.3, 1.4])
-    one = 1.0 - (1.0 - 0.9 * limits.VIEW_EVIDENCE) * (1.0 - 0.3 * limits.VIEW_EVIDENCE) * (
-        1.0 - limits.VIEW_EVIDENCE
-    )
-    assert assembly._belief_by_scores(s) == pytest.approx(one)
 
 
 def sighting(depth: float = 20.0, sd: float = 0.1, contradictory: bool = False) -> Any:

@@ -162,7 +162,10 @@ def test_a_street_is_the_generalised_least_squares_of_all_at_once(levels: ErrorL
     own = levels.own**2 * (total - wander)
     # what wanders shows within a drive: a level below one is not of that
     shared = max(levels.shared, 1.0) ** 2 * (1.0 - levels.lasting) * wander
-    shared = shared + levels.shared**2 * levels.lasting * dense_covariance(sightings, 1e12)[0]
+    lasting = levels.lasting * dense_covariance(sightings, 1e12)[0]
+    # nor of heights, as it is found in plan
+    level = np.tile([levels.shared, levels.shared, max(levels.shared, 1.0)], len(sightings))
+    shared = shared + level[:, None] * level * lasting
     total = shared + own
     z = to_enu(sightings.lat, sightings.lon, sightings.height).ravel()
     a, weight = design(sign), np.linalg.inv(total)

@@ -1,0 +1,48 @@
+"""How much each view of a sign errs."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from automap.geolocation import limits
+from automap.geolocation.landmark_kernels import Boxes
+from automap.geolocation.views import Views
+from automap.records import FloatArray, IntArray
+
+_MOST_OFF = float(np.log(2.0))
+"""A box of more than twice its sign's height, or less than half, is no noise."""
+
+
+def view_sd(views: Views, rows: IntArray) -> FloatArray:
+    """One-sigma errors [n, 3] of views of one sign.
+
+    Views from one place (at a standstill) repeat one another's errors: n of them count as one.
+    """
+    order = np.argsort(views.t_ns[rows], kind="stable")
+    centre = views.centre[rows[order]]
+    step = np.linalg.norm(np.diff(centre, axis=0, prepend=centre[:1]), axis=1)
+    cell = np.floor(np.cumsum(step) / limits.SAME_PLACE_M).astype(np.int64)
+    _, member, count = np.unique(cell, return_inverse=True, return_counts=True)
+    crowd = np.empty(len(rows))
+    crowd[order] = np.sqrt(count[member])
+    return np.asarray(views.sd[rows] * crowd[:, None])
+
+
+def by_expected_heights(boxes: Boxes, parameters: FloatArray) -> Boxes:
+    """The same boxes with the errors of log heights that the heights have which a sign with
+    ``parameters`` [4] lets expect.
+
+    ``boxes`` state those of their own heights. A box that came out too tall states the smaller
+    error of a taller one: with weights by its own height signs seem taller, and boxes tighter,
+    than they are.
+    """
+    forward = np.exp(parameters[2]) * (boxes.M[:, 0] @ [1.0, *parameters[:2]]) + boxes.b[:, 0]
+    expected = parameters[3] - np.log(np.maximum(forward, limits.MIN_FORWARD_M))
+    off = np.clip(boxes.measured[:, 2] - expected, -_MOST_OFF, _MOST_OFF)
+    return boxes._replace(sd=boxes.sd * np.exp(off[:, None] * [0.0, 0.0, 1.0]))
+
+
+def view_drift(views: Views, rows: IntArray, anchor: int) -> FloatArray:
+    """One-sigma error [n] in metres of each camera centre relative to the anchor's."""
+    elapsed = np.abs(views.t_ns[rows] - views.t_ns[anchor]) * 1e-9
+    return np.asarray(views.speed_sd[rows] * elapsed, np.float64)
