@@ -9,7 +9,7 @@ import numpy as np
 
 from automap.fusion.doubts import limits
 from automap.fusion.doubts.reason import Reason
-from automap.fusion.limits import DOUBT_PROBABILITY
+from automap.fusion.limits import DOUBT_PROBABILITY, UNKNOWN_HEIGHT_SD_M
 from automap.gates import sigmas
 from automap.records import Fixes, FloatArray, Trajectory
 from automap.robust import cauchy_weight
@@ -63,12 +63,15 @@ def _scaled(slope: float, sd: float, height: FloatArray) -> Reason:
         ),
         "",
     )
+    off = UNKNOWN_HEIGHT_SD_M
+    if slope > 0.0:
+        off = float(np.abs(height).max()) * abs(1.0 - 1.0 / slope)
     return Reason(
         "height_scale",
         f"the receiver's heights rise {slope:.2f} times as far as the vehicle climbs (sigma "
         f"{sd:.2f}){unit}: the heights of the path and of the signs are as wrong; check the unit "
         "of the heights in the receiver's log",
-        height_m=float(np.abs(height).max()) * abs(1.0 - 1.0 / slope) if slope > 0.0 else np.inf,
+        height_m=off,
     )
 
 
