@@ -121,12 +121,12 @@ def _fit(x: FloatArray, length: FloatArray, y: FloatArray) -> tuple[float, float
     """How many times ``x`` [k] ``y`` [k] is, beside what goes with ``length``, and its sigma."""
     from scipy.special import stdtrit
 
-    design = np.column_stack([x, length])
+    design: FloatArray = np.asarray(np.column_stack([x, length]), np.float64)
     weight = np.ones(len(y))
     normal: FloatArray = np.eye(2)
     slope, rest = 0.0, y
     for _ in range(limits.SLOPE_ROUNDS):
-        normal = np.linalg.pinv((design * weight[:, None]).T @ design)
+        normal = np.asarray(np.linalg.pinv((design * weight[:, None]).T @ design), np.float64)
         found = normal @ ((design * weight[:, None]).T @ y)
         slope, rest = float(found[0]), y - design @ found
         weight = cauchy_weight((rest / (1.4826 * float(np.median(np.abs(rest))) + 1e-9)) ** 2)
