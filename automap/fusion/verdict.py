@@ -154,6 +154,7 @@ def weigh(
         of_receiver += _offsets(sd, dated, alone, options, levels)
     except InputError:
         alone = None
+    scaled = any(reason.code == "height_scale" for reason in of_receiver)
     off = math.inf if alone is None else off_course(path, alone)
     # a delay that is the clock's is minus the receiver's, and of any sign
     clock_only = delay_is_clock or LATENCY_STATE in found
@@ -167,7 +168,7 @@ def weigh(
         *early_velocities(found),
         *(constancy_doubts(result.filtered_parameters, by_carrier(fixes)) if believed else ()),
         *(contradicted_arm(found, lever_arm, STATED_ARM_SD_M, bends) if believed else ()),
-        *(() if any(r.code == "height_scale" for r in of_receiver) else height_doubts(path, fixes)),
+        *(height_doubts(path, fixes) if believed and not scaled else ()),
         *askew,
         *outcome.weak_heading(result.align_margin, off),
         *at_bound,

@@ -139,6 +139,12 @@ def test_heights_in_feet_are_told_and_widen_the_heights(factor: float, text: str
     assert np.array_equal(wide.sd_pos_ned[:, :2], path.sd_pos_ned[:, :2])
 
 
+def test_heights_that_fall_where_the_path_climbs_are_unknown() -> None:
+    path = hilly()
+    (reason,) = height_doubts(path, fixes_of(path, -1.0, 1.0, 3))
+    assert reason.height_m == limits.UNKNOWN_HEIGHT_SD_M
+
+
 @pytest.mark.parametrize("seed", range(8))
 def test_two_minutes_of_hills_tell_feet_from_metres(seed: int) -> None:
     path = hilly(seconds=130)

@@ -9,7 +9,7 @@ import numpy as np
 
 from automap.fusion.doubts import limits
 from automap.fusion.doubts.reason import Reason
-from automap.fusion.limits import DOUBT_PROBABILITY
+from automap.fusion.limits import DOUBT_PROBABILITY, UNKNOWN_HEIGHT_SD_M
 from automap.gates import sigmas
 from automap.records import Fixes, FloatArray, Trajectory
 from automap.robust import cauchy_weight
@@ -63,12 +63,15 @@ def _scaled(slope: float, sd: float, height: FloatArray) -> Reason:
         ),
         "",
     )
+    off = UNKNOWN_HEIGHT_SD_M
+    if slope > 0.0:
+        off = float(np.abs(height).max()) * abs(1.0 - 1.0 / slope)
     return Reason(
         "height_scale",
         f"the receiver's heights rise {slope:.2f} times as far as the vehicle climbs (sigma "
         f"{sd:.2f}){unit}: the heights of the path and of the signs are as wrong; check the unit "
         "of the heights in the receiver's log",
-        height_m=float(np.abs(height).max()) * abs(1.0 - 1.0 / slope) if slope > 0.0 else np.inf,
+        height_m=off,
     )
 
 
@@ -118,12 +121,12 @@ def _fit(x: FloatArray, length: FloatArray, y: FloatArray) -> tuple[float, float
     """How many times ``x`` [k] ``y`` [k] is, beside what goes with ``length``, and its sigma."""
     from scipy.special import stdtrit
 
-    design = np.column_stack([x, length])
+    design: FloatArray = np.asarray(np.column_stack([x, length]), np.float64)
     weight = np.ones(len(y))
     normal: FloatArray = np.eye(2)
     slope, rest = 0.0, y
     for _ in range(limits.SLOPE_ROUNDS):
-        normal = np.linalg.pinv((design * weight[:, None]).T @ design)
+        normal = np.asarray(np.linalg.pinv((design * weight[:, None]).T @ design), np.float64)
         found = normal @ ((design * weight[:, None]).T @ y)
         slope, rest = float(found[0]), y - design @ found
         weight = cauchy_weight((rest / (1.4826 * float(np.median(np.abs(rest))) + 1e-9)) ** 2)

@@ -324,7 +324,7 @@ def _inputs(drive: Drive) -> list[Path]:
 
 STAGE = Stage(
     name="fuse",
-    version=13,
+    version=14,
     run=run,
     inputs=_inputs,
     needs=(names.IMU, names.FIXES, names.ODOMETER, names.SYNC, names.INGEST),
