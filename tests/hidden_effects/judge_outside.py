@@ -90,6 +90,9 @@ def outside_outcome(
         return "elsewhere", []
     if names and all(f.get("resembles") for f in shown):
         return "resembles", []
+    if outside.kind in names:
+        # the library has it by this name since
+        return "alike", []
     sure = [n for n in names if n not in STOCHASTIC]
     if sure:
         return "wrong", sure

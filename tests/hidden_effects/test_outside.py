@@ -14,7 +14,7 @@ from tests.hidden_effects.evidence import Scene, make_scene, shifts_of
 from tests.hidden_effects.geodesy import meridian_radius
 from tests.hidden_effects.hide import PIXEL_SD
 from tests.hidden_effects.judge import judge, judge_refusal
-from tests.hidden_effects.judge_outside import equivalent
+from tests.hidden_effects.judge_outside import equivalent, outside_outcome
 from tests.hidden_effects.motion import Motion, Path, to_body
 from tests.hidden_effects.noise import GnssNoise, ImuNoise
 from tests.hidden_effects.outside import Outside, all_makers
@@ -220,3 +220,11 @@ def test_a_run_that_stops_for_the_clock_is_right_only_where_the_clock_errs(
     clock = replace(settling, formula=all_makers()["clock_step"](np.random.default_rng(1), SECONDS))
     assert judge_refusal(clock, text).outcome == "flagged"
     assert judge_refusal(clock, "no fixes").outcome == "refused"
+
+
+def test_what_the_library_has_by_this_name_since_is_right() -> None:
+    hidden = all_makers()["gyro_dead_zone"](np.random.default_rng(1), 200.0)
+    named = [{"effect": "gyro_dead_zone", "parameters": {}}]
+    assert outside_outcome(hidden, answer(*named), named, 0.0) == ("alike", [])
+    other = [{"effect": "gyro_quadratic", "parameters": {}}]
+    assert outside_outcome(hidden, answer(*other), other, 0.0) == ("wrong", ["gyro_quadratic"])
