@@ -184,20 +184,12 @@ def columns_of(
 
 
 def sign_equations(
-    views: Views,
-    rows: IntArray,
-    anchor: int,
-    parameters: FloatArray,
-    columns: FloatArray,
-    bias: FloatArray,
-    prior: SizePrior,
-    kind: int,
+    parameters: FloatArray, boxes: Boxes, columns: FloatArray, bias: FloatArray, kind: int
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, float]:
-    """``normal_equations`` of a sign in the views ``rows`` at ``parameters`` [4] seen from a view,
-    with what is common to the views, of derivatives ``columns`` [n, 3, m], at ``bias`` [m]."""
-    # what drifts is among what is common
-    boxes = boxes_of(views, rows, anchor, prior)._replace(drift=np.zeros(len(rows)))
-    boxes = by_expected_heights(boxes, parameters)
+    """``normal_equations`` of a sign's boxes [n] at ``parameters`` [4] seen from a view, with what
+    is common to the views, of derivatives ``columns`` [n, 3, m], at ``bias`` [m]; what drifts is
+    among that."""
+    boxes = boxes._replace(drift=np.zeros(len(boxes.measured)))
     N, A, shared, residual, weight, chi2 = normal_equations(parameters, boxes, columns, bias, kind)
     return N, A, shared, residual, weight, float(chi2)
 

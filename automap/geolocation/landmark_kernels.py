@@ -290,7 +290,8 @@ def common_columns(  # type: ignore[no-untyped-def]
         if not _measure(theta, M[i], b[i], h, J, q, d):
             continue
         E, B = effects[i], common[i]
-        height = np.exp(h[2])  # expected: a noisy one goes with its box's error
+        # a margin m on a height H makes its logarithm larger by m / sqrt(H (H + m)), to m^3
+        height = np.exp(0.5 * (h[2] + measured[i, 2]))
         effect_columns(h, q, height, share[i], rate[i], velocity[i], C_cam_body[i], lens[i], E)
         for r in range(3):
             for k in range(3):

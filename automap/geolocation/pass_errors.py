@@ -17,11 +17,13 @@ from automap.geolocation import limits
 from automap.geolocation.landmark import (
     Landmark,
     SizePrior,
+    boxes_of,
     columns_of,
     place,
     sign_equations,
 )
 from automap.geolocation.landmark_kernels import N_COMMON
+from automap.geolocation.view_errors import by_expected_heights
 from automap.geolocation.views import Views
 from automap.records import FloatArray, IntArray
 from automap.robust import BY_CAUCHY
@@ -56,7 +58,8 @@ def equations(
     """``normal_equations`` of a landmark's views at other parameters [4] and biases [12]."""
     rows, anchor = landmark.rows, landmark.anchor
     columns, _ = columns_of(views, rows, anchor, parameters)
-    return sign_equations(views, rows, anchor, parameters, columns, bias, prior, BY_CAUCHY)
+    boxes = by_expected_heights(boxes_of(views, rows, anchor, prior), parameters)
+    return sign_equations(parameters, boxes, columns, bias, BY_CAUCHY)
 
 
 def solve_with_pass_errors(views: Views, landmark: Landmark, prior: SizePrior) -> Landmark:

@@ -9,7 +9,7 @@ from automap.geolocation.landmark_kernels import Boxes
 from automap.geolocation.views import Views
 from automap.records import FloatArray, IntArray
 
-_MOST_OFF = float(np.log(2.0))
+MOST_OFF = float(np.log(2.0))
 """A box of more than twice its sign's height, or less than half, is no noise."""
 
 
@@ -38,7 +38,7 @@ def by_expected_heights(boxes: Boxes, parameters: FloatArray) -> Boxes:
     """
     forward = np.exp(parameters[2]) * (boxes.M[:, 0] @ [1.0, *parameters[:2]]) + boxes.b[:, 0]
     expected = parameters[3] - np.log(np.maximum(forward, limits.MIN_FORWARD_M))
-    off = np.clip(boxes.measured[:, 2] - expected, -_MOST_OFF, _MOST_OFF)
+    off = np.clip(boxes.measured[:, 2] - expected, -MOST_OFF, MOST_OFF)
     return boxes._replace(sd=boxes.sd * np.exp(off[:, None] * [0.0, 0.0, 1.0]))
 
 

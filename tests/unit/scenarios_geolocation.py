@@ -68,6 +68,7 @@ def geolocation_views() -> Any:
 def geolocation_landmarks() -> Any:
     """Signs from their boxes, robust or not, their derivatives and where they are expected."""
     from automap.geolocation import landmark as of
+    from automap.geolocation.view_errors import by_expected_heights
     from automap.robust import BY_CAUCHY, BY_HUBER, PLAIN
 
     drive, rng = rich_drive(), np.random.default_rng(2)
@@ -84,6 +85,7 @@ def geolocation_landmarks() -> Any:
         assert at is not None
         columns, effects = of.columns_of(views, rows, anchor, at)
         bias = 1e-3 * rng.normal(size=columns.shape[2])
+        boxes = by_expected_heights(of.boxes_of(views, rows, anchor, PRIOR), at)
         found[str(k)] = {
             "mark": mark,
             # its residuals are nothing but rounding
@@ -100,7 +102,7 @@ def geolocation_landmarks() -> Any:
             "place": of.place(views, anchor, at),
             "behind": of.seen_from(views, anchor, views.centre[anchor] - drive.place[0], 0.1),
             "equations": [
-                of.sign_equations(views, rows, anchor, at, columns, bias, PRIOR, kind)
+                of.sign_equations(at, boxes, columns, bias, kind)
                 for kind in (PLAIN, BY_HUBER, BY_CAUCHY)
             ],
         }

@@ -26,7 +26,11 @@ def test_a_fit_linearised_at_another_is_the_fit_from_nothing(plain: Fit, effect:
     other = fit_drive(plain.opened, plain.model, {effect: 3.0}, linearised_at=plain)
     alone = fit_drive(plain.opened, plain.model, {effect: 3.0})
     sd = np.sqrt(np.diag(alone.cov))
-    assert (np.abs(other.values - alone.values) < 0.2 * sd).all(), (other.values, alone.values, sd)
+    off = np.abs(other.values - alone.values) / sd
+    if effect == "imu_mounting":  # its roll is told by the weight along the other's path besides
+        assert other.sd_of(effect)["roll"] < 0.5 * alone.sd_of(effect)["roll"]
+        off = off[1:]
+    assert (off < 0.2).all(), (other.values, alone.values, sd)
     assert other.score == pytest.approx(alone.score, abs=1.0)
     a, b = other.last.smooth.nominal, alone.last.smooth.nominal
     scale = metres_per_radian(float(a[0, 0]), float(a[0, 2]))

@@ -19,6 +19,7 @@ from automap.effects.measured import Values
 from automap.gap.camera.views import Boxes, keys
 from automap.geolocation.landmark import (
     SizePrior,
+    boxes_of,
     columns_of,
     fit_landmark,
     place,
@@ -26,6 +27,7 @@ from automap.geolocation.landmark import (
     sign_equations,
 )
 from automap.geolocation.landmark_kernels import MARGIN, N_COMMON
+from automap.geolocation.view_errors import MOST_OFF
 from automap.geolocation.views import Views
 from automap.records import FloatArray, IntArray
 from automap.robust import BY_HUBER, HUBER_SHARE, huber_loss
@@ -68,12 +70,12 @@ class CameraFit:
         return np.asarray(0.5 * sums, np.float64)
 
 
-def box_noise(boxes: Boxes, a_px: FloatArray, b: FloatArray) -> FloatArray:
+def box_noise(boxes: Boxes, a_px: FloatArray, b: FloatArray, off: FloatArray | float) -> FloatArray:
     """One sigma [n, 3] of the measurements: ``a_px`` [2] px of centre and height, and the shares
-    ``b`` [2] of the box's height that they err by."""
+    ``b`` [2] of the box's height that they err by; the logarithms of heights are ``off`` [n]."""
     focal = focal_length(boxes.camera)
     box = np.concatenate([d.found.box for d in boxes.drives])
-    height = (box[:, 3] - box[:, 1]) / focal
+    height = (box[:, 3] - box[:, 1]) * np.exp(-off) / focal
     centre = np.hypot(a_px[0] / focal, b[0] * height)
     size = np.hypot(a_px[1] / focal / height, b[1])
     return np.column_stack([centre, centre, size])
@@ -81,19 +83,21 @@ def box_noise(boxes: Boxes, a_px: FloatArray, b: FloatArray) -> FloatArray:
 
 def estimate_noise(fit: CameraFit) -> FloatArray:
     """One sigma [n, 3] that suits a fit's residuals best, over a grid; consistent where they are
-    normal (Huber's proposal 2: Robust Statistics, 1981, chapter 6)."""
+    normal (Huber's proposal 2: Robust Statistics, 1981, chapter 6). They are of the heights that
+    the fit expects: by its own a box that came out too tall would count more."""
     raw = fit.residual * fit.sd
+    off = np.clip(raw[:, 2], -MOST_OFF, MOST_OFF)
     a, b = np.zeros(2), np.zeros(2)
     for part, columns in enumerate(((0, 1), (2,))):
         best = np.inf
         for pixels in NOISE_A_PX:
             for share in NOISE_B:
-                sd = box_noise(fit.boxes, np.full(2, pixels), np.full(2, share))[:, columns]
+                sd = box_noise(fit.boxes, np.full(2, pixels), np.full(2, share), off)[:, columns]
                 loss = 0.5 * huber_loss((raw[:, columns] / sd) ** 2) / HUBER_SHARE
                 cost = float((loss + np.log(sd)).sum())
                 if cost < best:
                     best, a[part], b[part] = cost, pixels, share
-    return box_noise(fit.boxes, a, b)
+    return box_noise(fit.boxes, a, b, off)
 
 
 def fit_camera(
@@ -221,8 +225,10 @@ def _evaluated(
         minute = first + 3 + 3 * int(boxes.window[s])
         wander = common[first : first + 3] + common[minute : minute + 3]
         bias = np.concatenate([np.zeros(n_effects), common[n_effects:first], wander, local[s, 4:]])
+        # errors that do not depend on what is fitted: models are compared by their likelihoods
+        own_boxes = boxes_of(views, rows, anchor, SIZE)
         N, A, S, residual[rows], _, _ = sign_equations(
-            views, rows, anchor, seen[s], every[rows], bias, SIZE, BY_HUBER
+            seen[s], own_boxes, every[rows], bias, BY_HUBER
         )
         m = every.shape[2]
         own = np.concatenate([np.arange(m, m + 4), np.arange(m - 3, m)])
