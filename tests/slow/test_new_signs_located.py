@@ -6,7 +6,8 @@ from __future__ import annotations
 import pytest
 
 from automap.mapping.inventory import compare_inventory
-from tests.benchmarks.inventory_world import case, correct, due
+from tests.benchmarks.inventory_world import case
+from tests.unit.inventory_case import correct, due
 
 pytestmark = pytest.mark.slow
 
