@@ -1,9 +1,11 @@
 """Whether what boxes show is as large as a face of its kind, or a wall, a board, a vehicle.
 
 Boxes that fit one place say that something stands there, whatever it is: the front of a house is
-found again as a sign is. How large it is tells them apart. Faces of a class are about as large as
-the table says, or of any size up to the largest that is made; other things are as often of one size
-as of another (log-uniform).
+found again as a sign is. How large it is tells what is larger than any face that is made: faces of
+a class are about as large as the table says, or of any size up to the largest; such things are as
+often of one size above it as of another (log-uniform). Things of a face's size are for boxes to
+tell: how often there are any no size says, and a share of them taken off every sign would make the
+surest ones doubtful.
 """
 
 from __future__ import annotations
@@ -54,12 +56,12 @@ def _told(views: Views, mark: Landmark, prior: SizePrior) -> float:
 
 
 def size_nats(log_size: float, variance: float, usual: SizePrior, largest_m: float) -> float:
-    """Log likelihood ratio of a measured size, of a face against any other thing."""
+    """Log likelihood ratio of a measured size, of a face against what is larger than any."""
     spread = usual.log_sd**2 + variance
     off = (log_size - np.log(usual.size_m)) ** 2 / spread
     face = (1.0 - limits.ODD_SIZE) * np.exp(-0.5 * off) / np.sqrt(2.0 * np.pi * spread)
     face += limits.ODD_SIZE * _even(log_size, variance, limits.SMALLEST_FACE_M, largest_m)
-    thing = _even(log_size, variance, limits.SMALLEST_FACE_M, limits.LARGEST_THING_M)
+    thing = _even(log_size, variance, largest_m, limits.LARGEST_THING_M)
     return float(np.log(max(face, 1e-300) / max(thing, 1e-300)))
 
 

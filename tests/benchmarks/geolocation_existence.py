@@ -10,11 +10,12 @@ over eight bins.
 from __future__ import annotations
 
 import argparse
+from typing import Any
 
 import numpy as np
 
 from automap.geolocation import locate
-from automap.geolocation.landmark import Landmark
+from automap.geolocation.landmark import Landmark, SizePrior
 from automap.geolocation.rules import GeolocationRules
 from automap.geolocation.views import Views
 from automap.records import FloatArray
@@ -26,22 +27,30 @@ EDGES = np.array([0.0, 0.05, 0.2, 0.4, 0.6, 0.8, 0.95, 0.99, 1.0])
 def told(world: World) -> FloatArray:
     """Probability, and 1 for a sign, of everything [n, 2] that boxes were joined to."""
     rows: list[tuple[float, float]] = []
-    estimate = locate.existence_probabilities
+    by_boxes, by_size = locate.existence_probabilities, locate.face_probabilities
+    exists = np.zeros(0)
 
-    def listen(views: Views, landmarks: list[Landmark], *more: object) -> FloatArray:
-        likely = estimate(views, landmarks, *more)  # type: ignore[arg-type]
-        for mark, p in zip(landmarks, likely.tolist(), strict=True):
+    def boxes_tell(*given: Any) -> FloatArray:
+        nonlocal exists
+        exists = by_boxes(*given)
+        return exists
+
+    def sizes_tell(views: Views, landmarks: list[Landmark], prior: SizePrior) -> FloatArray:
+        face = by_size(views, landmarks, prior)
+        for mark, p in zip(landmarks, (exists * face).tolist(), strict=True):
             if mark.ok:
                 shown = world.owner[views.row[mark.rows]]
                 rows.append((p, float(np.mean(shown >= 0) > 0.5)))
-        return likely
+        return face
 
-    locate.existence_probabilities = listen  # type: ignore[assignment]
+    locate.existence_probabilities = boxes_tell
+    locate.face_probabilities = sizes_tell  # type: ignore[assignment]
     try:
         rules = GeolocationRules(min_existence=0.0)
         locate.locate_signs(world.trajectory, [world.detections], {"front": world.camera}, rules)
     finally:
-        locate.existence_probabilities = estimate
+        locate.existence_probabilities = by_boxes
+        locate.face_probabilities = by_size
     return np.array(rows)
 
 
