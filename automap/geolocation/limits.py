@@ -212,7 +212,11 @@ see what is no sign; on four drives in drawn streets it was one in twenty to one
 # passes
 
 PATH_CORRELATION_S = 60.0
-"""Time constant of the trajectory's position error (satellite errors wander for minutes)."""
+"""Time constant of what wanders of the trajectory's position error (satellite errors do so for
+minutes)."""
+LASTING_ERROR = 0.5
+"""Part of the variance of the trajectory's position error that outlasts the drive, where the data
+do not tell another. Any part is as likely as another."""
 APART_PROBABILITY = 1e-3
 """A sign that is seen again is taken for two so rarely."""
 MERGE_REACH_M = 10.0
