@@ -12,8 +12,8 @@ from geolocation_scene import ORIGIN, Scene, boxes, camera, drive_path, roadside
 
 from automap.earth import from_local_ned, local_ned
 from automap.geolocation.control import ControlSigns
-from automap.geolocation.locate import locate_signs
 from automap.geolocation.limits import FACE_SD_M, LASTING_ERROR, PATH_CORRELATION_S
+from automap.geolocation.locate import locate_signs
 from automap.geolocation.result import GeolocationResult
 from automap.geolocation.rules import GeolocationRules
 from automap.geolocation.trajectory_adjustment import adjust_trajectory
