@@ -216,8 +216,8 @@ PATH_CORRELATION_S = 60.0
 minutes)."""
 LASTING_ERROR = 0.5
 """Part of the variance of the trajectory's position error that outlasts the drive, where the data
-do not tell another. Any part is as likely as another: 0.56 and 0.26 of what is horizontal in the two
-phones of ``configs/receivers``, whose slow wander outlasts passes."""
+do not tell another. Any part is as likely as another: horizontally it is 0.56 and 0.26
+in the two phones of ``configs/receivers``, whose slow wander outlasts passes."""
 APART_PROBABILITY = 1e-3
 """A sign that is seen again is taken for two so rarely."""
 MERGE_REACH_M = 10.0
