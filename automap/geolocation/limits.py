@@ -213,7 +213,12 @@ is so at 2.7 and 2.4 m. On eight drives in drawn streets it was none to one in f
 # passes
 
 PATH_CORRELATION_S = 60.0
-"""Time constant of the trajectory's position error (satellite errors wander for minutes)."""
+"""Time constant of what wanders of the trajectory's position error (satellite errors do so for
+minutes)."""
+LASTING_ERROR = 0.5
+"""Part of the variance of the trajectory's position error that outlasts the drive, where the data
+do not tell another. Any part is as likely as another: horizontally it is 0.56 and 0.26
+in the two phones of ``configs/receivers``, whose slow wander outlasts passes."""
 APART_PROBABILITY = 1e-3
 """A sign that is seen again is taken for two so rarely."""
 MERGE_REACH_M = 10.0

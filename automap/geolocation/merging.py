@@ -26,8 +26,9 @@ def _common_covariance(a: Sighting, b: Sighting, path: float) -> FloatArray:
 
 
 def _alike(a: Sighting, b: Sighting) -> float:
-    """Correlation of the trajectory's errors in two passes."""
-    return float(np.exp(-abs(a.time_s - b.time_s) / limits.PATH_CORRELATION_S))
+    """Correlation of the trajectory's errors in two passes: of what lasts and of what wanders."""
+    wander = float(np.exp(-abs(a.time_s - b.time_s) / limits.PATH_CORRELATION_S))
+    return limits.LASTING_ERROR + (1.0 - limits.LASTING_ERROR) * wander
 
 
 def difference_covariance(a: Sighting, b: Sighting) -> FloatArray:

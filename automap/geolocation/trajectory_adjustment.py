@@ -62,34 +62,39 @@ def adjust_trajectory(
     seen, sign = [sighting for sighting, _ in members], np.array([n for _, n in members])
     surveyed = [(number, *control[k]) for number, k in enumerate(telling) if k in control]
     time, sd, node = _nodes(trajectory, np.array([m.time_s for m in seen]))
-    alike = correlations(time, limits.PATH_CORRELATION_S)
-    extra = len(surveyed)
+    nodes, extra = len(time), len(surveyed)
     start = np.array([sightings[groups[k][0]].position for k in telling])
     own = [m.covariance - np.diag(m.path_sd**2) + limits.FACE_SD_M**2 * np.eye(3) for m in seen] + [
         covariance for _, _, covariance in surveyed
     ]
     sign = np.concatenate([sign, [number for number, _, _ in surveyed]]).astype(np.int64)
     place = np.array([m.position for m in seen] + [place for _, place, _ in surveyed])
-    # a surveyed place is a sighting from a path without errors
+    # a surveyed place is a sighting without the path's errors
+    node = np.append(node, np.zeros(extra, np.int64))
+    certain = np.arange(len(sign)) >= len(seen)
+    part = np.sqrt([1.0 - limits.LASTING_ERROR, limits.LASTING_ERROR])
+    # the last node is what lasts
     network = Network(
-        np.concatenate([alike, np.zeros(extra)]),
-        np.concatenate([node, len(time) + np.arange(extra)])[:, None],
+        np.append(correlations(time, limits.PATH_CORRELATION_S), 0.0),
+        np.column_stack([node, np.full(len(node), nodes)]),
         sign,
-        np.concatenate([sd[node], np.zeros((extra, 3))])[:, None],
+        part[:, None] * np.where(certain[:, None], 0.0, sd[node])[:, None],
         place - start[sign],
         np.linalg.inv(np.array(own)),
     )
     equations = Equations(network)
-    certain = np.arange(len(sign)) >= len(seen)
 
     def weigh(square: FloatArray) -> FloatArray:
         return np.where(certain, 1.0, cauchy_weight(square, limits.HALF_WEIGHT_SIGMAS))
 
     found = equations.solve(equations.weights(weigh, _ROUNDS))
-    posterior = np.sqrt(found.error_variances()[: len(time)])
+    both = np.column_stack([np.arange(nodes), np.full(nodes, nodes)])
+    unknown = 3 * both[:, None] + np.arange(3)[:, None]
+    posterior = np.sqrt(found.factor.variances_of(unknown, part))
     if posterior.min() > 1.0 - limits.LEAST_ADJUSTMENT:
         return None
-    return Adjustment(time, found.error[: len(time)] * sd, posterior * sd)
+    error = np.einsum("p,npk->nk", part, found.error[both])
+    return Adjustment(time, error * sd, posterior * sd)
 
 
 def _nodes(trajectory: Trajectory, seen_s: FloatArray) -> tuple[FloatArray, FloatArray, IntArray]:

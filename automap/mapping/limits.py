@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 
 from automap.gates import gate_in_plane
+from automap.geolocation.limits import LASTING_ERROR as LASTING_ERROR
 from automap.geolocation.limits import PATH_CORRELATION_S
 
 # which sightings are one sign
@@ -98,9 +99,6 @@ two metres of height."""
 LEVEL_LOG_SD = 0.3
 """How far the stated errors are trusted: one sigma of the logarithm of their factors. Chosen: to a
 third."""
-LASTING_ERROR = 0.5
-"""Part of the variance of a trajectory's position error that outlasts the drive, where the data do
-not tell another. Any part is as likely as another."""
 MOST_LEVEL_SIGMAS = 3.0
 """Levels go no further from what is stated: a sample of tiles may hold a wrong association."""
 OWN_STEP, WANDER_STEP, LASTING_STEP = 0.02, 0.02, 0.05

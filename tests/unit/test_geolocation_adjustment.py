@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,9 +12,11 @@ from geolocation_scene import ORIGIN, Scene, boxes, camera, drive_path, roadside
 
 from automap.earth import from_local_ned, local_ned
 from automap.geolocation.control import ControlSigns
+from automap.geolocation.limits import FACE_SD_M, LASTING_ERROR, PATH_CORRELATION_S
 from automap.geolocation.locate import locate_signs
 from automap.geolocation.result import GeolocationResult
 from automap.geolocation.rules import GeolocationRules
+from automap.geolocation.trajectory_adjustment import adjust_trajectory
 from automap.records import Detections, Trajectory
 
 SHIFT = np.array([3.0, -2.0, 0.0])
@@ -96,3 +100,44 @@ def test_a_second_pass_halves_the_difference_of_the_two() -> None:
     assert abs(second.mean() - first.mean()) < 0.8, "two metres apart before"
     off = GeolocationRules(adjust_trajectory=False)
     assert locate_signs(path, [found], {"front": camera()}, off).adjusted is None
+
+
+@pytest.mark.parametrize("surveyed_to_m", [None, 0.05])
+def test_what_lasts_all_along_the_drive_no_second_pass_averages(
+    surveyed_to_m: float | None,
+) -> None:
+    """Error and sigma everywhere, from the whole covariance of all errors at once; where a place is
+    surveyed, it tells what lasts."""
+    path = moved(drive_path(900.0), np.zeros(3), 2.0)
+    start = float(path.t_ns[0]) * 1e-9
+    passed_s = start + np.array([20.0, 30.0, 500.0, 510.0, 850.0])
+    off = np.array(
+        [[1.0, -2.0, 0.5], [1.2, -1.8, 0.3], [-1.5, 1.0, 0.2], [-1.4, 0.8, 0.0], [0.3] * 3]
+    )
+    groups = [[0, 2], [1, 3, 4]]
+    sign = np.array([0, 1, 0, 1, 1])
+    place = 10.0 * sign[:, None] + off
+    seen: Any = [
+        SimpleNamespace(
+            time_s=t, position=x, covariance=(0.3**2 + 2.0**2) * np.eye(3), path_sd=np.full(3, 2.0)
+        )
+        for t, x in zip(passed_s, place, strict=True)
+    ]
+    control = {0: (np.zeros(3), surveyed_to_m**2 * np.eye(3))} if surveyed_to_m else {}
+    found = adjust_trajectory(path, seen, groups, control)
+    assert found is not None
+
+    def alike(one: np.ndarray, other: np.ndarray) -> np.ndarray:
+        wander = np.exp(-np.abs(one[:, None] - other) / PATH_CORRELATION_S)
+        return np.asarray(2.0**2 * (LASTING_ERROR + (1.0 - LASTING_ERROR) * wander))
+
+    own = (0.3**2 + FACE_SD_M**2) * np.eye(5)
+    free = 1e4**2 * (sign[:, None] == sign)
+    if surveyed_to_m:
+        free = np.where((sign == 0)[:, None] & (sign == 0), surveyed_to_m**2, free)
+    gain = alike(found.time_s, passed_s) @ np.linalg.inv(alike(passed_s, passed_s) + own + free)
+    variance = 2.0**2 - np.einsum("ij,ij->i", gain, alike(found.time_s, passed_s))
+    expected = gain @ (place - np.where(sign == 0, 0.0, 10.0)[:, None])
+    assert found.error == pytest.approx(expected, abs=1e-3)
+    assert found.sd[:, 0] == pytest.approx(np.sqrt(variance), abs=1e-3)
+    assert surveyed_to_m or found.sd.min() > 0.8 * 2.0, "two passes tell nothing of what lasts"

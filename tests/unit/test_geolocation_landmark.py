@@ -18,7 +18,7 @@ from automap.geolocation.landmark import (
     position_jacobian,
     view_sd,
 )
-from automap.geolocation.limits import PATH_CORRELATION_S
+from automap.geolocation.limits import LASTING_ERROR, PATH_CORRELATION_S
 from automap.geolocation.merging import combine, difference_covariance
 from automap.geolocation.sightings import Sighting, make_sighting
 from automap.geolocation.views import MeasurementNoise, Views, build_views
@@ -233,6 +233,7 @@ def joint(passes: list[Sighting], adjusted: bool = False) -> FloatArray:
         for j, b in enumerate(passes):
             apart = 0.0 if adjusted else a.time_s - b.time_s
             keep = np.exp(-abs(apart) / PATH_CORRELATION_S)
+            keep = LASTING_ERROR + (1.0 - LASTING_ERROR) * keep
             block = keep * np.diag(a.path_sd) @ np.diag(b.path_sd)
             if a.camera == b.camera:
                 block = block + a.camera_effect @ a.camera_cov @ b.camera_effect.T
