@@ -30,7 +30,12 @@ from automap.geolocation.landmark_kernels import (
     solve_landmark,
     squared_distances,
 )
-from automap.geolocation.view_errors import by_expected_heights, view_drift, view_sd
+from automap.geolocation.view_errors import (
+    by_expected_heights,
+    expected_heights,
+    view_drift,
+    view_sd,
+)
 from automap.geolocation.views import Views
 from automap.records import FloatArray, IntArray
 from automap.robust import BY_CAUCHY, PLAIN, cauchy_weight
@@ -171,12 +176,18 @@ def boxes_of(views: Views, rows: IntArray, anchor: int, prior: SizePrior) -> Box
 
 
 def columns_of(
-    views: Views, rows: IntArray, anchor: int, parameters: FloatArray
+    views: Views, rows: IntArray, anchor: int, parameters: FloatArray, own: bool = False
 ) -> tuple[FloatArray, FloatArray]:
     """Derivatives of the expected boxes [n, 3] of a sign with ``parameters`` [4] seen from a view:
-    [n, 3, 12] by what is common to its views, [n, 3, 11] by the errors of the camera."""
+    [n, 3, 12] by what is common to its views, [n, 3, 11] by the errors of the camera.
+
+    They are at the heights that the sign lets expect (those of noisy boxes go with their noise), or
+    at the boxes' ``own``, where models with other expectations are compared.
+    """
+    M, b = relative_views(views, rows, anchor)
+    height = views.measured[rows, 2] if own else expected_heights(M, b, parameters)
     common, effects = common_columns(
-        *(parameters, *relative_views(views, rows, anchor), views.measured[rows]),
+        *(parameters, M, b, height),
         *(views.share[rows], views.rate[rows], views.velocity[rows], views.C_cam_body[rows]),
         *(views.lens[views.camera[rows]], elapsed_s(views, rows, anchor)),
     )

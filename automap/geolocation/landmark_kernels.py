@@ -271,15 +271,15 @@ def solve_landmark(start, boxes, robust):  # type: ignore[no-untyped-def]
 
 @kernel
 def common_columns(  # type: ignore[no-untyped-def]
-    theta, M, b, measured, share, rate, velocity, C_cam_body, lens, elapsed
+    theta, M, b, log_height, share, rate, velocity, C_cam_body, lens, elapsed
 ):
     """Derivatives [n, 3, N_COMMON] of the expected boxes of a sign at ``theta`` by what is common
     to its views, and those [n, 3, 11] by the errors of the camera (``camera_kernels``).
 
-    ``C_cam_body`` [n, 3, 3] vehicle to camera axes, ``lens`` [n, 21], ``elapsed`` [n] seconds over
-    which a velocity error of the trajectory acts.
+    ``log_height`` [n] of the boxes, ``C_cam_body`` [n, 3, 3] vehicle to camera axes, ``lens``
+    [n, 21], ``elapsed`` [n] seconds over which a velocity error of the trajectory acts.
     """
-    n = len(measured)
+    n = len(log_height)
     h = np.zeros(3)
     J = np.zeros((3, 4))
     q = np.zeros(3)
@@ -290,8 +290,7 @@ def common_columns(  # type: ignore[no-untyped-def]
         if not _measure(theta, M[i], b[i], h, J, q, d):
             continue
         E, B = effects[i], common[i]
-        # a margin m on a height H makes its logarithm larger by m / sqrt(H (H + m)), to m^3
-        height = np.exp(0.5 * (h[2] + measured[i, 2]))
+        height = np.exp(log_height[i])
         effect_columns(h, q, height, share[i], rate[i], velocity[i], C_cam_body[i], lens[i], E)
         for r in range(3):
             for k in range(3):

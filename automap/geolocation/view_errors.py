@@ -9,7 +9,7 @@ from automap.geolocation.landmark_kernels import Boxes
 from automap.geolocation.views import Views
 from automap.records import FloatArray, IntArray
 
-MOST_OFF = float(np.log(2.0))
+_MOST_OFF = float(np.log(2.0))
 """A box of more than twice its sign's height, or less than half, is no noise."""
 
 
@@ -28,6 +28,13 @@ def view_sd(views: Views, rows: IntArray) -> FloatArray:
     return np.asarray(views.sd[rows] * crowd[:, None])
 
 
+def expected_heights(M: FloatArray, b: FloatArray, parameters: FloatArray) -> FloatArray:
+    """Logarithms [n] of the heights, over the focal length, that a sign with ``parameters`` [4]
+    lets expect in views with ``M`` [n, 3, 3] and ``b`` [n, 3]."""
+    forward = np.exp(parameters[2]) * (M[:, 0] @ [1.0, *parameters[:2]]) + b[:, 0]
+    return np.asarray(parameters[3] - np.log(np.maximum(forward, limits.MIN_FORWARD_M)))
+
+
 def by_expected_heights(boxes: Boxes, parameters: FloatArray) -> Boxes:
     """The same boxes with the errors of log heights that the heights have which a sign with
     ``parameters`` [4] lets expect.
@@ -36,9 +43,8 @@ def by_expected_heights(boxes: Boxes, parameters: FloatArray) -> Boxes:
     error of a taller one: with weights by its own height signs seem taller, and boxes tighter,
     than they are.
     """
-    forward = np.exp(parameters[2]) * (boxes.M[:, 0] @ [1.0, *parameters[:2]]) + boxes.b[:, 0]
-    expected = parameters[3] - np.log(np.maximum(forward, limits.MIN_FORWARD_M))
-    off = np.clip(boxes.measured[:, 2] - expected, -MOST_OFF, MOST_OFF)
+    off = boxes.measured[:, 2] - expected_heights(boxes.M, boxes.b, parameters)
+    off = np.clip(off, -_MOST_OFF, _MOST_OFF)
     return boxes._replace(sd=boxes.sd * np.exp(off[:, None] * [0.0, 0.0, 1.0]))
 
 

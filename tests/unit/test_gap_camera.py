@@ -206,7 +206,7 @@ def test_a_camera_as_stated_is_silent(seed: int) -> None:
 def test_signs_at_their_best_places_give_back_their_boxes() -> None:
     boxes = boxes_with({})
     fit = fit_camera(
-        boxes, box_noise(boxes, np.full(2, PIXEL_SD), np.zeros(2), 0.0), np.zeros(boxes.n_common)
+        boxes, box_noise(boxes, np.full(2, PIXEL_SD), np.zeros(2)), np.zeros(boxes.n_common)
     )
     # to the noise of their edges
     rest = (fit.residual * fit.sd)[:, :2]

@@ -20,7 +20,7 @@ TURNED = {"camera_boresight": {"roll": 0.0, "pitch": 0.012, "yaw": -0.02}}
 @pytest.fixture(scope="module")
 def fit() -> CameraFit:
     boxes = boxes_with(TURNED)
-    sd = box_noise(boxes, np.full(2, PIXEL_SD), np.zeros(2), 0.0)
+    sd = box_noise(boxes, np.full(2, PIXEL_SD), np.zeros(2))
     return fit_camera(boxes, sd, np.zeros(boxes.n_common))
 
 

@@ -27,7 +27,6 @@ from automap.geolocation.landmark import (
     sign_equations,
 )
 from automap.geolocation.landmark_kernels import MARGIN, N_COMMON
-from automap.geolocation.view_errors import MOST_OFF
 from automap.geolocation.views import Views
 from automap.records import FloatArray, IntArray
 from automap.robust import BY_HUBER, HUBER_SHARE, huber_loss
@@ -70,12 +69,12 @@ class CameraFit:
         return np.asarray(0.5 * sums, np.float64)
 
 
-def box_noise(boxes: Boxes, a_px: FloatArray, b: FloatArray, off: FloatArray | float) -> FloatArray:
+def box_noise(boxes: Boxes, a_px: FloatArray, b: FloatArray) -> FloatArray:
     """One sigma [n, 3] of the measurements: ``a_px`` [2] px of centre and height, and the shares
-    ``b`` [2] of the box's height that they err by; the logarithms of heights are ``off`` [n]."""
+    ``b`` [2] of the box's height that they err by."""
     focal = focal_length(boxes.camera)
     box = np.concatenate([d.found.box for d in boxes.drives])
-    height = (box[:, 3] - box[:, 1]) * np.exp(-off) / focal
+    height = (box[:, 3] - box[:, 1]) / focal
     centre = np.hypot(a_px[0] / focal, b[0] * height)
     size = np.hypot(a_px[1] / focal / height, b[1])
     return np.column_stack([centre, centre, size])
@@ -83,21 +82,19 @@ def box_noise(boxes: Boxes, a_px: FloatArray, b: FloatArray, off: FloatArray | f
 
 def estimate_noise(fit: CameraFit) -> FloatArray:
     """One sigma [n, 3] that suits a fit's residuals best, over a grid; consistent where they are
-    normal (Huber's proposal 2: Robust Statistics, 1981, chapter 6). They are of the heights that
-    the fit expects: by its own a box that came out too tall would count more."""
+    normal (Huber's proposal 2: Robust Statistics, 1981, chapter 6)."""
     raw = fit.residual * fit.sd
-    off = np.clip(raw[:, 2], -MOST_OFF, MOST_OFF)
     a, b = np.zeros(2), np.zeros(2)
     for part, columns in enumerate(((0, 1), (2,))):
         best = np.inf
         for pixels in NOISE_A_PX:
             for share in NOISE_B:
-                sd = box_noise(fit.boxes, np.full(2, pixels), np.full(2, share), off)[:, columns]
+                sd = box_noise(fit.boxes, np.full(2, pixels), np.full(2, share))[:, columns]
                 loss = 0.5 * huber_loss((raw[:, columns] / sd) ** 2) / HUBER_SHARE
                 cost = float((loss + np.log(sd)).sum())
                 if cost < best:
                     best, a[part], b[part] = cost, pixels, share
-    return box_noise(fit.boxes, a, b, off)
+    return box_noise(fit.boxes, a, b)
 
 
 def fit_camera(
@@ -206,7 +203,7 @@ def _evaluated(
         if parameters is None:
             return nowhere
         seen[s] = parameters
-        shared[rows], effects[rows] = columns_of(views, rows, anchor, parameters)
+        shared[rows], effects[rows] = columns_of(views, rows, anchor, parameters, own=True)
     every = np.concatenate(
         [
             *(by_parameters(values, effects), boxes.by_users(effects)),

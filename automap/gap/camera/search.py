@@ -261,7 +261,7 @@ class _Search:
 
 def _noise(boxes: Boxes, every: Mapping[tuple[str, str], float]) -> FloatArray:
     """One sigma [n, 3] of boxes, all errors that a camera may have taken out."""
-    first = box_noise(boxes, np.full(2, FIRST_PX), np.full(2, FIRST_SHARE), 0.0)
+    first = box_noise(boxes, np.full(2, FIRST_PX), np.full(2, FIRST_SHARE))
     free = _fitted(boxes, first, every)
     return estimate_noise(_fitted(boxes, estimate_noise(free), every, free))
 
