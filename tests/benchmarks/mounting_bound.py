@@ -75,8 +75,8 @@ def _of_pass(
     b = np.einsum("nij,nj->ni", C, views.centre[anchor] - views.centre[rows])
     elapsed = (views.t_ns[rows] - views.t_ns[anchor]) * 1e-9
     columns, _ = common_columns(
-        *(parameters, M, b, expected[:, 2], views.share[rows], views.rate[rows], views.velocity[rows]),
-        *(views.C_cam_body[rows], views.lens[views.camera[rows]], elapsed),
+        *(parameters, M, b, expected[:, 2], views.share[rows], views.rate[rows]),
+        *(views.velocity[rows], views.C_cam_body[rows], views.lens[views.camera[rows]], elapsed),
     )
     usual = float(np.log(_PRIOR.size_m)), _PRIOR.log_sd
     boxes = Boxes(M, b, expected, sd, np.zeros(len(rows)), *usual)
