@@ -304,7 +304,7 @@ def _camera_views(
         "share": row_share(middle_y, camera.height)[ok],
         "log_aspect": log_aspect[ok],
         "pose_sd": np.nan_to_num(poses.sd_pos_ned[ok]),
-        "attitude_sd": np.nan_to_num(poses.sd_rpy[ok]),
+        "attitude_sd": along_course(np.nan_to_num(poses.sd_rpy[ok])),
         "margin_sd": np.full(int(ok.sum()), noise.margin_sd_px / focal_length(camera)),
         "lever_arm_sd": np.full(int(ok.sum()), camera.lever_arm_sd),
         "velocity_sd": np.nan_to_num(np.column_stack([level, level, sd_ned[:, 2]])),
@@ -315,3 +315,12 @@ def _camera_views(
         **{name: found.told(name)[ok] for name in TRACK_PROBABILITIES},
     }
     return part, np.flatnonzero(~has_pose)
+
+
+def along_course(sd_rpy: FloatArray) -> FloatArray:
+    """Sigmas [n, 3] of roll, pitch and yaw, rad, without what the yaw's have for a nose that is off
+    its course for minutes."""
+    yaw = sd_rpy[:, 2]
+    rest = np.sqrt(np.maximum(yaw**2 - limits.LASTING_SLIP_SD**2, 0.0))
+    yaw = np.where(yaw >= limits.LASTING_SLIP_SD, rest, yaw)
+    return np.column_stack([sd_rpy[:, :2], yaw])
