@@ -56,7 +56,8 @@ def exchanged(lat: FloatArray, lon: FloatArray) -> bool:
     None is a latitude; as degrees and minutes all would lie in the open sea off Guinea. Courses
     do not tell: those from east, counter-clockwise, look alike.
     """
-    known = np.isfinite(lat) & np.isfinite(lon)
+    # 0, 0 stands where there was no fix yet
+    known = np.isfinite(lat) & np.isfinite(lon) & ((lat != 0.0) | (lon != 0.0))
     north, east = np.abs(lat[known]), np.abs(lon[known])
     beyond = (north > 0.5 * np.pi) & (north <= np.pi) & (east <= 0.5 * np.pi)
     return bool(len(north)) and bool(beyond.all())
