@@ -42,7 +42,8 @@ from automap.robust import BY_CAUCHY, PLAIN, cauchy_weight
 from automap.signs.class_shares import commonest
 
 _REWEIGHTINGS = 2
-"""Of log heights, by what is expected of them."""
+"""Of log heights, by what is expected of them: on simulated signs the first moves parameters by up
+to a tenth of a sigma, the second by less than a thousandth."""
 
 
 @dataclass(frozen=True)
