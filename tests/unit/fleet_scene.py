@@ -95,3 +95,10 @@ def map_bytes(store: Store) -> dict[str, bytes]:
 def full(url: str, digest: str, path: str, order: Order) -> Result:
     """A task that finds the store's disk full."""
     return Result(digest, "store", f"cannot write {url}: the disk is full.")
+
+
+def run_all(store: Store, order: Order = ORDER) -> None:
+    """Every drive that waits, one after another, without Dask."""
+    for entry in store.entries():
+        if entry.state(order.key) == "waiting":
+            publish_made(store.place.url, entry.digest, entry.path, order)
