@@ -5,13 +5,16 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from automap.io.atomic import atomic_path
 from automap.io.tables import read_table
 from automap.records import FloatArray
+
+if TYPE_CHECKING:
+    import pyarrow as pa
 
 _POINT = np.dtype([("order", "u1"), ("type", "<u4"), ("x", "<f8"), ("y", "<f8")])
 """A point in well-known binary, little-endian."""
@@ -20,7 +23,6 @@ _POINT = np.dtype([("order", "u1"), ("type", "<u4"), ("x", "<f8"), ("y", "<f8")]
 def write_points(path: Path, columns: Mapping[str, Any], lat: FloatArray, lon: FloatArray) -> None:
     """Write columns [n] with points at ``lat``, ``lon`` rad as GeoParquet 1.1 (OGC:CRS84)."""
     import pyarrow as pa
-    import pyarrow.parquet as pq
 
     points = np.empty(len(lat), _POINT)
     points["order"], points["type"] = 1, 1
@@ -36,7 +38,18 @@ def write_points(path: Path, columns: Mapping[str, Any], lat: FloatArray, lon: F
         "primary_column": "geometry",
         "columns": {"geometry": {"encoding": "WKB", "geometry_types": ["Point"]}},
     }
-    table = table.replace_schema_metadata({"geo": json.dumps(told)})
+    _write(path, table.replace_schema_metadata({"geo": json.dumps(told)}))
+
+
+def pack_points(path: Path, paths: Sequence[Path], later: Mapping[str, float | str]) -> None:
+    """Write the rows of files, one at least, that ``write_points`` wrote into one; ``later`` as in
+    ``read_points``."""
+    _write(path, _joined([read_table(each) for each in paths], later))
+
+
+def _write(path: Path, table: pa.Table) -> None:
+    import pyarrow.parquet as pq
+
     with atomic_path(path) as temporary:
         pq.write_table(table, temporary, compression="zstd")
 
@@ -46,18 +59,22 @@ def read_points(
 ) -> dict[str, Any]:
     """Columns [n] of all the files, without the points; {} without files. Columns that came
     ``later``, which some files may lack, have one value there."""
-    import pyarrow as pa
-
     if not paths:
         return {}
-    tables = []
-    for path in paths:
-        table = read_table(path).drop_columns(["geometry"])
-        for name, value in (later or {}).items():
+    tables = [read_table(path).drop_columns(["geometry"]) for path in paths]
+    table = _joined(tables, later or {})
+    return {name: table[name].to_numpy(zero_copy_only=False) for name in table.column_names}
+
+
+def _joined(tables: Sequence[pa.Table], later: Mapping[str, float | str]) -> pa.Table:
+    import pyarrow as pa
+
+    whole = []
+    for table in tables:
+        for name, value in later.items():
             if name not in table.column_names:
                 kind = pa.string() if isinstance(value, str) else pa.float64()
                 table = table.append_column(name, pa.array([value] * len(table), kind))
-        tables.append(table)
+        whole.append(table)
     # by name: a column that came later stands last where it was lacking
-    table = pa.concat_tables([part.select(tables[0].column_names) for part in tables])
-    return {name: table[name].to_numpy(zero_copy_only=False) for name in table.column_names}
+    return pa.concat_tables([part.select(whole[0].column_names) for part in whole])

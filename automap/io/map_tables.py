@@ -57,7 +57,11 @@ def read_members(path: Path) -> dict[str, str]:
 def write_tracks(path: Path, tracks: Iterable[tuple[str, Trajectory]]) -> None:
     """Write the trajectories of several drives, with their names, one after another; no file where
     there are none."""
-    tables = map(_track_table, tracks)
+    write_track_tables(path, (track_table(*track) for track in tracks))
+
+
+def write_track_tables(path: Path, tables: Iterator[Any]) -> None:
+    """The same from the tables of the drives."""
     first = next(tables, None)
     if first is None:
         return
@@ -65,10 +69,10 @@ def write_tracks(path: Path, tracks: Iterable[tuple[str, Trajectory]]) -> None:
         write_row_groups(temporary, chain([first], tables), _TRACK_ROWS, compression="zstd")
 
 
-def _track_table(track: tuple[str, Trajectory]) -> Any:
+def track_table(name: str, trajectory: Trajectory) -> Any:
+    """The rows of a drive as they are stored."""
     import pyarrow as pa
 
-    name, trajectory = track
     columns = {"drive": np.full(len(trajectory), name, object), **to_columns(trajectory)}
     return pa.table({key: pa.array(v, from_pandas=True) for key, v in columns.items()})
 
@@ -91,6 +95,7 @@ class StoredTracks(Mapping[str, Trajectory]):
                 for lo, hi in pairwise([*cuts, len(number)]):
                     name = coded.dictionary[int(number[lo])].as_py()
                     self._spans.setdefault(name, []).append((group, lo, hi))
+        self._rows = lru_cache(maxsize=1)(self._table)
         self._read = lru_cache(maxsize=1)(self._group)
 
     def __len__(self) -> int:
@@ -110,11 +115,21 @@ class StoredTracks(Mapping[str, Trajectory]):
             **{field: np.concatenate([part[field] for part in parts]) for field in parts[0]}
         )
 
-    def _group(self, group: int) -> Trajectory:
+    def table(self, name: str) -> Any:
+        """The rows of a drive as they are stored."""
+        import pyarrow as pa
+
+        spans = self._spans[name]
+        return pa.concat_tables([self._rows(group).slice(lo, hi - lo) for group, lo, hi in spans])
+
+    def _table(self, group: int) -> Any:
         import pyarrow.parquet as pq
 
         with pq.ParquetFile(self._path) as file:
-            table = file.read_row_group(group, list(COLUMNS), use_threads=False)
+            return file.read_row_group(group, use_threads=False)
+
+    def _group(self, group: int) -> Trajectory:
+        table = self._rows(group)
         return from_columns(lambda name: floats(table, name), ints(table, "t_ns"))
 
 

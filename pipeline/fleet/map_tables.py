@@ -23,32 +23,34 @@ def write_sightings(
     """Write the sightings cell by cell; of each drive [d, 2] how many there are, and how many are
     of signs in the map."""
     import pyarrow as pa
+    import pyarrow.compute as pc
     import pyarrow.parquet as pq
 
     counts = np.zeros((len(drives), 2), np.int64)
     in_map = np.array([bool(name) for name in ids], np.bool_)
+    keys, names = pa.array(drives.key), pa.array(drives.name)
+    sign_ids = pa.array([name or None for name in ids], pa.string())
     writer = None
     try:
         for cell in members(cells, found.homes):
             counts[:, 0] += np.bincount(cell.drive, minlength=len(drives))
             counts[:, 1] += np.bincount(cell.drive[in_map[cell.sign]], minlength=len(drives))
-            who = cell.drive.tolist()
-            keys = [drives.key[k] for k in who]
             north, east = metres_per_radian(cell.place[:, 0], np.nan_to_num(cell.place[:, 2]))
             turn = (cell.place[:, 1] - found.lon[cell.sign] + np.pi) % (2 * np.pi) - np.pi
             residual = np.column_stack([
                 turn * east, (cell.place[:, 0] - found.lat[cell.sign]) * north,
                 cell.place[:, 2] - found.height[cell.sign],
             ]) - cell.offset  # fmt: skip
+            who, own = keys.take(pa.array(cell.drive)), pa.array(cell.id, pa.string())
             table = pa.table(
                 {
-                    "key": [f"{key}|{own}" for key, own in zip(keys, cell.id, strict=True)],
-                    "drive": [drives.name[k] for k in who],
-                    "drive_key": keys,
+                    "key": pc.binary_join_element_wise(who, own, "|"),
+                    "drive": names.take(pa.array(cell.drive)),
+                    "drive_key": who,
                     "drive_row": cell.row,
-                    "drive_sign": cell.id,
-                    "class": cell.class_name,
-                    "sign_id": pa.array([ids[k] or None for k in cell.sign.tolist()], pa.string()),
+                    "drive_sign": own,
+                    "class": pa.array(cell.class_name, pa.string()),
+                    "sign_id": sign_ids.take(pa.array(cell.sign)),
                     "lat_deg": np.degrees(cell.place[:, 0]),
                     "lon_deg": np.degrees(cell.place[:, 1]),
                     "height_m": cell.place[:, 2],

@@ -81,9 +81,8 @@ def shared_with(older: Older, cells: Path, found: StoreMap) -> dict[tuple[int, i
     if not len(older.name):
         return shared
     for cell in members(cells, found.homes):
-        name = cell.drive << 32 | cell.row
-        at = np.minimum(np.searchsorted(older.name, name), len(older.name) - 1)
-        same = older.name[at] == name
+        at = np.minimum(np.searchsorted(older.name, cell.name), len(older.name) - 1)
+        same = older.name[at] == cell.name
         pairs, count = np.unique(cell.sign[same] << 32 | older.sign[at[same]], return_counts=True)
         named = zip((pairs >> 32).tolist(), (pairs & 0xFFFFFFFF).tolist(), strict=True)
         shared.update(zip(named, count.tolist(), strict=True))

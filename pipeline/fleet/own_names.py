@@ -22,7 +22,7 @@ class OwnNames:
             rows = np.flatnonzero(in_map[cell.sign])
             drive.append(cell.drive[rows])
             sign.append(cell.sign[rows].astype(np.int32))
-            own.append(np.array([cell.id[k].encode() for k in rows.tolist()], np.bytes_))
+            own.append(np.char.encode(cell.id[rows], "utf-8"))
         who = np.concatenate(drive)
         # one after another as the cells have them: of two of one name the last counts
         order = np.argsort(who, kind="stable")

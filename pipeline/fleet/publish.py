@@ -86,7 +86,8 @@ def _write(
     likely = found.existence >= least_existence
     many = has_tracks(store, len(drives))
     if many:
-        geoid = begin(gather_tracks, store, cells, entries, found.homes, likely, out)
+        older = None if before is None else before.folder
+        geoid = begin(gather_tracks, store, cells, entries, found.homes, likely, out, older)
     signs = found.signs(drives)
     comparison, taken = _compared(
         store, cells, entries, drives, found, signs, before, least_existence

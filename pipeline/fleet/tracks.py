@@ -1,22 +1,27 @@
 """Tracks of very many drives and the heights of the sea at their signs, for one map.
 
 To read a drive's whole result takes a second, and a map is made again every night. So what a map of
-any size takes over is kept beside the cells, a small file a drive, read from its result once.
+any size takes over is kept beside the cells, a small file a drive, read from its result once. Those
+of ten thousand drives are five gigabytes: rows that the older map has it gives to the next one.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping, Sequence
+import zlib
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, fields
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from automap.export.pieces import index_file
 from automap.io import names
-from automap.io.atomic import atomic_path
+from automap.io.atomic import atomic_path, write_json
 from automap.io.json_text import parse_json
-from automap.io.map_tables import TRACKS, write_tracks
+from automap.io.map_tables import TRACKS, StoredTracks, track_table, write_track_tables
 from automap.records import BoolArray, FloatArray, Trajectory
 from pipeline.fleet.contents import result_folder, version
 from pipeline.fleet.own_names import OwnNames
@@ -24,8 +29,9 @@ from pipeline.fleet.store import Entry, Store
 from pipeline.merge.cell_steps import members
 from pipeline.merge.cell_store import read_drives
 from pipeline.merge.whole import MANY_DRIVES, drive_essentials
+from pipeline.shared.values import json_object, mapping
 
-KEPT = "tracks"
+KEPT, LIST = "tracks", "tracks.json"
 MOST_ROWS = 2_000_000
 """Rows of all tracks: as many are some 400 MB while they are written."""
 _READ = (
@@ -50,35 +56,84 @@ def gather_tracks(
     homes: Sequence[int],
     in_map: BoolArray,
     out: Path,
+    older: Path | None = None,
 ) -> FloatArray:
     """Mean height of the geoid at each sign [m] of the cells ``homes``, NaN where none of the
     drives tells it or it is not ``in_map``; tracks, of ``MOST_ROWS`` rows in all, go into the map
-    ``out`` as they are read, in the order of the drives' starts."""
+    ``out`` as they are read, in the order of the drives' starts, from an ``older`` map where it has
+    the same."""
     drives = read_drives(cells)
     order = np.argsort(drives.rank).tolist()
-    files = {k: keep_track(store, cells, drives.key[k], entries[drives.key[k]]) for k in order}
-    every = -(-sum(map(_rows, files.values())) // MOST_ROWS)
+    listed = _listed(store, cells, {key: entries[key] for key in drives.key})
+    every = _step(sum(each.rows for each in listed.values()))
+    made_of = {drives.name[k]: listed[drives.key[k]].version for k in order}
+    rows_before = _rows_before(older, every, made_of)
     named = None
     heights: dict[int, list[float]] = {}
 
-    def tracks() -> Iterator[tuple[str, Trajectory]]:
+    def tables() -> Iterator[Any]:
         nonlocal named
         for k in order:
-            each = _read(files[k])
-            if each.geoid_m:
-                named = named or OwnNames(members(cells, homes), in_map)
-                own = named.of(k)
-                for name, height in each.geoid_m.items():
-                    if name in own:
-                        heights.setdefault(own[name], []).append(height)
-            if each.track is not None:
-                yield drives.name[k], _every(each.track, every)
+            key, name = drives.key[k], drives.name[k]
+            rows = rows_before(name)
+            if listed[key].heights or (listed[key].rows and rows is None):
+                each = _read(keep_track(store, cells, key, entries[key]))
+                if each.geoid_m:
+                    named = named or OwnNames(members(cells, homes), in_map)
+                    own = named.of(k)
+                    for sign, height in each.geoid_m.items():
+                        if sign in own:
+                            heights.setdefault(own[sign], []).append(height)
+                if rows is None and each.track is not None and len(each.track):
+                    rows = track_table(name, _every(each.track, every))
+            if rows is not None:
+                yield rows
 
-    write_tracks(out / TRACKS, tracks())
+    write_track_tables(out / TRACKS, tables())
+    if (out / TRACKS).is_file():
+        told = {"every": every, "crc": _crc(out / TRACKS), "drives": made_of}
+        write_json(index_file(out / TRACKS), told)
     geoid = np.full(len(in_map), np.nan)
-    for sign, told in heights.items():
-        geoid[sign] = np.mean(told)
+    for sign, own_m in heights.items():
+        geoid[sign] = np.mean(own_m)
     return geoid
+
+
+def _rows_before(
+    older: Path | None, every: int, made_of: Mapping[str, str]
+) -> Callable[[str], Any]:
+    """What gives the rows of a drive by its name as an older map has them, None where it has none
+    of this result, or other ones."""
+    told = {} if older is None else json_object(index_file(older / TRACKS))
+    with suppress(OSError):
+        if (
+            older is not None
+            and told.get("every") == every
+            and told.get("crc") == _crc(older / TRACKS)
+        ):
+            before, stored = mapping(told.get("drives")), StoredTracks(older / TRACKS)
+            same = {name for name in stored if before.get(name) == made_of.get(name)}
+            return lambda name: stored.table(name) if name in same else None
+    return lambda name: None
+
+
+def _crc(path: Path) -> int:
+    """Of a file: what has changed on the disk is not handed on."""
+    crc = 0
+    with path.open("rb") as stream:
+        while block := stream.read(1 << 20):
+            crc = zlib.crc32(block, crc)
+    return crc
+
+
+def _step(rows: int) -> int:
+    """Of how many rows one is taken, so that of so many no more than ``MOST_ROWS`` are: rounded up
+    to two binary digits behind the first. It changes with a fifth more drives, not every few nights
+    and with it the tracks of all."""
+    step = 1
+    while rows > step * MOST_ROWS:
+        step += max(1 << step.bit_length() - 1 >> 2, 1)
+    return step
 
 
 def _every(track: Trajectory, step: int) -> Trajectory:
@@ -88,10 +143,28 @@ def _every(track: Trajectory, step: int) -> Trajectory:
     return Trajectory(**{name: values[rows] for name, values in vars(track).items()})
 
 
-def _rows(path: Path) -> int:
-    """Of the track that is kept."""
-    with np.load(path, allow_pickle=False) as file:
-        return len(file["t_ns"]) if "t_ns" in file else 0
+class _Listed(NamedTuple):
+    """Of a drive the result that what is kept is of, and how many rows and heights these are."""
+
+    version: str
+    rows: int
+    heights: int
+
+
+def _listed(store: Store, cells: Path, entries: Mapping[str, Entry]) -> dict[str, _Listed]:
+    """What is kept of the drives, by their keys: to open ten thousand files takes longer than to
+    read one list."""
+    known, found = json_object(cells / LIST), {}
+    for key, entry in entries.items():
+        told = known.get(key)
+        if isinstance(told, list) and len(told) == 3 and told[0] == version(entry):
+            found[key] = _Listed(*told)
+            continue
+        with np.load(keep_track(store, cells, key, entry), allow_pickle=False) as file:
+            rows = len(file["t_ns"]) if "t_ns" in file else 0
+            found[key] = _Listed(version(entry), rows, len(parse_json(str(file["geoid_m"]))))
+    write_json(cells / LIST, found)
+    return found
 
 
 def _read(path: Path) -> Kept:

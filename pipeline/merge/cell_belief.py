@@ -13,7 +13,8 @@ from zipfile import BadZipFile
 import numpy as np
 
 from automap.records import FloatArray
-from pipeline.merge.cell_steps import Homes, write_columns
+from pipeline.merge.cell_files import write_columns
+from pipeline.merge.cell_steps import Homes
 
 BELIEF = "belief.npz"
 KEPT_LEVEL = 0.01

@@ -13,8 +13,10 @@ from automap.mapping.adjustment import ErrorLevels, TileData
 from automap.mapping.association import renumbered
 from automap.mapping.error_levels import level_cells, level_tiles, levels_of_tiles
 from automap.mapping.sightings import Sightings
-from pipeline.merge.cell_steps import grouped, stamp_of
-from pipeline.merge.cell_store import GROUPS, SIGHTINGS, occupied, parts, read_drives
+from pipeline.merge.cell_files import stamp_of
+from pipeline.merge.cell_parts import parts
+from pipeline.merge.cell_steps import grouped
+from pipeline.merge.cell_store import GROUPS, SIGHTINGS, occupied, read_drives
 from pipeline.shared.values import json_object
 
 LEVELS = "levels.json"
@@ -39,8 +41,8 @@ def _estimated(folder: Path, over: Callable[..., Iterable[Any]]) -> ErrorLevels:
 
     cells = occupied(folder)
     count = [
-        sum(pq.read_metadata(file).num_rows for file in parts(folder, SIGHTINGS, cells[k : k + 1]))
-        for k in range(len(cells))
+        sum(pq.read_metadata(file).num_rows for file in parts(folder, SIGHTINGS, [cell]))
+        for cell in cells.tolist()
     ]
     chosen, most = level_cells(cells, np.array(count, np.int64))
     found = over(_tiles, [folder] * len(chosen), chosen, [most] * len(chosen))

@@ -12,24 +12,31 @@ import hashlib
 import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
-from zipfile import BadZipFile
 
 import numpy as np
 
-from automap import __version__
-from automap.io.atomic import atomic_path
 from automap.mapping.adjustment import ErrorLevels, rough_places
 from automap.mapping.association import renumbered
 from automap.mapping.by_cells import group_cell
 from automap.mapping.cell_merge import PLACE_MARGIN_M, place_cell
-from automap.mapping.cells import cell_of, colour_of, quadkey
+from automap.mapping.cells import cell_of, colour_of
 from automap.mapping.existence import Chances
 from automap.mapping.limits import FARTHEST_M, HALO_M
 from automap.records import FloatArray, IntArray
+from pipeline.merge.cell_files import (
+    FORMAT,
+    read_columns,
+    restamp,
+    stamp_of,
+    step_file,
+    text_of,
+    write_columns,
+)
+from pipeline.merge.cell_parts import parts
 from pipeline.merge.cell_store import (
-    COVERED,
     GROUPS,
     PATHS,
     PLACED,
@@ -38,15 +45,10 @@ from pipeline.merge.cell_store import (
     Near,
     near_cells,
     occupied,
-    parts,
     read_drives,
     read_near,
 )
 
-STEPS_VERSION = 7
-"""Raised by hand when the steps give something else for the same input."""
-_FORMAT = f"{__version__} {STEPS_VERSION}"
-"""What another version of the steps made is made again."""
 VIEW_MARGIN_M = FARTHEST_M + 5.0
 """Round a cell, where a path may have its signs in view, and a little for the Earth's shape."""
 
@@ -63,16 +65,18 @@ def group(folder: Path, cell: int) -> bool:
     """Group the sightings of one cell; False where nothing had changed."""
     cells = near_cells(folder, cell, HALO_M)
     before = [k for k in cells.tolist() if colour_of(k) < colour_of(cell)]
-    path = _file(folder, GROUPS, cell)
-    stamp = stamp_of(parts(folder, SIGHTINGS, cells), [_file(folder, GROUPS, k) for k in before])
-    if _text(path, "stamp") == stamp:
+    path = step_file(folder, GROUPS, cell)
+    stamp = stamp_of(
+        parts(folder, SIGHTINGS, cells), [step_file(folder, GROUPS, k) for k in before]
+    )
+    if text_of(path, "stamp") == stamp:
         return False
     near = read_near(folder, read_drives(folder), cell, HALO_M)
     taken, _ = _members(folder, before)
     s = near.sightings
     free = ~np.isin(near.name, taken)
-    digest = hashlib.sha256((_FORMAT + near.digest()).encode() + free.tobytes()).hexdigest()
-    if _text(path, "digest") == digest:
+    digest = hashlib.sha256((FORMAT + near.digest()).encode() + free.tobytes()).hexdigest()
+    if text_of(path, "digest") == digest and restamp(path, stamp):
         return False
     told = {"digest": np.array(digest), "stamp": np.array(stamp)}
     own = cell_of(s.lat, s.lon) == cell
@@ -90,7 +94,7 @@ def group(folder: Path, cell: int) -> bool:
 
 def standing(folder: Path) -> list[int]:
     """Cells that signs stand in."""
-    homes = [_read(path)["home"] for path in sorted((folder / GROUPS).glob("*.npz"))]
+    homes = [read_columns(path)["home"] for path in sorted((folder / GROUPS).glob("*.npz"))]
     return np.unique(np.concatenate(homes)).tolist() if homes else []
 
 
@@ -98,14 +102,14 @@ def place(folder: Path, cell: int, levels: ErrorLevels) -> bool:
     """Place the signs of one cell; False where nothing had changed."""
     cells = near_cells(folder, cell, HALO_M)
     files = parts(folder, SIGHTINGS, cells) + parts(folder, PATHS, cells)
-    stamp = stamp_of(files, [_file(folder, GROUPS, k) for k in cells.tolist()]) + repr(levels)
-    path = _file(folder, PLACED, cell)
-    if _text(path, "stamp") == stamp:
+    stamp = stamp_of(files, [step_file(folder, GROUPS, k) for k in cells.tolist()]) + repr(levels)
+    path = step_file(folder, PLACED, cell)
+    if text_of(path, "stamp") == stamp:
         return False
     near, sign = grouped(folder, read_drives(folder), cell, VIEW_MARGIN_M)
-    took = _FORMAT + near.digest() + repr(levels)
+    took = FORMAT + near.digest() + repr(levels)
     whole = hashlib.sha256(took.encode() + sign.tobytes())
-    if _text(path, "digest") == whole.hexdigest():
+    if text_of(path, "digest") == whole.hexdigest() and restamp(path, stamp):
         return False
     placed = place_cell(near.sightings, sign, near.tracks, cell, levels)
     a, b, s = placed.attributes, placed.adjusted, placed.sightings
@@ -164,7 +168,7 @@ def placed_cells(folder: Path, cells: Sequence[int]) -> tuple[dict[str, Any], Ch
     ]
     count, digests, edges = 0, [], [0]
     for cell in cells:
-        path = _file(folder, PLACED, cell)
+        path = step_file(folder, PLACED, cell)
         with np.load(path, allow_pickle=False) as file:
             digests.append(str(file["digest"]))
             for name in wanted:
@@ -177,36 +181,60 @@ def placed_cells(folder: Path, cells: Sequence[int]) -> tuple[dict[str, Any], Ch
     return columns, Chances(*(np.concatenate(column) for column in pairs)), Homes(digests, edges)
 
 
-@dataclass(frozen=True)
 class Members:
-    """Sightings [n] of the signs of a cell: ``drive`` its number and ``row`` there, ``id`` and
-    ``class_name`` as the drive has them, ``place`` [n, 3] rad, rad, m, ``offset`` [n, 3] m east,
-    north, up of the drive there, and the ``sign`` by its place among those of all cells."""
+    """Sightings [n] of the signs of a cell, of which a column is read when it is asked for."""
 
-    drive: IntArray
-    row: IntArray
-    id: Sequence[str]
-    class_name: Sequence[str]
-    place: FloatArray
-    offset: FloatArray
-    sign: IntArray
+    def __init__(self, columns: Mapping[str, Any], count: int) -> None:
+        self._columns, self._count = columns, count
+
+    @cached_property
+    def name(self) -> IntArray:
+        """The number of the drive in the upper half, and the row there in the lower one."""
+        return np.asarray(self._columns["member"], np.int64)
+
+    @property
+    def drive(self) -> IntArray:
+        """Number of the drive."""
+        return self.name >> 32
+
+    @property
+    def row(self) -> IntArray:
+        """Row there."""
+        return self.name & 0xFFFFFFFF
+
+    @cached_property
+    def sign(self) -> IntArray:
+        """The sign by its place among those of all cells."""
+        return np.asarray(self._columns["member_sign"] + self._count, np.int64)
+
+    @cached_property
+    def id(self) -> np.ndarray:
+        """Texts, as the drive has them."""
+        return np.asarray(self._columns["member_id"])
+
+    @cached_property
+    def class_name(self) -> np.ndarray:
+        """Texts, as the drive has them."""
+        return np.asarray(self._columns["member_class"])
+
+    @cached_property
+    def place(self) -> FloatArray:
+        """Latitude, longitude, height [n, 3] in rad, rad, m."""
+        return np.asarray(self._columns["member_place"], np.float64)
+
+    @cached_property
+    def offset(self) -> FloatArray:
+        """East, north, up [n, 3] in m of the drive there."""
+        return np.asarray(self._columns["member_offset"], np.float64)
 
 
 def members(folder: Path, cells: Sequence[int]) -> Iterator[Members]:
-    """The sightings of one cell after another, in the order of ``placed_cells``."""
+    """The sightings of one cell after another, in the order of ``placed_cells``; each to be used
+    before the next one is asked for."""
     count = 0
     for cell in cells:
-        with np.load(_file(folder, PLACED, cell), allow_pickle=False) as file:
-            name = file["member"]
-            yield Members(
-                name >> 32,
-                name & 0xFFFFFFFF,
-                file["member_id"].tolist(),
-                file["member_class"].tolist(),
-                file["member_place"],
-                file["member_offset"],
-                file["member_sign"] + count,
-            )
+        with np.load(step_file(folder, PLACED, cell), allow_pickle=False) as file:
+            yield Members(file, count)
             count += len(file["lat"])
 
 
@@ -217,7 +245,7 @@ def drive_offsets(
     less than the truth of it; NaN for a drive without any."""
     sums, sds, counts = np.zeros((3, number_of_drives, 3))
     for cell in cells:
-        with np.load(_file(folder, PLACED, cell), allow_pickle=False) as file:
+        with np.load(step_file(folder, PLACED, cell), allow_pickle=False) as file:
             drive, count = file["drive"], file["drive_count"]
             sums[drive] += count * file["drive_offset"]
             sds[drive] += count * file["drive_sd"]
@@ -256,57 +284,10 @@ def _members(folder: Path, cells: Sequence[int]) -> tuple[IntArray, IntArray]:
     """Names of the sightings that cells have grouped, and numbers of their signs."""
     names, signs, count = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)], 0
     for cell in cells:
-        path = _file(folder, GROUPS, cell)
+        path = step_file(folder, GROUPS, cell)
         if path.is_file():
-            found = _read(path)
+            found = read_columns(path)
             names.append(found["name"])
             signs.append(found["sign"] + count)
             count += int(found["sign"].max(initial=-1)) + 1
     return np.concatenate(names), np.concatenate(signs)
-
-
-def _file(folder: Path, kind: str, cell: int) -> Path:
-    return folder / kind / f"{quadkey(cell)}.npz"
-
-
-def _read(path: Path) -> Mapping[str, Any]:
-    with np.load(path, allow_pickle=False) as file:
-        return {name: file[name] for name in file.files}
-
-
-def _text(path: Path, name: str) -> str:
-    try:
-        with np.load(path, allow_pickle=False) as file:
-            return str(file[name])
-    except (OSError, KeyError, ValueError, BadZipFile):
-        # missing, damaged or of another version: it is made again
-        return ""
-
-
-def stamp_of(files: Sequence[Path], before: Sequence[Path]) -> str:
-    """Of the files of a cell and its neighbours by names and sizes, as parts are written once, and
-    of the digests of the steps ``before``: where it is as it was, nothing need be read."""
-    told = [f"{path.parent.name}/{path.name} {path.stat().st_size}" for path in files]
-    told += [_text(path, "digest") for path in before]
-    return hashlib.sha256("\n".join([_FORMAT, *told]).encode()).hexdigest()
-
-
-def covered_file(folder: Path, cell: int) -> Path:
-    """Where the coverage of a cell is kept."""
-    return _file(folder, COVERED, cell)
-
-
-def path_stamp(folder: Path, cell: int) -> str:
-    """Of the paths in a cell."""
-    return stamp_of(parts(folder, PATHS, np.array([cell])), [])
-
-
-def is_done(path: Path, stamp: str) -> bool:
-    """Whether a step wrote its file from what has this stamp."""
-    return _text(path, "stamp") == stamp
-
-
-def write_columns(path: Path, **columns: Any) -> None:
-    """Write what a step found."""
-    with atomic_path(path) as temporary:
-        np.savez(temporary, **columns)

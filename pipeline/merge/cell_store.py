@@ -21,6 +21,7 @@ from automap.mapping.sightings import UNTOLD, CameraView, DriveSigns, Sightings,
 from automap.mapping.visibility import STRIDE
 from automap.records import DrivePath, FloatArray, IntArray
 from automap.records.signs import BY_SIZE
+from pipeline.merge.cell_parts import pack, parts
 
 DRIVES, SIGHTINGS, PATHS = "drives", "sightings", "paths"
 GROUPS, PLACED, COVERED = "groups", "placed", "covered"
@@ -99,8 +100,8 @@ def add_drives(folder: Path, drives: Sequence[DriveSigns]) -> set[int]:
     sightings = stack_sightings(drives)
     number = first + sightings.drive
     columns: dict[str, Any] = {name: getattr(sightings, name) for name in _PLAIN}
-    for name, parts in _WIDE.items():
-        columns |= {part: getattr(sightings, name)[:, k] for k, part in enumerate(parts)}
+    for name, wide in _WIDE.items():
+        columns |= {part: getattr(sightings, name)[:, k] for k, part in enumerate(wide)}
     names = np.array(sightings.classes, np.object_)
     columns |= {"drive": number, "place": np.arange(len(number)), "class": names[sightings.code]}
     cells = _write_parts(folder / SIGHTINGS, batch, columns, sightings.lat, sightings.lon)
@@ -119,6 +120,10 @@ def add_drives(folder: Path, drives: Sequence[DriveSigns]) -> set[int]:
             folder / PATHS, batch, columns, columns["lat_rad"], columns["lon_rad"]
         )
     _write_drives(folder / DRIVES / f"{batch}.parquet", drives)
+    for cell in cells:
+        # stores of earlier versions lack columns
+        pack(folder, SIGHTINGS, cell, UNTOLD)
+        pack(folder, PATHS, cell)
     return cells
 
 
@@ -207,20 +212,11 @@ def near_cells(folder: Path, cell: int, margin_m: float) -> IntArray:
     return np.array(there, np.int64)
 
 
-def parts(folder: Path, kind: str, cells: IntArray) -> list[Path]:
-    """The files of some cells."""
-    found: list[Path] = []
-    for cell in cells.tolist():
-        found += sorted((folder / kind / f"cell={quadkey(cell)}").glob("*.parquet"))
-    return found
-
-
 def read_near(
     folder: Path, drives: Drives, cell: int, margin_m: float, path_margin_m: float | None = None
 ) -> Near:
     """What lies within ``margin_m`` of a cell; with ``path_margin_m`` the paths within that too."""
     cells = near_cells(folder, cell, margin_m)
-    # stores of earlier versions lack columns
     points = read_points(parts(folder, SIGHTINGS, cells), UNTOLD)
     seen = _cut(points, "lat", "lon", cell, margin_m, drives)
     tracks: dict[str, Any] = {}
@@ -263,7 +259,7 @@ def read_near(
 
 def tracks_in(folder: Path, drives: Drives, cell: int) -> list[Track]:
     """Where the drives that the store lists looked from in a cell, drive by drive."""
-    paths = _cut(read_points(parts(folder, PATHS, np.array([cell]))), "lat_rad", "lon_rad", cell,
+    paths = _cut(read_points(parts(folder, PATHS, [cell])), "lat_rad", "lon_rad", cell,
                  0.0, drives)  # fmt: skip
     return [
         Track(

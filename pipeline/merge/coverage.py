@@ -9,7 +9,7 @@ import numpy as np
 
 from automap.mapping.visibility import Passage
 from automap.records import DrivePath, FloatArray, IntArray
-from pipeline.merge.cell_steps import covered_file, is_done, path_stamp, write_columns
+from pipeline.merge.cell_files import covered_file, is_done, path_stamp, write_columns
 from pipeline.merge.cell_store import Drives, tracks_in
 
 _CELL_RAD = 8.0 / 6.371e6

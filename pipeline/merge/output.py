@@ -33,8 +33,8 @@ if TYPE_CHECKING:
 
 CHANGES = "changes.geojson"
 SCHEMA = "automap.merge/1"
-BESIDE = ("gpkg", "kmz")
-"""Formats that take about half of the processor's time that all take."""
+LONGEST_FIRST = ("gpkg", "kmz", "kml", "geojson", "parquet")
+"""The formats of every map by the time that they take."""
 
 
 def write_map(
@@ -133,7 +133,6 @@ def write_files(
     from pipeline.merge.report import merge_report
 
     files = [out / FORMATS[fmt][0] for fmt in STANDARD_FORMATS]
-    formats = [fmt for fmt in STANDARD_FORMATS if rest is None or fmt not in BESIDE]
     content = (
         stored_content(out, outcome.name, kept)
         if rest is not None
@@ -144,12 +143,14 @@ def write_files(
     if rows:
         write_text(out / names.SIGN_ROADS, roads_csv(rows))
     outcome.warnings.extend(content.warnings[told:])
-    for number, fmt in enumerate(formats):
+    report = merge_report(outcome, summary, content)
+    for number, fmt in enumerate(_not_begun(out)):
         FORMATS[fmt][1](content, out / FORMATS[fmt][0])
         progress(0.3 + 0.6 * (number + 1) / len(files))
-    report = merge_report(outcome, summary, content)
     if rest is not None:
         rest()
+    for fmt in LONGEST_FIRST:
+        _begun(out, fmt).unlink()
     write_dictionary(out / names.DICTIONARY)
     changes = outcome.comparison.changes if outcome.comparison is not None else None
     if changes is not None:
@@ -161,14 +162,29 @@ def write_files(
 
 
 def write_stored(out: Path, name: str, kept: Kept | None) -> None:
-    """Write ``BESIDE`` of a map whose signs are read part by part, once its ``run.json``, clock and
-    signs are there; in a process of its own, say."""
+    """Write what no other process has begun of a map whose signs are read part by part, once its
+    ``run.json``, clock and signs are there; in a process of its own, say."""
     from pipeline.export.content import stored_content
     from pipeline.export.formats import FORMATS
 
-    content = stored_content(out, name, kept)
-    for file, write in map(FORMATS.__getitem__, BESIDE):
+    content = None
+    for file, write in map(FORMATS.__getitem__, _not_begun(out)):
+        content = content or stored_content(out, name, kept)
         write(content, out / file)
+
+
+def _not_begun(out: Path) -> Iterator[str]:
+    """Formats that are still to be written, each given to one process only: two that take the
+    longest of those left are done at about the same time."""
+    for fmt in LONGEST_FIRST:
+        with suppress(FileExistsError):
+            _begun(out, fmt).touch(exist_ok=False)
+            yield fmt
+
+
+def _begun(out: Path, fmt: str) -> Path:
+    """The file that says that a process writes a format."""
+    return out / f".{fmt}.begun"
 
 
 def _run_record(outcome: MergeOutcome, folders: Sequence[Path]) -> dict[str, Any]:

@@ -25,6 +25,8 @@ from pipeline.shared.products import RunProducts
 
 FIX_LIMIT = 6000
 SIGN_LIMIT = 5000
+TRACK_LIMIT = 500
+"""Of drives with some hundred points each: a page of a few MB."""
 FACE_PX = 64
 FACE_LIMIT = 200
 
@@ -51,7 +53,7 @@ def map_data(
             for f in signs.fields
         ],
         "path": _path(products, origin),
-        "tracks": _tracks(products, origin),
+        "tracks": _tracks(products, origin, notes),
         "fixes": _fixes(products, origin, notes),
         "signs": _signs(products, signs, origin, notes, list(pictures)),
         "faces": sign_faces({str(name) for name in signs.classes}),
@@ -124,9 +126,15 @@ def _path(products: RunProducts, origin: tuple[float, float]) -> dict[str, Any] 
     }
 
 
-def _tracks(products: RunProducts, origin: tuple[float, float]) -> list[list[list[float]]]:
+def _tracks(
+    products: RunProducts, origin: tuple[float, float], notes: list[str]
+) -> list[list[list[float]]]:
     """The ways of a merged map's drives."""
-    paths = [simplified_path(track, tolerance_m=0.5) for track in products.tracks.values()]
+    names = list(products.tracks)
+    step = max(1, -(-len(names) // TRACK_LIMIT))
+    if step > 1:
+        notes.append(f"One in {step} of {len(names)} tracks is drawn; tracks.parquet has all.")
+    paths = [simplified_path(products.tracks[name], tolerance_m=0.5) for name in names[::step]]
     return [_pairs(_metres(p.lat_deg, p.lon_deg, origin)) for p in paths if len(p) > 1]
 
 

@@ -33,7 +33,7 @@ from pipeline.fleet import publish
 from pipeline.fleet.older import Before
 from pipeline.fleet.store import Entry
 from pipeline.merge import cell_map
-from pipeline.merge.cell_steps import path_stamp
+from pipeline.merge.cell_files import path_stamp
 from pipeline.merge.cell_store import read_drives
 
 TILES = 60

@@ -108,7 +108,7 @@ def stage_version(name: str) -> int | None:
     if stage is None:
         return None
     if stage == "merge":
-        from pipeline.merge.cell_steps import STEPS_VERSION
+        from pipeline.merge.cell_files import STEPS_VERSION
 
         return STEPS_VERSION
     found: int = importlib.import_module(f"pipeline.run.stages.{stage}").STAGE.version

@@ -8,6 +8,7 @@ import os
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from types import ModuleType
@@ -307,6 +308,59 @@ def test_one_merge_at_a_time(tmp_path: Path) -> None:
 def test_no_drive_done_is_no_map(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no drive is done"):
         merge(make_store(tmp_path, range(1)))
+
+
+def test_tracks_that_the_older_map_has_are_taken_from_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Without opening what is kept of their drives, and the same bytes as from nothing."""
+    monkeypatch.setattr(tracks, "MANY_DRIVES", 1)
+    monkeypatch.setattr(tracks, "MOST_ROWS", 60)
+    store = make_store(tmp_path, range(3))
+    run_all(store)
+    root = tmp_path / "store"
+    merge(store)
+    add(store, make_drives(tmp_path / "more", range(3, 4)))
+    run_all(store)
+    read: list[Path] = []
+    read_kept = tracks._read
+
+    def told(path: Path) -> tracks.Kept:
+        read.append(path)
+        return read_kept(path)
+
+    monkeypatch.setattr(tracks, "_read", told)
+    monkeypatch.setattr(tracks, "_step", lambda rows: 7)
+    merge(store)
+    assert len(read) == 4, "there were other rows of them"
+    whole = (root / "map" / TRACKS).read_bytes()
+    read.clear()
+    merge(store, least_existence=0.4999)
+    assert read == []
+    assert (root / "map" / TRACKS).read_bytes() == whole
+    # one whose result is another is read, and so are all where the file is damaged
+    first = store.entries()[0]
+    publish_made(store.place.url, first.digest, first.path, replace(ORDER, key="b" * 20), 5.0)
+    merge(store)
+    assert len(read) == 1
+    assert (root / "map" / TRACKS).read_bytes() != whole
+    read.clear()
+    damaged = bytearray((root / "map" / TRACKS).read_bytes())
+    damaged[200] ^= 1
+    (root / "map" / TRACKS).write_bytes(damaged)
+    merge(store, least_existence=0.4999)
+    assert len(read) == 4
+
+
+@pytest.mark.parametrize(
+    ("rows", "step"),
+    [(0, 1), (100, 1), (101, 2), (701, 8), (801, 10), (1650, 20), (2000, 20), (2001, 24)],
+)
+def test_tracks_of_a_fleet_that_grows_keep_their_rows_for_long(
+    monkeypatch: pytest.MonkeyPatch, rows: int, step: int
+) -> None:
+    monkeypatch.setattr(tracks, "MOST_ROWS", 100)
+    assert tracks._step(rows) == step
 
 
 def test_a_map_of_very_many_drives_has_tracks_and_heights_above_the_sea(

@@ -15,10 +15,11 @@ from test_merge_cells import at_edge, moved
 
 from automap.mapping.merge import merge_drives
 from automap.mapping.sightings import DriveSigns
+from pipeline.merge import cell_parts, cell_steps
 from pipeline.merge.cell_levels import LEVELS
 from pipeline.merge.cell_map import merge_store
 from pipeline.merge.cell_steps import group, turns
-from pipeline.merge.cell_store import add_drives, read_drives
+from pipeline.merge.cell_store import Drives, Near, add_drives, occupied, read_drives
 
 
 def drives_of(seed: int, count: int) -> list[DriveSigns]:
@@ -167,3 +168,66 @@ def test_the_sightings_of_a_cell_are_geoparquet_for_anybody(tmp_path: Path) -> N
         assert np.allclose(shapely.get_y(points), np.degrees(table["lat"].to_numpy()))
         count += len(table)
     assert count == sum(len(drive) for drive in drives)
+
+
+def test_many_files_of_a_cell_are_packed_and_nothing_else_changes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Nor where packing was ended before the older files were removed."""
+    drives = drives_of(2, 6)
+    for drive in drives:
+        add_drives(tmp_path / "loose", [drive])
+    whole = merge_store(tmp_path / "loose")
+    store = tmp_path / "packed"
+    add_drives(store, drives[:1])
+    old = sorted(store.glob("sightings/cell=*/*.parquet"))[0]
+    # of a version that did not know of it
+    pq.write_table(pq.read_table(old, partitioning=None).drop_columns(["seen_share"]), old)
+    monkeypatch.setattr(cell_parts, "MOST_PARTS", 2)
+    for drive in drives[1:4]:
+        add_drives(store, [drive])
+    with monkeypatch.context() as patch:
+        patch.setattr(Path, "unlink", ended)
+        with pytest.raises(KeyboardInterrupt):
+            add_drives(store, [drives[4]])
+    found = {path.name for path in store.glob("*/cell=*/*.parquet")}
+    assert {"00000000-00000002.parquet", "00000000-00000004.parquet", "00000003.parquet"} <= found
+    assert len(merge_store(store).founder) > 20
+    add_drives(store, [drives[5]])
+    made = merge_store(store)
+    assert made.founder == whole.founder
+    assert np.array_equal(made.lat, whole.lat)
+    assert np.array_equal(made.existence, whole.existence)
+    assert max(len(list(cell.iterdir())) for cell in store.glob("*/cell=*")) <= 2
+
+
+def ended(*words: object, **named: object) -> None:
+    raise KeyboardInterrupt
+
+
+def test_what_a_cell_has_from_other_files_is_read_once_only(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Files that are packed, and drives that pass beyond the margin of a cell, change nothing in
+    it, and are no reason to read all that is in it at every merge to come."""
+    drives = drives_of(2, 4)
+    for drive in drives:
+        add_drives(tmp_path, [drive])
+    merge_store(tmp_path)
+    monkeypatch.setattr(cell_parts, "MOST_PARTS", 2)
+    for cell in occupied(tmp_path).tolist():
+        cell_parts.pack(tmp_path, "sightings", cell)
+    read: list[int] = []
+    read_near = cell_steps.read_near
+
+    def told(folder: Path, drives: Drives, cell: int, *margins: float) -> Near:
+        read.append(cell)
+        return read_near(folder, drives, cell, *margins)
+
+    monkeypatch.setattr(cell_steps, "read_near", told)
+    again = merge_store(tmp_path)
+    assert (again.grouped, again.placed) == (0, 0)
+    assert read
+    read.clear()
+    merge_store(tmp_path)
+    assert read == []

@@ -16,6 +16,7 @@ import pytest
 from export_inputs import HOSTILE, write_run
 
 from automap.export.pictures import SignView
+from automap.export.sign_columns import sign_columns
 from automap.io import names
 from automap.io.map_tables import TRACKS, read_tracks
 from automap.io.review_json import append_action
@@ -24,6 +25,7 @@ from automap.records import ReviewAction
 from pipeline.cli.root import run_command
 from pipeline.merge import whole
 from pipeline.merge.whole import TRACK_STEP_M, thinned
+from pipeline.report import map_data
 from pipeline.shared.pictures import Picture, read_pictures, write_pictures
 from pipeline.shared.products import load_products
 
@@ -172,3 +174,14 @@ def test_a_drive_without_a_clock_is_told_and_does_without(tmp_path: Path) -> Non
     assert run_command(["merge", *map(str, runs), "-o", str(tmp_path / "map")]) == 0
     assert list(read_tracks(tmp_path / "map" / TRACKS)) == ["one"]
     shutil.rmtree(tmp_path / "map")
+
+
+def test_the_page_draws_some_of_very_many_tracks(
+    merged: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    products = load_products(merged)
+    monkeypatch.setattr(map_data, "TRACK_LIMIT", 1)
+    data = map_data.map_data(products, sign_columns(products.signs or [], products.clock))
+    assert data is not None
+    assert len(data["tracks"]) == 1
+    assert "One in 2 of 2 tracks is drawn; tracks.parquet has all." in data["notes"]
