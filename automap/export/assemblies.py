@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import json
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -48,15 +48,24 @@ def assembly_parts(signs: Signs) -> LayerParts:
     those of one post may be anywhere among them."""
     if isinstance(signs, SignColumns):
         return in_one(assembly_layer(signs))
-    values: dict[str, list[Any]] = {name: [] for name in _NEEDED}
+    found: dict[str, list[Any]] = {name: [] for name in _NEEDED}
     known: dict[str, str] = {}
     utc = False
     for part in signs.parts():
         utc = part.utc_known
         for name in _NEEDED:
             column = part.values[name]
-            shared = name in ("class", "side")
-            values[name] += [known.setdefault(v, v) for v in column] if shared else list(column)
+            if isinstance(column, np.ndarray):
+                found[name].append(column)
+            elif name in ("class", "side"):
+                found[name] += [known.setdefault(v, v) for v in column]
+            else:
+                found[name] += column
+    values: dict[str, Any] = {
+        name: np.concatenate(column) if isinstance(column[0], np.ndarray) else column
+        for name, column in found.items()
+        if column
+    }
     whole = SignColumns(signs.lon_deg, signs.lat_deg, signs.height_m, values, utc)
     there = [k for k in np.flatnonzero(signs.located).tolist() if values["support"][k]]
     names, post = np.unique(np.array([values["support"][k] for k in there]), return_inverse=True)
@@ -72,10 +81,9 @@ def assembly_parts(signs: Signs) -> LayerParts:
 
 def _rows(columns: SignColumns, rows: IntArray) -> SignColumns:
     picked: dict[str, Any] = {
-        name: [column[k] for k in rows] for name, column in columns.values.items()
+        name: column[rows] if isinstance(column, np.ndarray) else [column[k] for k in rows.tolist()]
+        for name, column in columns.values.items()
     }
-    for name in ("height_above_road_m", "facing_deg", "cov_ee_m2", "cov_nn_m2"):
-        picked[name] = np.array(picked[name], np.float64)
     return SignColumns(
         columns.lon_deg[rows], columns.lat_deg[rows], columns.height_m[rows], picked,
         columns.utc_known,
@@ -111,8 +119,13 @@ def assembly_layer(columns: SignColumns) -> Layer:
     east = (start + mean(lon, weight) + 180.0) % 360.0 - 180.0
     top = np.fmax.reduceat(columns.values["height_above_road_m"][at], first[:-1])
     spread = np.sqrt(np.fmin.reduceat(variance, first[:-1]))
+    # numbers of Python's own are looked at one by one in a third of the time
+    values = {
+        name: column.tolist() if isinstance(column := columns.values[name], np.ndarray) else column
+        for name in _NEEDED
+    }
     rows = [
-        _row(columns, name, at[lo:hi].tolist())
+        _row(values, columns.utc_known, name, at[lo:hi].tolist())
         | {"top_above_road_m": highest, "sd_h_m": sd}
         for name, (lo, hi), highest, sd in zip(
             names.tolist(), itertools.pairwise(first.tolist()), top.tolist(), spread.tolist(),
@@ -134,15 +147,16 @@ def assembly_layer(columns: SignColumns) -> Layer:
     return Layer("assemblies", "Unknown", wkb, arrays, {})
 
 
-def _row(columns: SignColumns, name: str, own: list[int]) -> dict[str, Any]:
-    values = columns.values
+def _row(
+    values: Mapping[str, list[Any]], utc_known: bool, name: str, own: list[int]
+) -> dict[str, Any]:
     sides = [values["side"][k] for k in own]
     # a back is the other side of its sign
     faces = [(k, back) for k in own for back in (False, True)[: 1 + (values[_BACKS][k] > 0)]]
-    facing = [float(values["facing_deg"][k] + 180.0 * back) % 360.0 for k, back in faces]
+    facing = [(values["facing_deg"][k] + 180.0 * back) % 360.0 for k, back in faces]
     main = values["main_sign"]
-    first = [values["first_seen"][k] for k in own if columns.utc_known and values["first_seen"][k]]
-    last = [values["last_seen"][k] for k in own if columns.utc_known and values["last_seen"][k]]
+    first = [values["first_seen"][k] for k in own if utc_known and values["first_seen"][k]]
+    last = [values["last_seen"][k] for k in own if utc_known and values["last_seen"][k]]
     return {
         "id": name,
         "kind": "gantry" if "overhead" in sides else "post",

@@ -5,6 +5,7 @@ from __future__ import annotations
 import zipfile
 import zlib
 from collections.abc import Iterable, Iterator, Mapping
+from functools import cache
 from itertools import groupby
 from pathlib import Path
 from typing import IO
@@ -103,13 +104,21 @@ def joined_crc(first: int, second: int, length: int) -> int:
     """The CRC-32 of two texts one after another by those of both and the second's ``length`` in
     bytes (zlib's crc32_combine)."""
     # x to the power of 8 length, modulo the polynomial
-    power, square = 1 << 31, 1 << 30
-    bits = 8 * length
-    while bits:
+    power, bits = 1 << 31, 8 * length
+    for square in _squares():
         if bits & 1:
             power = _product(square, power)
-        square, bits = _product(square, square), bits >> 1
+        bits >>= 1
     return _product(power, first) ^ second
+
+
+@cache
+def _squares() -> tuple[int, ...]:
+    """x to the power of 1, 2, 4, 8 and so on, for lengths below 2^61."""
+    found = [1 << 30]
+    while len(found) < 64:
+        found.append(_product(found[-1], found[-1]))
+    return tuple(found)
 
 
 def _product(a: int, b: int) -> int:

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
+from automap.jit import kernel
 from automap.records import FloatArray, IntArray
 
 
@@ -15,7 +18,7 @@ def keep_indices(
     ``time`` [n] increases, ``values`` [n, k] share one unit with ``tolerance``. This is the
     top-down splitting of Douglas and Peucker (1973) with the synchronous distance, to the
     point of the chord at the same time, instead of the perpendicular one, so that speed and
-    stops survive; all pieces of a level are split together. With ``limit`` the tolerance is
+    stops survive. With ``limit`` the tolerance is
     doubled until at most so many rows remain (never fewer than the two ends).
     """
     n = len(time)
@@ -28,21 +31,32 @@ def keep_indices(
         tolerance = max(2.0 * tolerance, 1e-9)
 
 
+@kernel
 def _split(time: FloatArray, values: FloatArray, tolerance: float) -> IntArray:
-    n = len(time)
-    rows = np.arange(n)
-    kept = np.array([0, n - 1], np.int64)
-    while True:
-        chord = np.column_stack([np.interp(time, time[kept], v[kept]) for v in values.T])
-        distance = np.sqrt(((values - chord) ** 2).sum(axis=1))
-        distance[kept] = 0.0
-        starts = kept[:-1]
-        worst = np.maximum.reduceat(distance, starts)
-        piece = np.searchsorted(kept, rows, side="right") - 1
-        piece = np.minimum(piece, len(starts) - 1)
-        candidates = np.flatnonzero((distance > tolerance) & (distance == worst[piece]))
-        if len(candidates) == 0:
-            return kept
-        # of equal worst points in a piece the first is enough
-        _, first = np.unique(piece[candidates], return_index=True)
-        kept = np.union1d(kept, candidates[first])
+    n, width = values.shape
+    kept = np.zeros(n, np.bool_)
+    kept[0] = kept[n - 1] = True
+    pieces = [(0, n - 1)]
+    while len(pieces) > 0:
+        start, end = pieces.pop()
+        worst, at = tolerance, -1
+        span = time[end] - time[start]
+        for row in range(start + 1, end):
+            square = 0.0
+            for k in range(width):
+                slope = (values[end, k] - values[start, k]) / span
+                off = values[row, k] - (slope * (time[row] - time[start]) + values[start, k])
+                square += off * off
+            distance = math.sqrt(square)
+            if distance != distance:
+                # what is not known is no reason to split
+                at = -1
+                break
+            # of equal worst points in a piece the first is enough
+            if distance > worst:
+                worst, at = distance, row
+        if at >= 0:
+            kept[at] = True
+            pieces.append((start, at))
+            pieces.append((at, end))
+    return np.flatnonzero(kept)

@@ -14,7 +14,8 @@ def utf8_texts(values: Sequence[str | None]) -> Sequence[str | None]:
 def gdal_texts(values: Sequence[str | None]) -> Sequence[str | None]:
     """The same without NUL, at which GDAL ends a text."""
     values = utf8_texts(values)
-    if not any(value and "\0" in value for value in values):
+    # at once: one by one is slow where a million are
+    if "\0" not in "".join(filter(None, values)):
         return values
     return [value and value.replace("\0", "\ufffd") for value in values]
 
