@@ -137,7 +137,7 @@ def evidence(known: Conditional, part: Part, least_ratio: float = 1.0) -> Eviden
         return Evidence(-np.inf, zero, zero, scale, 1.0, -np.inf, 0.0, -np.inf, -np.inf)
     rows = _stacked(known, part)
     ratio = max(_ratio(rows, estimate), least_ratio)
-    if not linear.of_vehicle(part) and _contradicted(rows, estimate, ratio):
+    if not linear.of_vehicle(part) and _contradicted(rows, estimate, least_ratio):
         rows = rows.some(~np.isin(rows.channel, LOOSE))
         g, info = rows.phi.T @ rows.w, rows.phi.T @ rows.phi
         nats = _bayes_factor(g, info, sd) - np.log(len(limits.PRIOR_SCALES))
@@ -214,18 +214,20 @@ class _Stacked:
         return _Stacked(self.phi[at], self.w[at], self.t[at], self.drive[at], self.channel[at])
 
 
-def _contradicted(rows: _Stacked, estimate: FloatArray, ratio: float) -> bool:
+def _contradicted(rows: _Stacked, estimate: FloatArray, least_ratio: float) -> bool:
     """Whether the receiver and the vehicle constraint say of an estimate what chance and what is
     not linear do not explain: then the vehicle slips or sways, and no sensor errs. The constraint
-    has no say there."""
-    along, loose = rows.phi @ estimate, np.isin(rows.channel, LOOSE)
+    has no say there. How far chance goes is told by each side's scatter about what it says itself:
+    about what both say together it is the larger the more they differ."""
+    loose = np.isin(rows.channel, LOOSE)
     slopes, variance = [], 0.0
-    for side in (loose, ~loose):
-        size = float(along[side] @ along[side])
+    for side in (rows.some(loose), rows.some(~loose)):
+        along = side.phi @ estimate
+        size = float(along @ along)
         if size <= 0.0:
             return False
-        slopes.append(float(along[side] @ rows.w[side]) / size)
-        variance += ratio / size
+        slopes.append(float(along @ side.w) / size)
+        variance += max(_ratio(side, estimate), least_ratio) / size
     apart = slopes[0] - slopes[1]
     # in units of the estimate
     return apart**2 > limits.ONE_IN_A_THOUSAND**2 * (variance + limits.CHALLENGE**2)

@@ -105,8 +105,8 @@ def with_noise(fitted: Fitted, stated: Mapping[str, float]) -> Fitted:
     starts = [dict(fitted.model.factors), dict(stated)]
     if not fitted.estimate:
         starts = [fit_noise(fits, levels, initial=stated) for levels in (INERTIAL_LEVELS, others)]
-    tops = [fit_noise(fits, initial=start) for start in starts]
-    factors = max(tops, key=lambda f: noise_score(fits, f))
+    tops = [_likeliest(fits, ALL_LEVELS, start) for start in starts]
+    _, factors = max(tops, key=lambda top: top[0])
     model = replace(fitted.model, factors=factors)
     return fitted_about(model, fitted.estimate, fits)
 
@@ -155,15 +155,21 @@ def fit_noise(
     factors; it is linearised about the fits' smoothed states. No sensor is taken for quieter on
     the road than it is at rest.
     """
+    return _likeliest(fits, levels, initial or fits[0].model.factors)[1]
+
+
+def _likeliest(
+    fits: Sequence[Fit], levels: Collection[str], initial: Mapping[str, float]
+) -> tuple[float, dict[str, float]]:
+    """Log-likelihood at the top of the climb, nats, and the factors there."""
     least = rest_factors(fits)
 
     def limits_of(level: str) -> tuple[float, float]:
         low, high = _limits(level)
         return min(max(low, least.get(level, 0.0)), high), high
 
-    factors = dict(initial or fits[0].model.factors)
     factors = {
-        k: float(np.clip(v, *limits_of(k))) if k in levels else v for k, v in factors.items()
+        k: float(np.clip(v, *limits_of(k))) if k in levels else v for k, v in initial.items()
     }
     smooth = [level for level in _BY_SLOPE if level in levels]
     inverse: FloatArray | None = None
@@ -172,7 +178,8 @@ def fit_noise(
     rooms = [empty_store(f.last.nodes.first(most), f.last.problem.model.size) for f in fits]
     for _ in range(2):
         top = climb(
-            lambda trial: noise_slopes(fits, trial, rooms), factors, smooth, limits_of, inverse
+            lambda trial, least: noise_slopes(fits, trial, rooms, least),
+            *(factors, smooth, limits_of, inverse),
         )
         inverse = top.inverse
         best, factors = top.score, top.factors
@@ -180,7 +187,7 @@ def fit_noise(
             best, factors = _time_constant(level, fits, best, factors)
         if best - top.score < GAIN:
             break
-    return factors
+    return best, factors
 
 
 def rest_factors(fits: Sequence[Fit]) -> dict[str, float]:
@@ -232,15 +239,22 @@ def noise_score(fits: Sequence[Fit], factors: Mapping[str, float]) -> float:
 
 
 def noise_slopes(
-    fits: Sequence[Fit], factors: Mapping[str, float], rooms: Sequence[ForwardStore | None] = ()
+    fits: Sequence[Fit],
+    factors: Mapping[str, float],
+    rooms: Sequence[ForwardStore | None] = (),
+    least: float = -np.inf,
 ) -> LevelLikelihood:
-    """Log-likelihood of fitted drives under other factors, and its slopes along them; ``rooms`` of
-    earlier calls are written over."""
+    """Log-likelihood of fitted drives under other factors, and its slopes along them, which for a
+    single drive stay at zero where it is not above ``least``; ``rooms`` of earlier calls are
+    written over."""
     relative = _relative(fits, factors)
+    if len(fits) > 1:
+        least = -np.inf
     parts = []
     for fit, room in zip(fits, rooms or [None] * len(fits), strict=True):
         problem, nodes, about = _scaled(fit, relative, _most_nodes(fits))
-        parts.append(level_likelihood(problem, nodes, fit.start, fit.last.shift, about, room))
+        about_it = (problem, nodes, fit.start, fit.last.shift, about)
+        parts.append(level_likelihood(*about_it, room, least))
     return reduce(operator.add, parts)
 
 

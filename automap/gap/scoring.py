@@ -12,7 +12,7 @@ own innovations could still gain (a Kullback-Leibler distance).
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -53,10 +53,12 @@ def _each_score(fit: Fit, whitener: Whitener) -> tuple[FloatArray, FloatArray]:
     return out, t
 
 
-def likelier(one: Sequence[Fit], other: Sequence[Fit]) -> tuple[float, float]:
+def likelier(
+    one: Sequence[Fit], other: Sequence[Fit], but: Collection[int] = ()
+) -> tuple[float, float]:
     """Nats by which drives are likelier under fits than under others, by the mean of what the
     whiteners of both sides say, and the sigmas of that by its scatter from stretch to stretch
-    (Vuong, Econometrica 57 (1989), 307-333)."""
+    (Vuong, Econometrica 57 (1989), 307-333); channels ``but`` have no say."""
     parts = []
     for a, b in zip(one, other, strict=True):
         number = max(int(a.last.nodes.t[-1] / limits.BLOCKS_S[0]), 1)
@@ -66,7 +68,8 @@ def likelier(one: Sequence[Fit], other: Sequence[Fit]) -> tuple[float, float]:
             whitener = whitener_of(own)
             for sign, fit in ((0.5, a), (-0.5, b)):
                 score, t = _each_score(fit, whitener)
-                total += sign * np.histogram(t, edges, weights=score)[0]
+                heard = ~np.isin(whitened_innovations(fit)[2], list(but))
+                total += sign * np.histogram(t[heard], edges, weights=score[heard])[0]
         parts.append(total)
     each = np.concatenate(parts)
     total_nats = float(each.sum())

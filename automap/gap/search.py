@@ -22,6 +22,7 @@ from automap.gap.scoring import fit_held_out, likelier
 from automap.gap.screening import Found, Screening, in_layout
 from automap.gap.selection import Chosen, Key, Selection
 from automap.gap.stepwise import pruned, select
+from automap.gap.whitening import LOOSE
 
 WALKS = tuple(bias_walks())
 WHOLE_DELAYS = frozenset(pair for pairs in pairs_of_sign(-1.0) for pair in pairs)
@@ -45,6 +46,7 @@ class Search:
         self.borne_out: dict[str, float] = {}
         self.tried: dict[Key, int] = {}
         self.challenged: set[frozenset[str]] = set()
+        self.outdone: set[tuple[str, str]] = set()
         self.spoken_against: list[Confirmed] = []
         self.held: list[tuple[Fitted, list[Fit]]] = []
         self.each_drive: list[str] = []
@@ -64,7 +66,8 @@ class Search:
             self.log(f"selecting beside {', '.join(chosen.names) or 'nothing'}")
             closing = number >= limits.MAX_ROUNDS - limits.CLOSING_ROUNDS
             limit = len(chosen.names) if closing else limits.MAX_FINDINGS
-            found = self._kept(here, selection, chosen, select(selection, chosen, limit))
+            kept, new = self._kept(here, selection, chosen, select(selection, chosen, limit))
+            found = kept
             if louder is not None and not closing:
                 self.log("selecting under other noise")
                 found = self._proposed(here, selection, found, louder, slow)
@@ -75,7 +78,8 @@ class Search:
             if keys != fitted:
                 found, brief = self.screening.refined(here, selection, found)
                 self._bar(brief)
-                new = self._fit(here, selection, found)
+                if new is None or found != kept:
+                    new = self._fit(here, selection, found)
                 here, found = self._better_twins(here, new, selection, found)
                 del new
                 idle = self.screening.not_borne_out(here, selection, found)
@@ -113,20 +117,28 @@ class Search:
             *(self._told(stands).after(self.spoken_against), nothing_else, self.borne_out),
         )
 
-    def _kept(self, here: Fitted, selection: Selection, chosen: Chosen, found: Chosen) -> Chosen:
+    def _kept(
+        self, here: Fitted, selection: Selection, chosen: Chosen, found: Chosen
+    ) -> tuple[Chosen, Fitted | None]:
         """A selection, or what was chosen before where that only drops from it what the filter does
         not: beside a noise that was fitted with a candidate that one is not needed, and without it
-        the noise grows to take its place. Each model is asked with the noise that suits it."""
+        the noise grows to take its place. Each model is asked with the noise that suits it, and of
+        what does not act on the vehicle the receiver alone must say so too. With a selection comes
+        its fit where that was needed to tell."""
         gone = [n for n in chosen.names if n not in found.names]
         if not gone or any(n not in chosen.names for n in found.names):
-            return found
-        ahead, sigmas = self._ahead(here, self._fit(here, selection, found))
+            return found, None
+        fewer = self._fit(here, selection, found)
+        of_vehicle = selection.of_vehicle(chosen, gone)
+        ahead, sigmas = self._ahead(here, fewer, of_vehicle)
+        if not of_vehicle:
+            sigmas = min(sigmas, self._by_receiver(here, fewer)[1])
         ahead += selection.log_prior(chosen) - selection.log_prior(found)
         if ahead < limits.LEAST_ODDS or sigmas < limits.APART:
-            return found
+            return found, fewer
         self.borne_out |= dict.fromkeys(gone, ahead)
         selection.needed = frozenset(self.borne_out)
-        return chosen
+        return chosen, None
 
     def _needed_alone(
         self, here: Fitted, selection: Selection, chosen: Chosen, slow: bool
@@ -153,7 +165,8 @@ class Search:
         if self.before is not None:
             earlier, its_selection, without = self.before
             self.before = None
-            ahead, _ = self._ahead(here, earlier)
+            of_vehicle = selection.of_vehicle(found, set(found.names) - set(without.names))
+            ahead, _ = self._ahead(here, earlier, of_vehicle)
             ahead += selection.log_prior(found) - its_selection.log_prior(without)
             if without.names != found.names and ahead < 0.0:
                 # courses of time follow what a name says better
@@ -217,6 +230,9 @@ class Search:
             for name, twin in ((one, other), (other, one)):
                 if name not in chosen.names or twin not in selection.candidates:
                     continue
+                if (name, twin) in self.outdone:
+                    # beside what has come since it is asked again as a rival
+                    continue
                 self.log(f"checking whether {name} is {twin}")
                 acts = selection.candidates[twin].parts[0]
                 instead = Chosen(
@@ -229,6 +245,8 @@ class Search:
                 least = -limits.APART if CATALOGUE[twin].first_order else limits.APART
                 if sigmas > least:
                     return fitted, instead
+                if sigmas < -limits.APART:
+                    self.outdone.add((name, twin))
                 break
         return here, chosen
 
@@ -256,7 +274,9 @@ class Search:
                 fitted = self.screening.states(here, selection, rival.chosen)
                 if other in self.screening.not_borne_out(fitted, selection, rival.chosen):
                     continue
-                ahead, sigmas = self._ahead(fitted, here)
+                of_vehicle = selection.of_vehicle(chosen, {name})
+                of_vehicle |= selection.of_vehicle(rival.chosen, {other})
+                ahead, sigmas = self._ahead(fitted, here, of_vehicle)
                 ahead += self._log_prior(selection, rival.chosen)
                 ahead -= self._log_prior(selection, chosen)
                 rival_formula = bool(selection.candidates[other].terms)
@@ -275,11 +295,23 @@ class Search:
                 return instead
         return None
 
-    def _ahead(self, one: Fitted, other: Fitted) -> tuple[float, float]:
+    def _ahead(self, one: Fitted, other: Fitted, of_vehicle: bool) -> tuple[float, float]:
         """Nats by which fitted and held-out drives are likelier with one set than with another, and
-        the sigmas of that."""
+        the sigmas of that. Where the sets differ by nothing ``of_vehicle`` and the receiver says
+        the opposite, the vehicle constraint has no say: a body that sways against its path turns
+        the gyro with it, and what is made of small turn rates follows that."""
         sides = [(*fitted.fits, *self._held_out(fitted)) for fitted in (other, one)]
-        return likelier(sides[1], sides[0])
+        nats, sigmas = likelier(sides[1], sides[0])
+        if not of_vehicle:
+            received = self._by_receiver(one, other)
+            if received[0] * nats < 0.0:
+                return received
+        return nats, sigmas
+
+    def _by_receiver(self, one: Fitted, other: Fitted) -> tuple[float, float]:
+        """The same without what the vehicle constraint says."""
+        sides = [(*fitted.fits, *self._held_out(fitted)) for fitted in (other, one)]
+        return likelier(sides[1], sides[0], LOOSE)
 
     def _held_out(self, fitted: Fitted) -> list[Fit]:
         """Held-out drives under a fitted set; those of the last set but one are kept."""

@@ -5,7 +5,7 @@ each part given all others, and its prior probability; and what may stand in its
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -117,6 +117,10 @@ class Selection:
         if not beside or set(beside) <= set(known.given.columns):
             return known
         return conditional(self.linear, known.given.joined(beside, self.linear, 1.0))
+
+    def of_vehicle(self, chosen: Chosen, names: Collection[str]) -> bool:
+        """Whether any of the candidates ``names`` of a choice acts on the vehicle constraint."""
+        return any(self.linear.of_vehicle(part) for n, part, _ in chosen.parts if n in names)
 
     def key(self, name: str, part: Part) -> Key:
         """A part of a candidate by its parameters' names, which hold in other layouts too."""

@@ -262,11 +262,14 @@ def test_what_is_left_of_nearly_the_same_shows_nothing() -> None:
         assert conditional(known.linear, Given()).shows((1,))
 
 
-def with_constraint(receiver: float, vehicle: float) -> Linear:
-    """Rows of a receiver and of the vehicle constraint that tell these values of one parameter."""
+def with_constraint(receiver: float, vehicle: float, in_turns: bool = False) -> Linear:
+    """Rows of a receiver and of the vehicle constraint that tell these values of one parameter,
+    two stretches of the one and two of the other ``in_turns``."""
     rng = np.random.default_rng(4)
     phi = 0.1 * rng.standard_normal((ROWS, 1))
     loose = np.arange(ROWS) % 3 == 0
+    if in_turns:
+        loose = np.arange(ROWS) // 750 % 2 == 0
     w = phi[:, 0] * np.where(loose, vehicle, receiver) + rng.standard_normal(ROWS)
     linear = linear_of(phi, w, columns_named("e0.p"))
     (rows,) = linear.rows
@@ -281,6 +284,14 @@ def test_the_constraint_has_no_say_where_the_receiver_contradicts_it() -> None:
     # all that is shown is the vehicle's doing
     assert apart.nats < 3.0 < 15.0 < both.nats
     assert abs(apart.estimate[0]) < 3.0 * apart.sd[0]
+
+
+def test_a_contradiction_does_not_hide_in_the_scatter_that_it_makes() -> None:
+    linear = with_constraint(0.0, 1.5, in_turns=True)
+    found = evidence(conditional(linear, Given()), (0,))
+    # about a common value the stretches of either scatter by several times what noise makes
+    assert found.nats < 0.0
+    assert abs(found.estimate[0]) < 3.0 * found.sd[0]
 
 
 def test_what_acts_on_the_constraint_itself_may_show_there_alone() -> None:

@@ -1,0 +1,101 @@
+"""What a round of the search fits, and what it does not fit a second time."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from types import SimpleNamespace
+from typing import Any, cast
+
+import pytest
+
+from automap.gap import search
+from automap.gap.search import Search
+from automap.gap.selection import Chosen, Selection
+
+LATE, LOW_PASSED = "gnss_velocity_latency", "gnss_velocity_lag"
+SELECTION = cast(
+    "Selection",
+    SimpleNamespace(
+        candidates={
+            name: SimpleNamespace(parts=((i,),)) for i, name in enumerate((LATE, LOW_PASSED))
+        },
+        log_prior=lambda chosen: 0.0,
+        of_vehicle=lambda chosen, names: False,
+    ),
+)
+HERE: Any = SimpleNamespace(fits=())
+
+
+class Asked(Search):
+    """A search that notes which sets it is asked to fit."""
+
+    def __init__(self) -> None:
+        self.log, self.outdone, self.borne_out = print, set(), {}
+        self.held_out = []
+        self.sets: list[tuple[str, ...]] = []
+
+    def _fit(self, here: Any, selection: Selection, chosen: Chosen) -> Any:
+        self.sets.append(chosen.names)
+        return SimpleNamespace(fits=())
+
+    def _held_out(self, fitted: Any) -> Any:
+        return []
+
+
+def says(monkeypatch: pytest.MonkeyPatch, all_sigmas: float, received: float = 0.0) -> None:
+    """Let all channels, and the receiver's alone, be for the first of two sets by so many
+    sigmas."""
+
+    def likelier(one: Any, other: Any, but: Collection[int] = ()) -> tuple[float, float]:
+        sigmas = received if but else all_sigmas
+        return 20.0 * sigmas, sigmas
+
+    monkeypatch.setattr(search, "likelier", likelier)
+
+
+def only(name: str) -> Chosen:
+    """A choice of one."""
+    return Chosen(((name, (0,), 1.0),))
+
+
+@pytest.mark.parametrize(
+    ("name", "sigmas", "times"),
+    [(LATE, -5.0, 1), (LOW_PASSED, -5.0, 1), (LATE, -1.0, 3)],
+)
+def test_a_twin_is_fitted_again_unless_it_was_clearly_outdone(
+    monkeypatch: pytest.MonkeyPatch, name: str, sigmas: float, times: int
+) -> None:
+    says(monkeypatch, sigmas)
+    asked = Asked()
+    for _ in range(3):
+        _, stays = asked._better_twins(HERE, HERE, SELECTION, only(name))
+        assert stays.names == (name,)
+    assert len(asked.sets) == times
+
+
+@pytest.mark.parametrize(
+    ("every", "received", "stays"),
+    [(5.0, 4.0, True), (5.0, -3.0, False), (5.0, 0.4, False), (-2.0, -1.0, False)],
+)
+def test_what_only_the_vehicle_constraint_bears_out_is_not_kept(
+    monkeypatch: pytest.MonkeyPatch, every: float, received: float, stays: bool
+) -> None:
+    says(monkeypatch, every, received)
+    asked = Asked()
+    both = Chosen((*only(LATE).parts, ("accel_y += k * tanh(rate_z / 0.01)", (1,), 1.0)))
+    kept, fitted = asked._kept(HERE, SELECTION, both, only(LATE))
+    assert kept == (both if stays else only(LATE))
+    # a set that was fitted to tell whether it is enough comes with its fit
+    assert (fitted is None) == stays
+    assert asked.sets == [(LATE,)]
+    assert asked._kept(HERE, SELECTION, only(LATE), both) == (both, None)
+
+
+@pytest.mark.parametrize("of_vehicle", [False, True])
+def test_where_constraint_and_receiver_differ_sensors_are_the_receivers_to_judge(
+    monkeypatch: pytest.MonkeyPatch, of_vehicle: bool
+) -> None:
+    says(monkeypatch, 4.0, -2.0)
+    assert Asked()._ahead(HERE, HERE, of_vehicle)[1] == (4.0 if of_vehicle else -2.0)
+    says(monkeypatch, 4.0, 0.5)
+    assert Asked()._ahead(HERE, HERE, of_vehicle)[1] == 4.0
