@@ -43,12 +43,12 @@ def person(rng: Random) -> Image:
         out = rng.uniform(0.03, 0.55) if walking or rng.random() < 0.6 else rng.uniform(0.0, 0.12)
         # in stride the leg behind is bent, the other as good as straight
         bend = rng.uniform(0.0, 0.6) if walking and side < 0 else rng.uniform(-0.08, 0.08)
-        start = bottom + [side * spread, -0.5 * thick]
+        start = bottom + np.array([side * spread, -0.5 * thick])
         _limb(picture, start, side * out, -bend, 1.0 - hip, thick, rng)
     thin = thick * rng.uniform(0.5, 0.95)
     for side in (-1.0, 1.0):
         out, bend = rng.uniform(0.1, 1.1), rng.uniform(-0.3, 1.2)
-        start = top + [side * (0.5 * wide - 0.4 * thin), 0.5 * thin + 0.02]
+        start = top + np.array([side * (0.5 * wide - 0.4 * thin), 0.5 * thin + 0.02])
         hand = _limb(picture, start, side * out, side * bend, rng.uniform(0.26, 0.36), thin, rng)
         if rng.random() < 0.5 * _BAGGED:
             size = rng.uniform(0.06, 0.12)
@@ -84,8 +84,8 @@ def _trunk(picture: Image, top: FloatArray, bottom: FloatArray, wide: float, rng
         cv2.polylines(picture, [ends], False, 255, round(wide * _SIDE), cv2.LINE_AA, 4)
         return
     half, waist = wide / 2 * rng.uniform(1.0, 1.3), wide / 2 * rng.uniform(0.6, 1.0)
-    corners = [top - [half, 0], top + [half, 0], bottom + [waist, 0], bottom - [waist, 0]]
-    _area(picture, np.array(corners))
+    sides = np.array([[-half, 0.0], [half, 0.0], [waist, 0.0], [-waist, 0.0]])
+    _area(picture, np.array([top, top, bottom, bottom]) + sides)
 
 
 def _limb(
