@@ -11,6 +11,7 @@ import numpy.typing as npt
 from automap.signs.classes import load_classes
 from pipeline.train.art import Face
 from pipeline.train.composed import on_board, prohibition
+from pipeline.train.layouts import bars, road_layout, words
 from pipeline.train.numbers import letter_face, limit_face, on_plate, other_number
 from pipeline.train.pictograms import (
     ground_of,
@@ -46,8 +47,9 @@ _STRANGE_GROUPS = ("yellow-diamond", "red-triangle-up", "red-circle", "blue-circ
 _GENERATED_KINDS = (
     _OTHER_NUMBER, _OTHER_LETTER, *(f"{group}/strange" for group in _STRANGE_GROUPS)
 )  # fmt: skip
-_STRANGE = 0.2
-"""Share of the unknown faces of these groups whose picture is one that no sign shows."""
+_STRANGE, _OTHERWISE = 0.25, (0.45, 0.25, 0.2, 0.1)
+"""Share of the unknown faces of these groups whose picture is one that no class shows; of these a
+picture that no sign shows, words, on warnings roads with side roads, and bars."""
 _GENERATED, _GENERATED_LIMIT = 0.6, 0.85
 _TRANSPLANTED = 0.45
 _VARIANT = 0.25
@@ -191,7 +193,7 @@ class Drawings:
 
     def _strange(self, group: str, rng: Random) -> Image | None:
         """A face of a class or of none with a picture that no sign shows; None if it has none."""
-        symbol = strange_symbol(rng)
+        symbol = _of_no_class(group, rng)
         if group == "red-circle":
             return prohibition(symbol, bool(rng.random() < 0.5), rng)
         return redrawn(_one(self._of_group[group], rng), symbol, rng)
@@ -242,6 +244,16 @@ class Drawings:
             image = prohibition(picture, bool(rng.random() < 0.6), rng)
         image = self._perhaps_varied(image, group, rng)
         return (_perhaps_on_plate(image, rng) if group == "red-circle" else image), kind
+
+
+def _of_no_class(group: str, rng: Random) -> Image:
+    """A picture, white on black, that no class of a group shows."""
+    kind = int(rng.choice(4, p=_OTHERWISE))
+    if kind == 1:
+        return words(rng)
+    if kind == 2 and group in _WARNINGS:
+        return road_layout(rng)
+    return bars(rng) if kind == 3 else strange_symbol(rng)
 
 
 def _of_same_meaning(

@@ -12,6 +12,7 @@ from automap.signs.faces import draw_face
 from pipeline.train.art import Face
 from pipeline.train.composed import crossing_face, on_board, prohibition
 from pipeline.train.drawings import Drawings, group_of_kind
+from pipeline.train.layouts import bars, road_layout, words
 from pipeline.train.numbers import letter_symbol, on_plate
 from pipeline.train.people import person
 from pipeline.train.pictograms import ground_of, redrawn, regrounded, silhouette_of
@@ -119,9 +120,9 @@ def test_faces_on_boards_and_plates_are_whole() -> None:
         board = on_board(stop, rng)
         assert (board[:, :, 3] == 255).all()
         assert min(board.shape[:2]) > 112
-    for words in ("", "NO LEFT TURN", "NO HEAVY GOODS VEHICLES"):
+    for text in ("", "NO LEFT TURN", "NO HEAVY GOODS VEHICLES"):
         for _ in range(10):
-            plate = on_plate(stop, rng, words)
+            plate = on_plate(stop, rng, text)
             assert plate.shape[1] == 112
             assert red_share(plate) > 0.08
 
@@ -219,3 +220,16 @@ def test_a_warning_comes_on_the_grounds_of_others_with_its_own_picture() -> None
     assert own.shape == kept.shape
     assert ((own > 127) == (kept > 127)).mean() > 0.98
     assert (other[:, :, 3] > 127).sum() > 0.9 * 112 * 112 / 2
+
+
+def test_pictures_of_no_class_keep_away_from_those_of_classes() -> None:
+    rng = np.random.default_rng(12)
+    for make in (road_layout, words, bars):
+        pictures = [make(rng) for _ in range(40)]
+        assert len({picture.tobytes() for picture in pictures}) > 25
+        assert all(0.08 < (picture > 127).mean() < 0.9 for picture in pictures)
+    for _ in range(40):
+        road = road_layout(rng) > 127
+        # wider than one road: something leaves it, and no crossroads of two straight ones
+        assert road.any(axis=0).sum() > 1.5 * np.median(road.sum(axis=1))
+        assert not (road == road[:, ::-1]).all()
