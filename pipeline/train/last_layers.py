@@ -120,7 +120,7 @@ def between(
     ):
         a, b = rng.choice(of, n), rng.choice(of, n)
         other = (seen.output[a] != seen.output[b]).numpy()
-        part = torch.from_numpy(rng.uniform(*_HALFWAY, (int(other.sum()), 1))).float()
+        part = torch.from_numpy(rng.uniform(*_HALFWAY, (int(other.sum()), 1, 1, 1))).float()
         one, two = seen.features[a[other]].float(), seen.features[b[other]].float()
         mixed.append(part * one + (1.0 - part) * two)
         label += len(part) * [group]

@@ -83,7 +83,8 @@ def _bend(rng: Random) -> FloatArray:
     end = bend[-1] + rng.uniform(0.25, 0.4) * np.array([np.sin(angle), -np.cos(angle)])
     path = np.concatenate([[[0.0, rng.uniform(0.3, 0.5)]], bend, [end]])
     path = path - (path.min(axis=0) + path.max(axis=0)) / 2 + 0.5
-    return path if rng.random() < 0.5 else path * [-1.0, 1.0] + [1.0, 0.0]
+    mirrored = path * [-1.0, 1.0] + [1.0, 0.0]
+    return np.asarray(path if rng.random() < 0.5 else mirrored)
 
 
 def _at(path: FloatArray, place: float) -> tuple[FloatArray, FloatArray]:
