@@ -11,8 +11,16 @@ import numpy.typing as npt
 from automap.signs.classes import load_classes
 from pipeline.train.art import Face
 from pipeline.train.composed import on_board, prohibition
+from pipeline.train.layouts import bars, road_layout, words
 from pipeline.train.numbers import letter_face, limit_face, on_plate, other_number
-from pipeline.train.pictograms import picture_of, redrawn, silhouette_of, transplanted
+from pipeline.train.pictograms import (
+    ground_of,
+    picture_of,
+    redrawn,
+    regrounded,
+    silhouette_of,
+    transplanted,
+)
 from pipeline.train.recipes import (
     BOARDED,
     COMPOSED,
@@ -39,8 +47,9 @@ _STRANGE_GROUPS = ("yellow-diamond", "red-triangle-up", "red-circle", "blue-circ
 _GENERATED_KINDS = (
     _OTHER_NUMBER, _OTHER_LETTER, *(f"{group}/strange" for group in _STRANGE_GROUPS)
 )  # fmt: skip
-_STRANGE = 0.2
-"""Share of the unknown faces of these groups whose picture is one that no sign shows."""
+_STRANGE, _OTHERWISE = 0.25, (0.45, 0.25, 0.2, 0.1)
+"""Share of the unknown faces of these groups whose picture is one that no class shows; of these a
+picture that no sign shows, words, on warnings roads with side roads, and bars."""
 _GENERATED, _GENERATED_LIMIT = 0.6, 0.85
 _TRANSPLANTED = 0.45
 _VARIANT = 0.25
@@ -51,6 +60,11 @@ _ON_PLATE, _ON_USUAL_PLATE, _ON_BOARD = 0.1, 0.4, 0.5
 _MORE_LIMITS, _MORE_COMPOSED = 4, 1
 """How many times more often than another class limits of speed are drawn, and others by rule."""
 _WARNINGS = ("yellow-diamond", "red-triangle-up")
+_MANY_GROUNDS, _REGROUNDED = "yellow-diamond", 0.35
+"""Warnings that stand on yellow, amber and fluorescent green alike, and the share of their drawings
+on the ground of another: children on green alone and arrows on yellow alone teach colours."""
+_BRIGHT = 150
+"""Level that a ground has in one channel at least: a picture may be larger than its ground."""
 _WARNING_SHAPES = ("diamond", "triangle-up")
 
 
@@ -133,6 +147,9 @@ class Drawings:
         self._of_group = {group: list(self.unknown.get(group, [])) for group in _STRANGE_GROUPS}
         for name, drawn in self.art.items():
             self._of_group.get(classes[name].group, []).extend(drawn)
+        grounded = self._of_group.get(_MANY_GROUNDS, []) if not held else []
+        grounds = [ground_of(face.image) for face in grounded]
+        self._grounds = [colour for colour in grounds if colour.max() > _BRIGHT]
         self._prohibited = {
             kind: pictures
             for kind in self.kinds
@@ -163,7 +180,7 @@ class Drawings:
             image = _one(self._variants[name], rng)
         elif image is None:
             image = self._other_picture(name, _one(self.art[name], rng), rng)
-        image = _perhaps_varied(image, rng)
+        image = self._perhaps_varied(image, load_classes()[name].group, rng)
         if stands_on_plate(name):
             share = _ON_USUAL_PLATE
         else:
@@ -176,7 +193,7 @@ class Drawings:
 
     def _strange(self, group: str, rng: Random) -> Image | None:
         """A face of a class or of none with a picture that no sign shows; None if it has none."""
-        symbol = strange_symbol(rng)
+        symbol = _of_no_class(group, rng)
         if group == "red-circle":
             return prohibition(symbol, bool(rng.random() < 0.5), rng)
         return redrawn(_one(self._of_group[group], rng), symbol, rng)
@@ -191,6 +208,12 @@ class Drawings:
             else:
                 other = self._recipes.redrawn(name, image, rng)
         return image if other is None else other
+
+    def _perhaps_varied(self, image: Image, group: str, rng: Random) -> Image:
+        """A face as another country or maker might have it."""
+        if group == _MANY_GROUNDS and rng.random() < _REGROUNDED:
+            image = regrounded(image, self._grounds[int(rng.integers(len(self._grounds)))])
+        return varied(image, rng) if rng.random() < _VARIED else image
 
     def other(self, rng: Random) -> tuple[Image, str]:
         """A drawing, BGRA, of a face that is no class, and its kind."""
@@ -213,14 +236,24 @@ class Drawings:
         if group in _STRANGE_GROUPS and rng.random() < _STRANGE:
             strange = self._strange(group, rng)
             if strange is not None:
-                return _perhaps_varied(strange, rng), f"{group}/strange"
+                return self._perhaps_varied(strange, group, rng), f"{group}/strange"
         image = self._other_picture(kind, face.image, rng)
         if kind in self._prohibited and rng.random() < _TRANSPLANTED:
             pictures = self._prohibited[kind]
             picture = pictures[int(rng.integers(len(pictures)))]
             image = prohibition(picture, bool(rng.random() < 0.6), rng)
-        image = _perhaps_varied(image, rng)
+        image = self._perhaps_varied(image, group, rng)
         return (_perhaps_on_plate(image, rng) if group == "red-circle" else image), kind
+
+
+def _of_no_class(group: str, rng: Random) -> Image:
+    """A picture, white on black, that no class of a group shows."""
+    kind = int(rng.choice(4, p=_OTHERWISE))
+    if kind == 1:
+        return words(rng)
+    if kind == 2 and group in _WARNINGS:
+        return road_layout(rng)
+    return bars(rng) if kind == 3 else strange_symbol(rng)
 
 
 def _of_same_meaning(
@@ -248,10 +281,6 @@ def _silhouettes(faces: list[Face]) -> list[Image]:
 
 def _one(faces: list[Face], rng: Random) -> Image:
     return faces[int(rng.integers(len(faces)))].image
-
-
-def _perhaps_varied(image: Image, rng: Random) -> Image:
-    return varied(image, rng) if rng.random() < _VARIED else image
 
 
 def _perhaps_on_plate(image: Image, rng: Random) -> Image:

@@ -1,13 +1,13 @@
-"""Train the classifier's last two layers anew, on what the layers before them see of crops.
+"""Train the classifier's last four layers anew, on what the layers before them see of crops.
 
 python -m pipeline.train.last_layers --data DIR --work DIR
 
-Goes on from the classifier's checkpoint in the work folder. What its convolutions see is computed
-once and kept there, so that many ways to tell known faces from unknown ones can be tried in minutes
-on one core. Beside faces of no class that are drawn, halfway points between two classes of one
-shape and colour are taught as unknown faces of it: what lies between classes is none of them
-(mixing as Verma et al. 2019, Manifold mixup; as outliers after Hendrycks, Mazeika and Dietterich
-2019, Deep anomaly detection with outlier exposure).
+Goes on from the classifier's checkpoint in the work folder. What all but the last of its
+convolutions of 3 by 3 see is computed once and kept there, so that ways to tell known faces from
+unknown ones can be tried in minutes on one core. Beside faces of no class that are drawn, halfway
+points between two classes of one shape and colour are taught as unknown faces of it: what lies
+between classes is none of them (mixing as Verma et al. 2019, Manifold mixup; as outliers after
+Hendrycks, Mazeika and Dietterich 2019, Deep anomaly detection with outlier exposure).
 """
 
 from __future__ import annotations
@@ -52,8 +52,8 @@ _SEED, _CROPS_SEED = 0, 1
 
 @dataclass(frozen=True)
 class Seen:
-    """What the squeezed layer sees of crops [n, 1152], which output each is of [n], and whether it
-    is real, drawn, unknown or nothing [n], as 0 to 3."""
+    """What the last convolution sees of crops [n, 128, 6, 6], which output each is of [n], and
+    whether it is real, drawn, unknown or nothing [n], as 0 to 3."""
 
     features: Tensor
     output: Tensor
@@ -61,15 +61,26 @@ class Seen:
 
 
 class LastLayers(nn.Module):
-    """The layers after the squeezed one of a network: features [n, 1152] to logits [n, outputs]."""
+    """A network from its last convolution on: features [n, 128, 6, 6] to logits [n, outputs].
+
+    Its normalisation stays what it is: the halfway points of a batch are no crops.
+    """
 
     def __init__(self, net: FaceNet) -> None:
         super().__init__()
+        self.last, self.squeeze = net.body[-1], net.squeeze
         self.hidden, self.drop, self.out = net.hidden, net.drop, net.out
 
     def forward(self, x: Tensor) -> Tensor:
+        x = F.relu(self.squeeze(self.last(x))).flatten(1)
         logits: Tensor = self.out(self.drop(F.relu(self.hidden(x))))
         return logits
+
+    def train(self, mode: bool = True) -> LastLayers:
+        """As of any module, but for the normalisation."""
+        super().train(mode)
+        self.last.eval()
+        return self
 
 
 def see(net: FaceNet, maker: CropMaker, crops: int) -> Seen:
@@ -80,7 +91,7 @@ def see(net: FaceNet, maker: CropMaker, crops: int) -> Seen:
     features: list[Tensor] = []
     output: list[int] = []
     source: list[int] = []
-    watch = net.hidden.register_forward_hook(lambda _m, i, _o: features.append(i[0].half()))
+    watch = net.body[-1].register_forward_hook(lambda _m, i, _o: features.append(i[0].half()))
     for start in range(0, crops, _CHUNK):
         images = []
         for _ in range(min(_CHUNK, crops - start)):
@@ -109,7 +120,7 @@ def between(
     ):
         a, b = rng.choice(of, n), rng.choice(of, n)
         other = (seen.output[a] != seen.output[b]).numpy()
-        part = torch.from_numpy(rng.uniform(*_HALFWAY, (int(other.sum()), 1))).float()
+        part = torch.from_numpy(rng.uniform(*_HALFWAY, (int(other.sum()), 1, 1, 1))).float()
         one, two = seen.features[a[other]].float(), seen.features[b[other]].float()
         mixed.append(part * one + (1.0 - part) * two)
         label += len(part) * [group]
@@ -190,6 +201,7 @@ def main() -> None:
         torch.save((seen.features, seen.output, seen.source), kept)
     rows: list[dict[str, float]] = []
     layers = train(LastLayers(net), seen, state["labels"], options.steps, rows.append)
+    net.body[-1], net.squeeze = layers.last, layers.squeeze
     net.hidden, net.out = layers.hidden, layers.out
     kept_too = {"labels": state["labels"], "step": state["step"]}
     torch.save({"net": net.state_dict(), "mean": net.state_dict(), **kept_too}, checkpoint)

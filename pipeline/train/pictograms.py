@@ -71,6 +71,23 @@ def picture_of(face: Image) -> Image | None:
     )
 
 
+def ground_of(face: Image) -> npt.NDArray[np.float64]:
+    """The colour, BGR, that a face shows most within its rim."""
+    return _ground(_reduced(face))[1]
+
+
+def regrounded(face: Image, colour: npt.NDArray[np.float64]) -> Image:
+    """A face whose ground, in the rim as well, is of another colour; all else as it was."""
+    face = _reduced(face)
+    _, ground = _ground(face)
+    own = face[:, :, :3].astype(np.float64)
+    unlike = np.abs(own - ground).max(axis=2, keepdims=True)
+    # what mixes at edges of the picture changes in part
+    cover = np.clip(1.0 - unlike / _UNLIKE, 0.0, 1.0)
+    return np.dstack([np.clip(own + cover * (colour - ground), 0, 255).astype(np.uint8),
+                      face[:, :, 3]])  # fmt: skip
+
+
 def silhouette_of(face: Image) -> Image | None:
     """The picture of a face as white on black, if it has one ink alone and that is not red."""
     picture = picture_of(face)

@@ -18,8 +18,9 @@ from pipeline.train.numbers import (
     limit_face,
     limit_name,
 )
+from pipeline.train.people import person
 from pipeline.train.pictograms import redrawn, silhouette_of
-from pipeline.train.symbols import hand_in_hand, riding, turn_arrow
+from pipeline.train.symbols import hand_in_hand, opposite_arrows, riding, turn_arrow
 
 Image = npt.NDArray[np.uint8]
 Random = np.random.Generator
@@ -43,6 +44,7 @@ _PICTURES = {
     "truck": ("warning--trucks-crossing", "regulatory--no-heavy-goods-vehicles"),
 }  # fmt: skip
 """The faces, by their names or these without variants, whose pictures show a subject alone."""
+_PEOPLE = ("pedestrian", "crossing")
 _NO_PICTURE = {
     "regulatory--no-bicycles--g1": ("bicycle", False),
     "regulatory--no-bicycles--g2": ("bicycle", True),
@@ -59,12 +61,14 @@ SHOWS = {
     "warning--trucks-crossing--g1": "truck",
     "warning--children--g1": "children",
     "warning--children--g2": "children",
+    "warning--two-way-traffic--g1": "opposite arrows",
+    "warning--two-way-traffic--g2": "opposite arrows",
 }
 """Classes that show a subject as they are, by the subject."""
 COMPOSED = frozenset({*_LETTERS, *_NO_WAY, *_NO_LETTER, *_NO_PICTURE, _CROSSING, *SHOWS})
 """Classes other than limits that are drawn by rule or with other pictures of their subject."""
-_RIDDEN = 0.35
-"""Share of the bicycles with a rider."""
+_RIDDEN, _BY_RULE = 0.35, 0.5
+"""Shares of the bicycles with a rider, and of people put together of strokes."""
 _SHAPES = ("circle", "diamond", "triangle-up")
 
 
@@ -104,6 +108,10 @@ class Recipes:
             pair = [self._silhouette("pedestrian", rng) for _ in range(2)]
             known = [figure for figure in pair if figure is not None]
             return hand_in_hand(known[0], known[1], rng) if len(known) == 2 else None
+        if subject == "opposite arrows":
+            return opposite_arrows(rng)
+        if subject in _PEOPLE and rng.random() < _BY_RULE:
+            return person(rng)
         pictures = self.silhouettes.get(subject, [])
         if not pictures:
             return None

@@ -94,13 +94,28 @@ def hand_in_hand(large: Image, small: Image, rng: Random) -> Image:
     ]
     order = (0, 1) if rng.random() < 0.5 else (1, 0)
     left, right = (figures[i] for i in order)
-    # their arms may overlap
-    apart = round(rng.uniform(-0.25, 0.15) * min(left.shape[1], right.shape[1]))
+    # their arms may overlap, and some stand apart
+    apart = round(rng.uniform(-0.25, 0.5) * min(left.shape[1], right.shape[1]))
     wide = max(left.shape[1], left.shape[1] + apart + right.shape[1])
     result = np.zeros((_SIDE, wide), np.uint8)
     _add(result, left, 0)
     _add(result, right, left.shape[1] + apart)
     return result
+
+
+def opposite_arrows(rng: Random) -> Image:
+    """Two upright arrows beside each other, one up and one down, as white on black."""
+    one = turn_arrow("straight", rng)
+    pair = [one, np.asarray(one[::-1], np.uint8)]
+    left, right = pair if rng.random() < 0.5 else pair[::-1]
+    high, wide = one.shape
+    shift = round(high * rng.uniform(0.0, 0.25)) if rng.random() < 0.4 else 0
+    result = np.zeros((high + shift, 2 * wide + round(wide * rng.uniform(-0.15, 0.7))), np.uint8)
+    result[:high, :wide] = left
+    # where they come close, one head lies beside the other's shaft
+    part = result[shift:, -wide:]
+    np.maximum(part, right, out=part)
+    return result if rng.random() < 0.5 else np.asarray(result[:, ::-1], np.uint8)
 
 
 def riding(figure: Image, bicycle: Image, rng: Random) -> Image:

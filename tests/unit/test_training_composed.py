@@ -12,11 +12,14 @@ from automap.signs.faces import draw_face
 from pipeline.train.art import Face
 from pipeline.train.composed import crossing_face, on_board, prohibition
 from pipeline.train.drawings import Drawings, group_of_kind
+from pipeline.train.layouts import bars, road_layout, words
 from pipeline.train.numbers import letter_symbol, on_plate
-from pipeline.train.pictograms import redrawn, silhouette_of
+from pipeline.train.people import person
+from pipeline.train.pictograms import ground_of, redrawn, regrounded, silhouette_of
 from pipeline.train.recipes import other_prohibition, recipes, words_of
 from pipeline.train.symbols import (
     hand_in_hand,
+    opposite_arrows,
     riding,
     strange_symbol,
     turn_arrow,
@@ -100,7 +103,7 @@ def test_figures_stand_beside_each_other_and_ride() -> None:
     wheels = np.full((40, 80), 128, np.uint8)
     for _ in range(20):
         pair = hand_in_hand(figure, figure, rng)
-        # one is as high as the picture, the other a child
+        # one is as high as the picture, the other a child, close to it or apart
         heights = np.unique((pair > 127).sum(axis=0))
         assert heights[-1] == pair.shape[0]
         assert ((0.4 * pair.shape[0] < heights) & (heights < 0.9 * pair.shape[0])).any()
@@ -117,9 +120,9 @@ def test_faces_on_boards_and_plates_are_whole() -> None:
         board = on_board(stop, rng)
         assert (board[:, :, 3] == 255).all()
         assert min(board.shape[:2]) > 112
-    for words in ("", "NO LEFT TURN", "NO HEAVY GOODS VEHICLES"):
+    for text in ("", "NO LEFT TURN", "NO HEAVY GOODS VEHICLES"):
         for _ in range(10):
-            plate = on_plate(stop, rng, words)
+            plate = on_plate(stop, rng, text)
             assert plate.shape[1] == 112
             assert red_share(plate) > 0.08
 
@@ -175,3 +178,58 @@ def test_strange_pictures_make_unknown_faces() -> None:
     assert kinds == {"yellow-diamond/warning--camel-crossing", "yellow-diamond/strange"}
     assert kinds <= set(drawings.kinds)
     assert {group_of_kind(kind) for kind in kinds} == {"yellow-diamond"}
+
+
+def test_people_of_strokes_differ_and_stand_on_their_feet() -> None:
+    rng = np.random.default_rng(10)
+    people = [person(rng) > 127 for _ in range(40)]
+    assert len({figure.tobytes() for figure in people}) == 40
+    for figure in people:
+        high, wide = figure.shape
+        assert 100 < high < 160
+        assert 0.15 * high < wide < 1.2 * high
+        # the head alone is highest, and nothing lies beside the body as a piece of its own
+        assert figure[0].sum() < 0.25 * high
+        assert cv2.connectedComponents(figure.astype(np.uint8))[0] <= 3
+        assert 0.08 < figure.mean() < 0.75
+
+
+def test_of_opposite_arrows_one_points_up_and_one_down() -> None:
+    rng = np.random.default_rng(11)
+    for _ in range(30):
+        pair = opposite_arrows(rng) > 127
+        above = []
+        third = pair.shape[1] // 3
+        for outer in (pair[:, :third], pair[:, -third:]):
+            # a head makes its end the wider one
+            rows = outer.sum(axis=1)[outer.any(axis=1)]
+            third = len(rows) // 3
+            above.append(rows[:third].sum() > rows[-third:].sum())
+        assert sorted(above) == [False, True]
+
+
+def test_a_warning_comes_on_the_grounds_of_others_with_its_own_picture() -> None:
+    face = draw_face("warning--children--g2")
+    green = np.array([40.0, 230.0, 190.0])
+    other = regrounded(face, green)
+    assert np.abs(ground_of(other) - green).max() < 6
+    assert np.abs(ground_of(face) - green).max() > 40
+    own, kept = silhouette_of(face), silhouette_of(other)
+    assert own is not None
+    assert kept is not None
+    assert own.shape == kept.shape
+    assert ((own > 127) == (kept > 127)).mean() > 0.98
+    assert (other[:, :, 3] > 127).sum() > 0.9 * 112 * 112 / 2
+
+
+def test_pictures_of_no_class_keep_away_from_those_of_classes() -> None:
+    rng = np.random.default_rng(12)
+    for make in (road_layout, words, bars):
+        pictures = [make(rng) for _ in range(40)]
+        assert len({picture.tobytes() for picture in pictures}) > 25
+        assert all(0.08 < (picture > 127).mean() < 0.9 for picture in pictures)
+    for _ in range(40):
+        road = road_layout(rng) > 127
+        # wider than one road: something leaves it, and no crossroads of two straight ones
+        assert road.any(axis=0).sum() > 1.5 * np.median(road.sum(axis=1))
+        assert not (road == road[:, ::-1]).all()

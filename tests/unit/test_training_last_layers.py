@@ -19,10 +19,10 @@ def _seen() -> tuple[Seen, list[str]]:
     of_ring = [name for name, entry in load_classes().items() if entry.group == "red-circle"]
     names = [*of_ring[:2], "regulatory--stop--g1", "red-circle/no-horns", "no-sign"]
     rng = np.random.default_rng(4)
-    centres = rng.normal(0.0, 1.0, (len(names), 32 * 6 * 6))
+    centres = rng.normal(0.0, 1.0, (len(names), 128, 6, 6))
     output = np.repeat([0, 1, 2, 0, 3, 4], 40)
     source = np.repeat([1, 1, 1, 0, 2, 3], 40)
-    features = centres[output] + rng.normal(0.0, 0.2, (len(output), centres.shape[1]))
+    features = centres[output] + rng.normal(0.0, 0.2, (len(output), *centres.shape[1:]))
     return Seen(
         torch.from_numpy(np.maximum(features, 0.0)).half(),
         torch.from_numpy(output),
@@ -42,7 +42,7 @@ def test_halfway_points_are_of_two_drawn_classes_of_one_group() -> None:
     assert set(label.tolist()) == {unknown}
     own = torch.stack([seen.features[:40].float().mean(0), seen.features[40:80].float().mean(0)])
     apart = (own[0] - own[1]).norm()
-    assert (torch.cdist(mixed, own) < 0.75 * apart).all()
+    assert (torch.cdist(mixed.flatten(1), own.flatten(1)) < 0.75 * apart).all()
 
 
 def test_trained_layers_name_classes_and_call_what_lies_between_unknown(
