@@ -23,8 +23,9 @@ from automap.geolocation.bearing_rays import (
     normal_equations,
 )
 from automap.geolocation.camera_hypotheses import Hypothesis, _mountings
+from automap.geolocation.due_frames import _aspect, apparent_heights
 from automap.geolocation.epipolar import PairGeometry
-from automap.geolocation.existence import _aspect, _base_rate, apparent_heights, probability
+from automap.geolocation.existence import _base_rate, probability
 from automap.geolocation.merging import class_agreement
 from automap.geolocation.path_relation import course_at, make_path, relate, side_of_path
 from automap.geolocation.time_minima import Minimum, alike, apart, starts
@@ -303,6 +304,7 @@ def test_a_sign_is_in_view_where_a_margin_of_its_height_is_left_on_all_sides() -
     away, turn = 20.0, rpy_to_matrix(path.rpy[row])
     height = 1000.0 * size / away
     margin = limits.WHOLLY_IN_VIEW * height
+    whole = np.array([[0.0, 0.0, 1279.0, 719.0]])
     for axis, last in ((0, 1279.0), (1, 719.0)):
         for edge, inwards in ((0.0, 1.0), (last, -1.0)):
             for beyond in (-0.3, 0.3):
@@ -311,7 +313,7 @@ def test_a_sign_is_in_view_where_a_margin_of_its_height_is_left_on_all_sides() -
                 ray = np.array([1.0, *((pixel - [640.0, 360.0]) / 1000.0)])
                 place = here + turn @ (away * ray)
                 t_ns = path.t_ns[[row]]
-                found = apparent_heights(place, size, here[None], t_ns, path, view, ORIGIN)
+                found = apparent_heights(place, size, here[None], t_ns, path, view, ORIGIN, whole)
                 assert found == pytest.approx([0.0 if beyond > 0.0 else height], rel=1e-6)
 
 
