@@ -278,6 +278,9 @@ MISSED_PROBABILITY = 1e-3
 CONTROL_OTHER_CLASS = 6.0
 """Squared sigmas that another class costs. Chosen: one in 20, exp(-6 / 2), is surveyed or read
 wrong."""
+CONTROL_RIVAL = 6.0
+"""Squared sigmas by which a neighbour must fit less for a surveyed sign to count. Chosen: it is
+taken for the neighbour one time in 20, exp(-6 / 2), and left out rather."""
 LEAST_CONTROL_SD_M = 0.01
 """Of a surveyed place, whatever it states: a face has no better one."""
 
