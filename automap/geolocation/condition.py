@@ -61,7 +61,7 @@ def conditions(
                 *(views, member.landmark, trajectory, searched[name], cameras[name]),
                 float(usual[member.camera]),
             )
-            looked += int(due.sum())
+            looked += len(due)
             seen += int(np.isin(searched[name].frame[due], shown).sum())
         result.append(Condition(value, sd, note, seen / looked if looked else np.nan, looked))
     return result

@@ -73,23 +73,21 @@ def due_frames(
     searched: Searched,
     camera: Camera,
     usual: float,
-) -> BoolArray:
-    """Which of the frames [k] that were searched should have shown a sign in its pass: it is wholly
-    within the part that was searched, seen from the side it was seen from, and at least as large as
-    signs usually are when they are found."""
+) -> IntArray:
+    """Places among the frames that were searched of those that should have shown a sign in its
+    pass: it is wholly within the part that was searched, seen from the side it was seen from, and
+    at least as large as signs usually are when they are found."""
     first, last = int(views.t_ns[mark.rows].min()), int(views.t_ns[mark.rows].max())
     around = round(limits.AFTER_S * 1e9)
     near = slice(*np.searchsorted(searched.t_ns, [first - around, last + around]).tolist())
-    due = np.zeros(len(searched.frame), np.bool_)
     if near.start == near.stop:
-        return due
+        return np.zeros(0, np.int64)
     stamps = searched.t_ns[near] - np.int64(round(camera.time_offset_s * 1e9))
     height = apparent_heights(
         *(mark.position, mark.size_m, views.centre[mark.rows], stamps, trajectory),
         *(camera, views.origin, searched.region[near]),
     )
-    due[near] = height >= usual * focal_length(camera)
-    return due
+    return np.asarray(near.start + np.flatnonzero(height >= usual * focal_length(camera)))
 
 
 def apparent_heights(
@@ -155,10 +153,10 @@ def pattern_of(
     looked = searched[name]
     due = due_frames(views, mark, trajectory, looked, cameras[name], float(usual[number]))
     shown, first = np.unique(frame[mark.rows], return_index=True)
-    rest = due & ~np.isin(looked.frame, shown)
+    rest = due[~np.isin(looked.frame[due], shown)]
     start = views.t_ns[mark.anchor]
     t_s = np.concatenate([views.t_ns[mark.rows][first], looked.t_ns[rest]]) - start
     order = np.argsort(t_s, kind="stable")
     seen = np.arange(len(order)) < len(shown)
-    should = np.concatenate([np.isin(shown, looked.frame[due]), np.ones(rest.sum(), np.bool_)])
+    should = np.concatenate([np.isin(shown, looked.frame[due]), np.ones(len(rest), np.bool_)])
     return Pattern(t_s[order] * 1e-9, seen[order], should[order])
