@@ -30,7 +30,7 @@ SIGN_FIELDS: tuple[Field, ...] = (
     Field("value", "real", "", "number that the face shows, in value_unit", 1),
     Field("value_unit", "text", "", "unit of value: km/h or mph"),
     Field("confidence", "real", "", "existence times class_probability, 0 to 1", 3),
-    Field("existence", "real", "", "probability that a thing of that size stands there", 3),
+    Field("existence", "real", "", "probability that a sign stands there", 3),
     Field("class_probability", "real", "", "probability that the sign there is of this class", 3),
     Field("group_probability", "real", "", "probability that it has this shape and colour", 3),
     Field("n_views", "integer", "", "number of frames that the position rests on"),

@@ -51,7 +51,7 @@ def assemble_sign(
     The height above the road is the height above the path of the IMU at the point nearest in
     plan plus the given height of the IMU above the road; its sigma is that of the best pass, and
     of the IMU's height. ``facing`` as ``facing.find_facings`` found it; ``existence`` the
-    probability that something stands there. Confidence is existence times the probability of the
+    probability that a sign stands there. Confidence is existence times the probability of the
     class; where the detector tells none, times the probability that at least one of the boxes is
     right, a box of score s being right with s / 2: 1 - prod(1 - s_i / 2).
     """

@@ -9,13 +9,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from automap.effects.lens import focal_length
 from automap.geolocation import limits
-from automap.geolocation.existence import FrameGrid, apparent_heights
-from automap.geolocation.landmark import Landmark
+from automap.geolocation.due_frames import due_frames, searched_frames, usual_heights
 from automap.geolocation.sightings import Sighting
 from automap.geolocation.views import Views
-from automap.records import Camera, Detections, FloatArray, IntArray, Trajectory
+from automap.records import Camera, Detections, FloatArray, Trajectory
 
 
 @dataclass(frozen=True)
@@ -46,8 +44,8 @@ def conditions(
         for d in detections
         for note in ([""] * len(d) if d.contrast_note is None else d.contrast_note)
     ]
-    searched = {d.camera: _searched(d, cameras[d.camera]) for d in detections}
-    usual = _usual_heights(views, [s.landmark for members in signs for s in members])
+    searched = {d.camera: searched_frames(d, cameras[d.camera]) for d in detections}
+    usual = usual_heights(views, [s.landmark for members in signs for s in members])
     result = []
     for members in signs:
         rows = np.concatenate([s.landmark.rows for s in members])
@@ -59,12 +57,12 @@ def conditions(
         for member in members:
             name = views.camera_names[member.camera]
             shown = frame[views.row[member.landmark.rows]]
-            due = _due(
+            due = due_frames(
                 *(views, member.landmark, trajectory, searched[name], cameras[name]),
-                usual[member.camera],
+                float(usual[member.camera]),
             )
             looked += len(due)
-            seen += int(np.isin(due, shown).sum())
+            seen += int(np.isin(searched[name].frame[due], shown).sum())
         result.append(Condition(value, sd, note, seen / looked if looked else np.nan, looked))
     return result
 
@@ -86,59 +84,3 @@ def face_of_views(
     # that it is small from afar is no reason where nearer views have another
     why = Counter(note for note in notes if note).most_common()
     return np.nan, np.nan, next((n for n, _ in why if n != "too small"), why[0][0] if why else "")
-
-
-def _usual_heights(views: Views, marks: Sequence[Landmark]) -> FloatArray:
-    """Height [c], over the focal length, at which three of four signs of each camera are found:
-    what hides a sign from afar, seldom more than a quarter of them, does not move it."""
-    first: list[list[float]] = [[] for _ in views.camera_names]
-    for mark in marks:
-        row = mark.rows[np.argmin(views.t_ns[mark.rows])]
-        first[int(views.camera[row])].append(float(np.exp(views.measured[row, 2])))
-    return np.array([np.quantile(sizes, 0.75) if sizes else np.inf for sizes in first])
-
-
-@dataclass(frozen=True)
-class _Searched:
-    """Frames [k] of a camera that were searched, ascending: their numbers, stamps as the path has
-    them, and the part of each that was seen [k, 4]."""
-
-    frame: IntArray
-    t_ns: IntArray
-    region: FloatArray
-
-
-def _searched(found: Detections, camera: Camera) -> _Searched:
-    """None of a camera of which they are not known."""
-    looked = found.looked
-    if looked is None:
-        none = np.zeros(0, np.int64)
-        return _Searched(none, none, np.zeros((0, 4)))
-    frame, t_ns = FrameGrid(found).stamped(looked.frame)
-    region = looked.region[np.isin(looked.frame, frame)]
-    return _Searched(frame, t_ns + np.int64(round(camera.time_offset_s * 1e9)), region)
-
-
-def _due(
-    views: Views,
-    mark: Landmark,
-    trajectory: Trajectory,
-    searched: _Searched,
-    camera: Camera,
-    usual: float,
-) -> IntArray:
-    """Numbers of the frames that were searched and should have shown a sign in its pass: wholly
-    within the part that was searched, from the side it was seen from, and at least as large as
-    signs usually are when they are found."""
-    first, last = int(views.t_ns[mark.rows].min()), int(views.t_ns[mark.rows].max())
-    around = round(limits.AFTER_S * 1e9)
-    near = slice(*np.searchsorted(searched.t_ns, [first - around, last + around]).tolist())
-    frame, region = searched.frame[near], searched.region[near]
-    if not len(frame):
-        return frame
-    stamps = searched.t_ns[near] - np.int64(round(camera.time_offset_s * 1e9))
-    height = apparent_heights(
-        *(mark.position, mark.size_m, views.centre[mark.rows], stamps, trajectory),
-        *(camera, views.origin, region),
-    )
-    return np.asarray(frame[height >= usual * focal_length(camera)], np.int64)

@@ -43,12 +43,15 @@ def match_control(
     """Number of a group: surveyed place [3] and covariance [3, 3], as far as they agree.
 
     One to one, by the horizontal distance in sigmas of both; a sign of another class costs
-    extra. Heights are not surveyed: the sign's own stands in, with a sigma that says nothing.
+    extra. A surveyed sign that is nearly as likely a neighbour, which nobody surveyed, is none of
+    both: what its errors tell of the trajectory would be the way between the two. Heights are not
+    surveyed: the sign's own stands in, with a sigma that says nothing.
     """
     if len(control) == 0 or not groups:
         return {}
     found = [combine([sightings[m] for m in group]) for group in groups]
     names = [sightings[group[0]].class_name for group in groups]
+    plan = np.array([position[:2] for position, _ in found])
     place = local_ned(control.lat_rad, control.lon_rad, np.full(len(control), origin[2]), origin)
     sd = np.maximum(control.sd_m, limits.LEAST_CONTROL_SD_M)
     cost = np.full((len(control), len(groups)), np.inf)
@@ -62,8 +65,12 @@ def match_control(
             if square < limit:
                 cost[i, j] = square + (limits.CONTROL_OTHER_CLASS if differs else 0.0)
     result: dict[int, tuple[FloatArray, FloatArray]] = {}
-    for i, j in enumerate(assign(cost, limit + limits.CONTROL_OTHER_CLASS).tolist()):
-        if j >= 0:
+    chosen = assign(cost, limit + limits.CONTROL_OTHER_CLASS)
+    elsewhere = np.linalg.norm(plan[:, None] - plan[None], axis=2) > limits.POST_REACH_M
+    elsewhere[:, chosen[chosen >= 0]] = False
+    for i, j in enumerate(chosen.tolist()):
+        rival = np.min(cost[i, elsewhere[j]], initial=np.inf) if j >= 0 else 0.0
+        if j >= 0 and rival - cost[i, j] > limits.CONTROL_RIVAL:
             surveyed = np.array([*place[i, :2], found[j][0][2]])
             result[j] = (surveyed, np.diag([sd[i] ** 2, sd[i] ** 2, _HEIGHT_SD_M**2]))
     return result

@@ -1,111 +1,35 @@
-"""Whether a few boxes are a sign: seen, and not seen when it should have been.
+"""Whether what boxes show is a sign: seen, and not seen when it should have been.
 
-A sign is in view before and after the frames in which it was found. Every frame in which it
-must have been at least as large as when it was found, and have shown itself from the same side,
-and was not reported, speaks against it by what the detector misses as a rule; frames in a row
-speak together, since one thing may hide it in all of them. Every further box that fits speaks for
-it. Bayes' rule with those two gives the probability that the sign exists (existence in the sense
-of Musicki and Evans, Joint Integrated Probabilistic Data Association, IEEE T-AES 40, 2004).
+There are three things that it may be. A sign is found in most frames that should show it, each
+sign at a rate of its own about that of the drive, unless something hides it for a while: frames in
+a row without it speak together (a hidden Markov model of two states). Single false boxes fit one
+place by chance, the less likely the more of them there are. And a thing that stays (a lamp, an
+advert) is taken for a sign now and then: of false boxes each rate at which a thing is found is as
+likely, so that of things that are found at a rate q there are 1 / q as many. Bayes' rule with these
+gives the probability of a sign (existence in the sense of Musicki and Evans, Joint Integrated
+Probabilistic Data Association, IEEE T-AES 40, 2004).
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
-from typing import Any
+from functools import lru_cache
 
 import numpy as np
-import numpy.typing as npt
+from scipy.special import betaln, roots_jacobi
 
-from automap.effects.camera import camera_poses
-from automap.effects.lens import focal_length, project
 from automap.geolocation import limits
+from automap.geolocation.due_frames import Pattern, pattern_of, searched_frames, usual_heights
 from automap.geolocation.landmark import Landmark
 from automap.geolocation.views import Views
-from automap.interpolation import poses_at
-from automap.records import Camera, Detections, FloatArray, IntArray, Trajectory
+from automap.jit import kernel
+from automap.records import BoolArray, Camera, Detections, FloatArray, Trajectory
 
 _BASE_RATE_ROUNDS = 20
 """Of the expectation maximisation."""
-
-
-class FrameGrid:
-    """Stamps of the frames that the detector looked at, also of those without a box.
-
-    Frames are taken to follow one another at the usual step of the frame numbers that have
-    boxes; the stamps between them are interpolated.
-    """
-
-    def __init__(self, found: Detections) -> None:
-        frame, first = np.unique(found.frame, return_index=True)
-        t_ns = np.asarray(found.t_ns, np.int64)[first]
-        step = np.diff(frame)
-        near = step[step <= 4 * step.min()] if len(step) else np.ones(1)
-        self.step = max(int(np.median(near)), 1)
-        self._frame = frame.astype(np.float64)
-        self._base = t_ns[0] if len(t_ns) else np.int64(0)
-        self._since = (t_ns - self._base) * 1.0
-        seconds = np.diff(t_ns) / np.maximum(step, 1) if len(step) else np.array([1e9])
-        self.interval_ns = float(np.median(seconds)) * self.step
-
-    def stamped(self, frame: npt.NDArray[Any]) -> tuple[npt.NDArray[Any], IntArray]:
-        """Those of some frames' numbers that lie between frames with boxes, and their stamps."""
-        if not len(self._frame):
-            return frame[:0], frame[:0]
-        inside = frame[(frame >= self._frame[0]) & (frame <= self._frame[-1])]
-        since = np.interp(inside, self._frame, self._since)
-        return inside, np.asarray(self._base + np.rint(since).astype(np.int64))
-
-    def count_between(self, first_ns: int, last_ns: int) -> float:
-        """Frames from one stamp to a later one."""
-        return (last_ns - first_ns) / max(self.interval_ns, 1.0)
-
-    def around(self, t_ns: int, count: int) -> IntArray:
-        """Stamps of ``count`` frames before and after the one at ``t_ns``, without it."""
-        if len(self._frame) < 2:
-            return np.zeros(0, np.int64)
-        here = float(np.interp(float(t_ns - self._base), self._since, self._frame))
-        numbers = here + self.step * np.concatenate([np.arange(-count, 0), np.arange(1, count + 1)])
-        return self.stamped(numbers)[1]
-
-
-def apparent_heights(
-    position: FloatArray,
-    size_m: float,
-    seen_from: FloatArray,
-    t_ns: IntArray,
-    trajectory: Trajectory,
-    camera: Camera,
-    origin: tuple[float, float, float],
-    region: FloatArray | None = None,
-) -> FloatArray:
-    """Height in pixels [n] of a sign at the frame stamps; zero where it is not wholly in view, or
-    in the ``region`` [n, 4] that was searched (None: the frame), or shows itself from another side
-    than to the cameras at ``seen_from`` [m, 3]."""
-    if region is None:
-        region = np.array([[0.0, 0.0, camera.width - 1.0, camera.height - 1.0]])
-    poses = poses_at(trajectory, t_ns + np.int64(round(camera.time_offset_s * 1e9)))
-    centre, C_cam_ref = camera_poses(poses, camera, origin)
-    q = np.einsum("nij,nj->ni", C_cam_ref, position - centre)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        pixels = project(camera, q)
-        height = focal_length(camera) * size_m / q[:, 0]
-        margin = limits.WHOLLY_IN_VIEW * height
-        inside = q[:, 0] > limits.MIN_FORWARD_M
-        inside &= ((pixels - region[:, :2]) > margin[:, None]).all(axis=1)
-        inside &= ((region[:, 2:] - pixels) > margin[:, None]).all(axis=1)
-        inside &= _aspect(position, seen_from, centre)
-    return np.where(inside, np.nan_to_num(height), 0.0)
-
-
-def _aspect(
-    position: FloatArray, seen_from: FloatArray, centre: FloatArray
-) -> npt.NDArray[np.bool_]:
-    """Whether cameras [n, 3] look at a face from directions like those it was seen from."""
-    towards = [c[:, :2] - position[:2] for c in (seen_from, centre)]
-    seen, now = (t / np.maximum(np.linalg.norm(t, axis=1), 1e-6)[:, None] for t in towards)
-    mean = seen.mean(axis=0) / max(float(np.linalg.norm(seen.mean(axis=0))), 1e-6)
-    widest = np.arccos(np.clip(seen @ mean, -1.0, 1.0)).max()
-    return np.asarray(np.arccos(np.clip(now @ mean, -1.0, 1.0)) < widest + limits.LIKE_ASPECT_RAD)
+_NODES = 16
+"""Of the quadrature over rates; with 64 patterns of 60 frames change by less than 0.01 nats."""
 
 
 def existence_probabilities(
@@ -114,32 +38,44 @@ def existence_probabilities(
     trajectory: Trajectory,
     detections: Sequence[Detections],
     cameras: Mapping[str, Camera],
-) -> FloatArray:
-    """Probability [m] that each landmark is a sign.
+) -> tuple[FloatArray, FloatArray]:
+    """Probabilities [m] that the boxes of each landmark show one thing that stands there, and that
+    such a thing is a sign.
 
-    ``cameras`` are as they were found to be. The detector's rate of finding a sign is taken from
-    the landmarks with many views, the share of signs among things seen once from all of these.
+    ``cameras`` are as they were found to be. The detector's rate of finding a sign, and from which
+    height on, is taken from the landmarks with many views, the share of signs among things seen
+    once from all of these.
     """
-    grids = {found.camera: FrameGrid(found) for found in detections}
-    found_rate = _found_rate(views, landmarks, grids)
-    log_odds_of = np.full(len(landmarks), np.inf)
-    for k, mark in enumerate(landmarks):
-        score = float(np.clip(views.score[mark.rows].max(), *limits.SCORE_LIMITS))
-        log_odds = np.log(score / (1.0 - score)) + limits.FITTING_BOX_NATS * (len(mark.rows) - 1)
-        most_missed = 2 * limits.FRAMES_AROUND
-        if log_odds + most_missed * np.log1p(-limits.RATE_LIMITS[1]) > limits.SURE_NATS:
-            continue
-        missed = _missed(views, mark, grids, trajectory, cameras, seen_t=views.t_ns[mark.rows])
-        unseen = limits.HIDDEN + (1.0 - limits.HIDDEN) * (1.0 - found_rate) ** missed
-        log_odds_of[k] = log_odds + float(np.log(unseen).sum())
+    searched = {d.camera: searched_frames(d, cameras[d.camera], assumed=True) for d in detections}
+    frame = np.concatenate([d.frame for d in detections] or [np.zeros(0, np.int64)])[views.row]
+    often = [mark for mark in landmarks if len(mark.rows) >= limits.RATE_VIEWS]
+    usual = usual_heights(views, often or landmarks)
+    patterns = [
+        pattern_of(views, mark, frame, trajectory, searched, cameras, usual) for mark in landmarks
+    ]
+    rate = _found_rate([p for p in patterns if p.seen.sum() >= limits.RATE_VIEWS])
+    there, alike = np.zeros(len(landmarks)), np.zeros(len(landmarks))
+    for k, (mark, pattern) in enumerate(zip(landmarks, patterns, strict=True)):
+        score = float(views.score[mark.rows].max())
+        as_sign, as_thing = sign_nats(pattern, rate), thing_nats(pattern.seen)
+        further = limits.FITTING_BOX_NATS * (len(mark.rows) - 1)
+        there[k] = _log_odds(score, limits.SCORE_LIMITS) + further + as_sign
+        alike[k] = math.log(limits.STANDING) - _log_odds(score, limits.BOX_LIMITS)
+        alike[k] += as_thing - as_sign
     single = np.array([len(mark.rows) == 1 for mark in landmarks], np.bool_)
-    log_odds_of[single] += _base_rate(log_odds_of[single])
-    return probability(log_odds_of)
+    there[single] += _base_rate(there[single])
+    stands = probability(there)
+    return stands, probability(-alike - _things_rate(stands, alike))
 
 
 def probability(log_odds: FloatArray) -> FloatArray:
     """Probabilities [n] that have these log odds."""
     return np.asarray(1.0 / (1.0 + np.exp(-np.clip(log_odds, -50.0, 50.0))))
+
+
+def _log_odds(score: float, within: tuple[float, float]) -> float:
+    score = float(np.clip(score, *within))
+    return math.log(score / (1.0 - score))
 
 
 def _base_rate(log_odds: FloatArray) -> float:
@@ -158,53 +94,83 @@ def _base_rate(log_odds: FloatArray) -> float:
     return float(np.log(share / (1.0 - share)))
 
 
-def _found_rate(
-    views: Views, landmarks: Sequence[Landmark], grids: Mapping[str, FrameGrid]
-) -> float:
-    """Share of the frames between a sign's first and last box in which it was found."""
-    seen = possible = 0.0
-    for mark in landmarks:
-        if len(mark.rows) < limits.RATE_VIEWS:
-            continue
-        grid = grids[views.camera_names[int(views.camera[mark.anchor])]]
-        span = grid.count_between(
-            int(views.t_ns[mark.rows].min()), int(views.t_ns[mark.rows].max())
-        )
-        seen += len(np.unique(views.frame[mark.rows])) - 1
-        possible += max(span, 1.0)
-    rate = seen / possible if possible else 0.5
-    return float(np.clip(rate, *limits.RATE_LIMITS))
+def _things_rate(stands: FloatArray, log_odds: FloatArray) -> float:
+    """Logarithm of how many things that look like signs there are, against what is expected of
+    any street: by those of the landmarks that ``stands`` [n] and ``log_odds`` [n] of being no sign
+    tell (expectation maximisation), with a gamma prior that counts as one such thing.
+    """
+    rate = 1.0
+    for _ in range(_BASE_RATE_ROUNDS):
+        things = probability(log_odds + math.log(rate))
+        expected = limits.THINGS_A_SIGN * float(stands @ (1.0 - things))
+        rate = (1.0 + float(stands @ things)) / (1.0 + expected)
+    return math.log(rate)
 
 
-def _missed(
-    views: Views,
-    mark: Landmark,
-    grids: Mapping[str, FrameGrid],
-    trajectory: Trajectory,
-    cameras: Mapping[str, Camera],
-    seen_t: IntArray,
-) -> IntArray:
-    """Stretches [k] of frames near those with a box in which the sign was as large, in view, and
-    not found: the number of frames of each."""
-    name = views.camera_names[int(views.camera[mark.anchor])]
-    camera, grid = cameras[name], grids[name]
-    stamps = seen_t - np.int64(round(camera.time_offset_s * 1e9))  # as the frames were stamped
-    times = np.unique(
-        np.concatenate([grid.around(int(t), limits.FRAMES_AROUND) for t in np.unique(stamps)])
+def _found_rate(patterns: Sequence[Pattern]) -> float:
+    """Share of the frames that should show signs, between the first and the last that does, that
+    do; neither of these counts, which are why the others do."""
+    seen = possible = 0
+    for pattern in patterns:
+        first, last = np.flatnonzero(pattern.seen)[[0, -1]].tolist()
+        due = pattern.due[first + 1 : last]
+        seen += int(pattern.seen[first + 1 : last][due].sum())
+        possible += int(due.sum())
+    return float(np.clip(seen / possible if possible else 0.5, *limits.RATE_LIMITS))
+
+
+def thing_nats(seen: BoolArray) -> float:
+    """Log of how often a thing that is no sign is ``seen`` [k] so, against one false box a frame:
+    the integral of q^h (1 - q)^m / q over the rate q."""
+    hits = int(seen.sum())
+    return float(betaln(hits, len(seen) - hits + 1))
+
+
+def sign_nats(pattern: Pattern, rate: float) -> float:
+    """Log likelihood of what was seen of a sign in a drive that finds signs at a ``rate``."""
+    rates, weights = _rates(rate)
+    told = _pattern_nats(
+        pattern.t_s, pattern.seen, rates, limits.HIDDEN, limits.HIDDEN_S, limits.STRAY_FRAME
     )
-    half = 0.25 * grid.interval_ns
-    # neighbours of two boxes name the same frame twice
-    times = times[np.abs(times[:, None] - stamps[None]).min(axis=1) > half]
-    if len(times) == 0:
-        return np.zeros(0, np.int64)
-    times = times[np.concatenate([[True], np.diff(times) > half])]
-    height = apparent_heights(
-        *(mark.position, mark.size_m, views.centre[mark.rows], times, trajectory),
-        *(camera, views.origin),
-    )
-    least = focal_length(camera) * float(np.exp(views.measured[mark.rows, 2].min()))
-    due = height >= limits.LIKE_SEEN * least
-    # a box between two frames, or a frame that says nothing, begins another stretch
-    breaks = (np.diff(times) > 1.5 * grid.interval_ns) | ~due[1:]
-    stretch = np.concatenate([[0], np.cumsum(breaks)])
-    return np.asarray(np.unique(stretch[due], return_counts=True)[1], np.int64)
+    return float(np.logaddexp.reduce(told + np.log(weights)))
+
+
+@lru_cache(maxsize=64)
+def _rates(rate: float) -> tuple[FloatArray, FloatArray]:
+    """Nodes and weights [16] of the beta distribution of signs' own rates about ``rate``."""
+    a, b = limits.RATE_SPREAD * rate, limits.RATE_SPREAD * (1.0 - rate)
+    x, weight = roots_jacobi(_NODES, b - 1.0, a - 1.0)
+    return 0.5 * (1.0 + x), weight / weight.sum()
+
+
+@kernel
+def _pattern_nats(
+    t_s: FloatArray,
+    seen: BoolArray,
+    rates: FloatArray,
+    hidden: float,
+    hidden_s: float,
+    stray: float,
+) -> FloatArray:
+    """Log likelihood [r] of what was ``seen`` at ``t_s`` [k] of a sign that is found at each of
+    the ``rates`` [r] where nothing hides it, and in a share ``stray`` of frames where something
+    does; that hides it ``hidden`` of the time, for ``hidden_s`` as a rule (forward algorithm)."""
+    told = np.zeros(len(rates))
+    for node in range(len(rates)):
+        open_, behind = 1.0 - hidden, hidden
+        for k in range(len(t_s)):
+            if k > 0:
+                stay = math.exp(-(t_s[k] - t_s[k - 1]) * (1.0 / hidden_s))
+                both = (1.0 - stay) * (open_ + behind)
+                open_ = stay * open_ + both * (1.0 - hidden)
+                behind = stay * behind + both * hidden
+            if seen[k]:
+                open_ *= rates[node]
+                behind *= stray
+            else:
+                open_ *= 1.0 - rates[node]
+                behind *= 1.0 - stray
+            total = open_ + behind
+            told[node] += math.log(total)
+            open_, behind = open_ / total, behind / total
+    return told

@@ -184,20 +184,29 @@ RATE_VIEWS = 5
 """Signs with so many views are real, and tell how often a sign is found."""
 RATE_LIMITS = (0.2, 0.95)
 """How often a detector finds a sign in view, whatever a short drive shows."""
-FRAMES_AROUND = 6
-"""Frames looked at before and after each box. Chosen: further away something is more likely
-to hide the sign, nearer there is little to miss."""
-LIKE_SEEN = 0.9
-"""Of the smallest height at which the sign was found: from there on it should be found again."""
 LIKE_ASPECT_RAD = math.radians(30.0)
 """Further round a face than it was seen from, it should still be found."""
 WHOLLY_IN_VIEW = 0.7
 """Of its height, how far the middle of a sign must be from the edge of the picture: half of it, and
 as much again as its place is unsure."""
-HIDDEN = 0.05
-"""Of stretches of road, where something is in the way of a sign for all frames alike."""
-SURE_NATS = 7.0
-"""What is so likely even if all frames around missed it is not looked for: odds of 1000 to 1."""
+RATE_SPREAD = 6.0
+"""Sum of the beta parameters of a sign's own rate of being found in frames. Chosen as between
+drives (``mapping.limits.SPREAD``): at 0.85 signs differ by 0.13."""
+HIDDEN, HIDDEN_S = 0.05, 1.0
+"""Of the time something is in the way of a sign, and for how long as a rule. Chosen: a parked van
+or the crown of a tree, ten metres of a street."""
+STRAY_FRAME = 1e-3
+"""A sign that is hidden is found so rarely."""
+STANDING = 0.6
+"""Of boxes that show no sign, those that show what stands there: 8 of 13 with scores over 0.9 on
+street images (``look_alikes.csv``)."""
+THINGS_A_SIGN = 0.2
+"""Things that look like signs now and then, for each sign, before a drive tells: of boxes on street
+images 0.11 show no sign, of which ``STANDING`` stand; of things found at a rate q there are 1 / q
+as many, of which those with one box in twelve frames or more are found: the integral is some 3."""
+BOX_LIMITS = (0.2, 0.99)
+"""A score is the probability that a box shows a sign within these, as those of the shipped detector
+are to 0.03 (docs/detector.md); an external one may say 1 of every box."""
 IMAGINARY = 4.0
 """Things seen once, half of them signs, that stand for what is expected before the drive tells.
 Chosen: few single boxes say little of how many are signs."""
@@ -269,6 +278,9 @@ MISSED_PROBABILITY = 1e-3
 CONTROL_OTHER_CLASS = 6.0
 """Squared sigmas that another class costs. Chosen: one in 20, exp(-6 / 2), is surveyed or read
 wrong."""
+CONTROL_RIVAL = 6.0
+"""Squared sigmas by which a neighbour must fit less for a surveyed sign to count. Chosen: it is
+taken for the neighbour one time in 20, exp(-6 / 2), and left out rather."""
 LEAST_CONTROL_SD_M = 0.01
 """Of a surveyed place, whatever it states: a face has no better one."""
 

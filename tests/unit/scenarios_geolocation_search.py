@@ -160,7 +160,7 @@ def _sign(number: int, status: str) -> Any:
 @scenario
 def geolocation_existence() -> Any:
     """Frames that were looked at, what should have been seen in them, and what moves along."""
-    from automap.geolocation import existence as of
+    from automap.geolocation import due_frames, existence
     from automap.geolocation.carriers import carried_views, moves_along
 
     drive = rich_drive()
@@ -177,10 +177,13 @@ def geolocation_existence() -> Any:
             )
         ),
     ]
-    grids = {d.camera: of.FrameGrid(d) for d in drive.detections}
-    one = grids["front"]
-    holes = of.FrameGrid(_some(drive.detections[1], np.r_[0:40, 70:110:3]))
-    first = int(drive.detections[1].t_ns[0])
+    searched = {
+        d.camera: due_frames.searched_frames(d, drive.cameras[d.camera], assumed=True)
+        for d in drive.detections
+    }
+    holes = _some(drive.detections[1], np.r_[0:40, 70:110:3])
+    frame = np.concatenate([d.frame for d in drive.detections])[views.row]
+    usual = due_frames.usual_heights(views, marks)
     mark = marks[2]
     times = (drive.path.t_ns[::40] + 3_000_000).astype(np.int64)
     region = np.tile([200.0, 150.0, 900.0, 600.0], (len(times), 1))
@@ -195,15 +198,16 @@ def geolocation_existence() -> Any:
     )
     return levelled(
         {
-            "grid": [
-                vars(g)
-                for g in (*grids.values(), holes, of.FrameGrid(_some(drive.detections[0], [])))
+            "searched": [
+                vars(s)
+                for s in (
+                    *searched.values(),
+                    due_frames.searched_frames(holes, drive.cameras[holes.camera], assumed=True),
+                )
             ],
-            "stamped": [g.stamped(np.arange(-4, 250, 7)) for g in (one, holes)],
-            "between": one.count_between(first, first + 7 * 10**9),
-            "around": [g.around(first + 3 * 10**9, n) for g in (one, holes) for n in (2, 5)],
+            "usual": usual,
             "heights": [
-                of.apparent_heights(
+                due_frames.apparent_heights(
                     mark.position,
                     0.8,
                     views.centre[mark.rows],
@@ -213,15 +217,20 @@ def geolocation_existence() -> Any:
                     views.origin,
                     part,
                 )
-                for part in (None, region)
+                for part in (np.array([[0.0, 0.0, 1279.0, 719.0]]), region)
             ],
-            "exist": of.existence_probabilities(
+            "exist": existence.existence_probabilities(
                 views, marks, drive.path, drive.detections, drive.cameras
             ),
-            "rate": [of._found_rate(views, some, grids) for some in (marks, marks[-2:])],
-            "base": [of._base_rate(rng.normal(m, 2.0, n)) for m, n in ((-1.0, 7), (1.5, 12))],
-            "missed": [
-                of._missed(views, m, grids, drive.path, drive.cameras, views.t_ns[m.rows])
+            "base": [
+                existence._base_rate(rng.normal(m, 2.0, n)) for m, n in ((-1.0, 7), (1.5, 12))
+            ],
+            "patterns": [
+                vars(
+                    due_frames.pattern_of(
+                        views, m, frame, drive.path, searched, drive.cameras, usual
+                    )
+                )
                 for m in marks
             ],
             "carried": [carried_views(v, PRIOR) for v in (views, carried, lorry)],

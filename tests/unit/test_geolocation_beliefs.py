@@ -9,14 +9,15 @@ from typing import Any
 
 import numpy as np
 import pytest
-from geolocation_scene import ORIGIN, drive_path
+from geolocation_scene import ORIGIN, camera, drive_path
 from scipy.stats import multivariate_normal, norm
 
 from automap.earth import local_ned
 from automap.geolocation import facing, limits
 from automap.geolocation.box_noise import scatter
 from automap.geolocation.class_sizes import _predicted, measured_size
-from automap.geolocation.existence import FrameGrid, _found_rate
+from automap.geolocation.due_frames import Pattern, searched_frames
+from automap.geolocation.existence import _found_rate, sign_nats, thing_nats
 from automap.geolocation.facing import (
     _GRID,
     _OCTAVES,
@@ -35,7 +36,7 @@ from automap.geolocation.trajectory_adjustment import (
     shift_sighting,
     shifted,
 )
-from automap.records import Detections, FloatArray
+from automap.records import Detections, FloatArray, Looked
 from automap.robust import cauchy_weight
 
 
@@ -232,53 +233,72 @@ def test_one_size_of_a_class_is_joined_with_the_prior_by_their_variances() -> No
     assert (nothing.size_m, nothing.log_sd) == pytest.approx((0.7, 0.1), rel=1e-4)
 
 
-def frames(number: list[int], t_s: list[float]) -> FrameGrid:
-    n = len(number)
-    return FrameGrid(
-        Detections(
-            np.array(number), np.rint(np.array(t_s) * 1e9).astype(np.int64),
-            np.full(n, "", object), np.zeros((n, 4)), np.ones(n), np.full(n, -1),
-        )
-    )  # fmt: skip
-
-
 def test_frames_without_a_box_are_found_between_those_with_one() -> None:
     """A detector that looks at every third frame of a camera of 30 Hz, boxes in some of them."""
-    number = [30, 33, 33, 36, 48, 51, 300]
-    grid = frames(number, [10.0 + n / 30.0 for n in number])
-    assert grid.step == 3
-    assert grid.interval_ns == pytest.approx(1e8)
-    at = 10.0 + 1.2
-    around = grid.around(round(at * 1e9), 3) * 1e-9 - at
-    # nothing before the first frame nor at the frame itself
-    assert around == pytest.approx([-0.2, -0.1, 0.1, 0.2, 0.3], abs=1e-8)
-    late = grid.around(round((10.0 + 1.7) * 1e9), 2) * 1e-9 - 11.7
-    assert late == pytest.approx([-0.2, -0.1, 0.1, 0.2], abs=1e-8)
-    assert len(grid.around(round(20.0 * 1e9), 4)) == 4
-    assert grid.count_between(round(11.0 * 1e9), round(13.5 * 1e9)) == pytest.approx(25.0)
-    alone = frames([5], [1.0])
-    assert len(alone.around(10**9, 3)) == 0
-    assert alone.step == 1
+    number = np.array([30, 33, 33, 36, 48, 51, 300])
+    n = len(number)
+    found = Detections(
+        number, np.rint((10.0 + number / 30.0) * 1e9).astype(np.int64),
+        np.full(n, "", object), np.zeros((n, 4)), np.ones(n), np.full(n, -1),
+    )  # fmt: skip
+    view = camera(time_offset_s=0.05)
+    assumed = searched_frames(found, view, assumed=True)
+    assert assumed.frame.tolist() == list(range(30, 301, 3))
+    assert assumed.t_ns * 1e-9 == pytest.approx(10.05 + assumed.frame / 30.0, abs=1e-8)
+    # what is known is not assumed, and nothing is said before the first box and after the last
+    region = np.arange(16.0).reshape(4, 4)
+    known = replace(found, looked=Looked(np.array([20, 30, 40, 310]), region))
+    for told in (searched_frames(known, view), searched_frames(known, view, assumed=True)):
+        assert told.frame.tolist() == [30, 40]
+        assert told.region.tolist() == region[1:3].tolist()
+    assert len(searched_frames(found, view).frame) == 0
+    none = replace(found, **{k: getattr(found, k)[:0] for k in ("frame", "t_ns", "box")})
+    assert len(searched_frames(none, view, assumed=True).frame) == 0
+
+
+def pattern(seen: str, step_s: float = 0.1) -> Pattern:
+    """Frames one after another from a text such as "1.0": seen, seen but not due, due alone."""
+    t_s = step_s * np.arange(len(seen))
+    return Pattern(t_s, np.array([c != "0" for c in seen]), np.array([c != "." for c in seen]))
 
 
 def test_the_share_of_frames_with_a_sign_is_counted_between_its_first_and_last_box() -> None:
-    grid = frames([0, 1, 2], [0.0, 0.1, 0.2])
-    frame = np.array([0, 2, 3, 4, 5, 5, 10, 20, 21, 22, 24, 25])
-    views: Any = SimpleNamespace(
-        camera_names=("front",), camera=np.zeros(12, np.int64), frame=frame,
-        t_ns=frame * np.int64(10**8),
-    )  # fmt: skip
+    # 4 of 5 inner frames, and 1 of 2 where boxes that were not due say nothing
+    both = [pattern("0011011100"), pattern("1..0111")]
+    assert _found_rate(both[:1]) == pytest.approx(3.0 / 4.0)
+    assert _found_rate(both) == pytest.approx(5.0 / 7.0)
+    assert _found_rate([]) == 0.5
 
-    def of(*rows: int) -> Any:
-        return SimpleNamespace(rows=np.array(rows), anchor=rows[0])
 
-    # of two, one too short to tell: 4 of 5 steps, then 5 of 10 and 4 of 5 together
-    assert _found_rate(views, [of(0, 1, 2, 3, 4, 5), of(7, 8)], {"front": grid}) == pytest.approx(
-        0.8
-    )
-    both = [of(0, 1, 2, 3, 4, 6), of(7, 8, 9, 10, 11)]
-    assert _found_rate(views, both, {"front": grid}) == pytest.approx(9.0 / 15.0)
-    assert _found_rate(views, [], {"front": grid}) == 0.5
+def test_a_signs_pattern_is_as_likely_as_drawn_ones_are_often() -> None:
+    """Signs with rates of their own and something that comes and goes before them, drawn."""
+    rng = np.random.default_rng(3)
+    n, steps, rate = 200_000, 5, 0.8
+    own = rng.beta(limits.RATE_SPREAD * rate, limits.RATE_SPREAD * (1.0 - rate), n)
+    hidden = rng.random(n) < limits.HIDDEN
+    drawn = np.zeros((n, steps), bool)
+    for k in range(steps):
+        anew = rng.random(n) > np.exp(-0.3 / limits.HIDDEN_S)
+        hidden = np.where(anew & (k > 0), rng.random(n) < limits.HIDDEN, hidden)
+        drawn[:, k] = rng.random(n) < np.where(hidden, limits.STRAY_FRAME, own)
+    for text in ("11111", "11110", "01111", "10101", "11000"):
+        often = np.mean((drawn == [c == "1" for c in text]).all(axis=1))
+        told = np.exp(sign_nats(pattern(text, 0.3), rate))
+        assert told == pytest.approx(often, abs=4.0 * np.sqrt(often / n) + 1e-5), text
+
+
+def test_what_is_seen_now_and_then_is_a_thing_and_what_a_lorry_hides_a_sign() -> None:
+    def for_a_thing(text: str) -> float:
+        return thing_nats(pattern(text).seen) - sign_nats(pattern(text), 0.95)
+
+    # one of thirty boxes of a thing in 33 frames: 1 / (2 * 528)
+    assert thing_nats(pattern("1" + "0" * 31 + "1").seen) == pytest.approx(-np.log(2.0 * 528.0))
+    now_and_then = "000000100100" + "0" * 21
+    assert for_a_thing(now_and_then) > 8.0
+    assert for_a_thing("1" * 12) < -2.0
+    # as often, but all in a row before something hides it
+    behind = "1" * 6 + "0" * 20
+    assert for_a_thing(behind) < 0.0 < for_a_thing("1000" * 6 + "00")
 
 
 def test_nodes_stand_where_signs_were_seen_and_some_seconds_apart() -> None:

@@ -23,8 +23,9 @@ from automap.geolocation.bearing_rays import (
     normal_equations,
 )
 from automap.geolocation.camera_hypotheses import Hypothesis, _mountings
+from automap.geolocation.due_frames import _aspect, apparent_heights
 from automap.geolocation.epipolar import PairGeometry
-from automap.geolocation.existence import _aspect, _base_rate, apparent_heights, probability
+from automap.geolocation.existence import _base_rate, probability
 from automap.geolocation.merging import class_agreement
 from automap.geolocation.path_relation import course_at, make_path, relate, side_of_path
 from automap.geolocation.time_minima import Minimum, alike, apart, starts
@@ -280,6 +281,40 @@ def test_a_surveyed_sign_is_the_one_within_both_sigmas(monkeypatch: pytest.Monke
                 assert np.diag(found[0][1])[:2] == pytest.approx([sd**2] * 2)
 
 
+@pytest.mark.parametrize(
+    ("beside_m", "names", "also", "matched"),
+    [
+        (1.5, ("", "a", "b"), False, []),  # as near, and nothing tells which
+        (3.0, ("", "a", "b"), False, []),
+        (3.0, ("a", "a", "b"), False, [0]),  # the class does
+        (1.5, ("", "a", "b"), True, [0, 1]),  # the neighbour was surveyed too
+        (0.2, ("", "a", "b"), False, [1]),  # on the same post: the place is the same
+        (8.0, ("", "a", "b"), False, [0]),
+    ],
+)
+def test_a_surveyed_sign_that_may_be_a_neighbour_does_not_count(
+    beside_m: float,
+    names: tuple[str, str, str],
+    also: bool,
+    matched: list[int],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The path is off by 0.9 m towards a neighbour, which looks the nearer by it."""
+    signs: Any = [SimpleNamespace(class_name=name, east=e)
+                  for name, e in ((names[1], 0.0), (names[2], -beside_m))]  # fmt: skip
+    monkeypatch.setattr(
+        control, "combine",
+        lambda one: (np.array([0.0, one[0].east, 0.0]), np.diag([1.0, 1.0, 1.0])),
+    )  # fmt: skip
+    east = [-0.9, -beside_m - 0.9][: 1 + also]
+    lat, lon, _ = from_local_ned(np.array([[0.0, e, 0.0] for e in east]), ORIGIN)
+    surveyed = control.ControlSigns(
+        lat, lon, np.array([names[0], ""][: len(east)], object), np.full(len(east), 0.1)
+    )
+    found = control.match_control(surveyed, signs, [[0], [1]], ORIGIN)
+    assert sorted(found) == matched
+
+
 def test_cameras_that_are_turned_are_turned_by_right_angles_about_an_axis_of_theirs() -> None:
     stated = camera()
     mount = rpy_to_matrix(stated.mount_rpy)
@@ -303,6 +338,7 @@ def test_a_sign_is_in_view_where_a_margin_of_its_height_is_left_on_all_sides() -
     away, turn = 20.0, rpy_to_matrix(path.rpy[row])
     height = 1000.0 * size / away
     margin = limits.WHOLLY_IN_VIEW * height
+    whole = np.array([[0.0, 0.0, 1279.0, 719.0]])
     for axis, last in ((0, 1279.0), (1, 719.0)):
         for edge, inwards in ((0.0, 1.0), (last, -1.0)):
             for beyond in (-0.3, 0.3):
@@ -311,7 +347,7 @@ def test_a_sign_is_in_view_where_a_margin_of_its_height_is_left_on_all_sides() -
                 ray = np.array([1.0, *((pixel - [640.0, 360.0]) / 1000.0)])
                 place = here + turn @ (away * ray)
                 t_ns = path.t_ns[[row]]
-                found = apparent_heights(place, size, here[None], t_ns, path, view, ORIGIN)
+                found = apparent_heights(place, size, here[None], t_ns, path, view, ORIGIN, whole)
                 assert found == pytest.approx([0.0 if beyond > 0.0 else height], rel=1e-6)
 
 

@@ -12,7 +12,7 @@ from geolocation_scene import ORIGIN, camera, drive_path
 from automap.earth import from_local_ned, tangent_rotation
 from automap.frames import rotation_vector_to_matrix
 from automap.gates import gate
-from automap.geolocation import assembly, existence, facing, limits, merging, splitting
+from automap.geolocation import assembly, due_frames, facing, limits, merging, splitting
 from automap.geolocation.assembly import AssemblyRules, _status, class_beliefs
 from automap.geolocation.landmark import (
     _crossing_depth,
@@ -158,51 +158,37 @@ def test_views_from_one_place_count_as_one_in_whatever_order_they_come() -> None
 
 
 @pytest.mark.parametrize("offset_s", [0.0, 0.03])
-def test_stretches_of_missed_frames_are_those_a_walk_along_the_frames_finds(
+def test_frames_that_should_show_a_sign_are_those_a_walk_along_the_frames_finds(
     offset_s: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A sign boxed in some of sixty frames, due where it is as tall as in its smallest box."""
+    """A sign boxed in some of sixty frames, due where it is as tall as signs are when found."""
     rng = np.random.default_rng(5)
-    tall = rng.random(60)
-    step = np.int64(10**8)
-    boxed = np.array([20, 21, 26, 40])
-    grid_frames = SimpleNamespace(frame=np.arange(60), t_ns=np.arange(60) * step)
-    grid = existence.FrameGrid(grid_frames)  # type: ignore[arg-type]
-    view = camera(time_offset_s=offset_s)
-    exposed = boxed * step + np.int64(round(offset_s * 1e9))
-    focal, least = 1000.0, 0.5
+    tall, step = rng.random(60), np.int64(10**8)
+    boxed, late = np.array([20, 21, 26, 40]), np.int64(round(offset_s * 1e9))
+    searched = due_frames.Searched(np.arange(60), np.arange(60) * step + late, np.zeros((60, 4)))
     views: Any = SimpleNamespace(
         camera_names=("front",), camera=np.zeros(4, np.int64), centre=np.zeros((4, 3)),
-        measured=np.column_stack([np.zeros((4, 2)), np.log([0.9, least, 0.7, 0.8])]), origin=ORIGIN,
+        t_ns=boxed * step + late, origin=ORIGIN,
     )  # fmt: skip
-    mark: Any = SimpleNamespace(anchor=0, rows=np.arange(4), position=np.zeros(3), size_m=1.0)
-    limit = limits.LIKE_SEEN * least * focal
+    mark: Any = SimpleNamespace(anchor=2, rows=np.arange(4), position=np.zeros(3), size_m=1.0)
     asked: list[int] = []
 
     def heights(position: Any, size: Any, seen: Any, t_ns: Any, *_: Any) -> FloatArray:
         asked.extend(np.rint(t_ns / step).astype(int).tolist())
-        return np.array([limit * (1.001 if tall[round(t / step)] < 0.6 else 0.999) for t in t_ns])
+        return np.array([501.0 if tall[round(t / step)] < 0.6 else 499.0 for t in t_ns])
 
-    monkeypatch.setattr(existence, "apparent_heights", heights)
-    found = existence._missed(views, mark, {"front": grid}, Any, {"front": view}, exposed)  # type: ignore[arg-type]
-    near = sorted(
-        {
-            k
-            for b in boxed
-            for k in range(b - limits.FRAMES_AROUND, b + limits.FRAMES_AROUND + 1)
-            if k not in boxed
-        }
+    monkeypatch.setattr(due_frames, "apparent_heights", heights)
+    monkeypatch.setattr(limits, "AFTER_S", 1.0)
+    found = due_frames.pattern_of(
+        *(views, mark, boxed, Any, {"front": searched}),
+        *({"front": camera(time_offset_s=offset_s)}, np.array([0.5])),
     )
-    assert asked == near
-    wanted, before = [], None
-    for k in near:
-        due = tall[k] < 0.6
-        if due and before == k - 1:
-            wanted[-1] += 1
-        elif due:
-            wanted.append(1)
-        before = k if due else None
-    assert found.tolist() == wanted
+    assert asked == list(range(10, 50))
+    due = {k for k in asked if tall[k] < 0.6}
+    order = sorted(due | set(boxed.tolist()))
+    assert found.t_s * 10.0 + 26.0 == pytest.approx(order)
+    assert found.seen.tolist() == [k in boxed for k in order]
+    assert found.due.tolist() == [k in due for k in order]
 
 
 def beliefs(n: int, rng: np.random.Generator) -> Any:

@@ -1,0 +1,162 @@
+"""Frames that should show a sign, and which of them do."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from automap.effects.camera import camera_poses
+from automap.effects.lens import focal_length, project
+from automap.geolocation import limits
+from automap.geolocation.landmark import Landmark
+from automap.geolocation.views import Views
+from automap.interpolation import poses_at
+from automap.records import BoolArray, Camera, Detections, FloatArray, IntArray, Trajectory
+
+
+@dataclass(frozen=True)
+class Searched:
+    """Frames [k] of a camera that a detector looked at, ascending: their numbers, stamps as the
+    path has them, and the part of each that it saw [k, 4]."""
+
+    frame: IntArray
+    t_ns: IntArray
+    region: FloatArray
+
+
+def searched_frames(found: Detections, camera: Camera, assumed: bool = False) -> Searched:
+    """Those between the first and the last with a box; none of a camera of which they are not
+    known, or, ``assumed``, all that follow one another at the usual step of those with boxes.
+
+    The stamps of frames without a box are interpolated.
+    """
+    known, first = np.unique(found.frame, return_index=True)
+    looked = found.looked
+    if not len(known) or (looked is None and not assumed):
+        none = np.zeros(0, np.int64)
+        return Searched(none, none, np.zeros((0, 4)))
+    if looked is None:
+        frame = np.arange(known[0], known[-1] + 1, _usual_step(known))
+        region = np.tile([0.0, 0.0, camera.width - 1.0, camera.height - 1.0], (len(frame), 1))
+    else:
+        inside = (looked.frame >= known[0]) & (looked.frame <= known[-1])
+        frame, region = looked.frame[inside], looked.region[inside]
+    t_ns = np.asarray(found.t_ns, np.int64)[first]
+    since = np.interp(frame, known, (t_ns - t_ns[0]) * 1.0)
+    late = np.int64(round(camera.time_offset_s * 1e9))
+    return Searched(frame, t_ns[0] + np.rint(since).astype(np.int64) + late, region)
+
+
+def _usual_step(frame: IntArray) -> int:
+    """From a frame to the next that is looked at, by the numbers of those with boxes."""
+    step = np.diff(frame)
+    return max(int(np.median(step[step <= 4 * step.min()])), 1) if len(step) else 1
+
+
+def usual_heights(views: Views, marks: Sequence[Landmark]) -> FloatArray:
+    """Height [c], over the focal length, at which three of four signs of each camera are found:
+    what hides a sign from afar, seldom more than a quarter of them, does not move it."""
+    first: list[list[float]] = [[] for _ in views.camera_names]
+    for mark in marks:
+        row = mark.rows[np.argmin(views.t_ns[mark.rows])]
+        first[int(views.camera[row])].append(float(np.exp(views.measured[row, 2])))
+    return np.array([np.quantile(sizes, 0.75) if sizes else np.inf for sizes in first])
+
+
+def due_frames(
+    views: Views,
+    mark: Landmark,
+    trajectory: Trajectory,
+    searched: Searched,
+    camera: Camera,
+    usual: float,
+) -> IntArray:
+    """Places among the frames that were searched of those that should have shown a sign in its
+    pass: it is wholly within the part that was searched, seen from the side it was seen from, and
+    at least as large as signs usually are when they are found."""
+    first, last = int(views.t_ns[mark.rows].min()), int(views.t_ns[mark.rows].max())
+    around = round(limits.AFTER_S * 1e9)
+    near = slice(*np.searchsorted(searched.t_ns, [first - around, last + around]).tolist())
+    if near.start == near.stop:
+        return np.zeros(0, np.int64)
+    stamps = searched.t_ns[near] - np.int64(round(camera.time_offset_s * 1e9))
+    height = apparent_heights(
+        *(mark.position, mark.size_m, views.centre[mark.rows], stamps, trajectory),
+        *(camera, views.origin, searched.region[near]),
+    )
+    return np.asarray(near.start + np.flatnonzero(height >= usual * focal_length(camera)))
+
+
+def apparent_heights(
+    position: FloatArray,
+    size_m: float,
+    seen_from: FloatArray,
+    t_ns: IntArray,
+    trajectory: Trajectory,
+    camera: Camera,
+    origin: tuple[float, float, float],
+    region: FloatArray,
+) -> FloatArray:
+    """Height in pixels [n] of a sign at the frame stamps; zero where it is not wholly in the
+    ``region`` [n, 4] of the picture that was searched, or shows itself from another side than to
+    the cameras at ``seen_from`` [m, 3]."""
+    poses = poses_at(trajectory, t_ns + np.int64(round(camera.time_offset_s * 1e9)))
+    centre, C_cam_ref = camera_poses(poses, camera, origin)
+    q = np.einsum("nij,nj->ni", C_cam_ref, position - centre)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        pixels = project(camera, q)
+        height = focal_length(camera) * size_m / q[:, 0]
+        margin = limits.WHOLLY_IN_VIEW * height
+        inside = q[:, 0] > limits.MIN_FORWARD_M
+        inside &= ((pixels - region[:, :2]) > margin[:, None]).all(axis=1)
+        inside &= ((region[:, 2:] - pixels) > margin[:, None]).all(axis=1)
+        inside &= _aspect(position, seen_from, centre)
+    return np.where(inside, np.nan_to_num(height), 0.0)
+
+
+def _aspect(
+    position: FloatArray, seen_from: FloatArray, centre: FloatArray
+) -> npt.NDArray[np.bool_]:
+    """Whether cameras [n, 3] look at a face from directions like those it was seen from."""
+    towards = [c[:, :2] - position[:2] for c in (seen_from, centre)]
+    seen, now = (t / np.maximum(np.linalg.norm(t, axis=1), 1e-6)[:, None] for t in towards)
+    mean = seen.mean(axis=0) / max(float(np.linalg.norm(seen.mean(axis=0))), 1e-6)
+    widest = np.arccos(np.clip(seen @ mean, -1.0, 1.0)).max()
+    return np.asarray(np.arccos(np.clip(now @ mean, -1.0, 1.0)) < widest + limits.LIKE_ASPECT_RAD)
+
+
+@dataclass(frozen=True)
+class Pattern:
+    """Frames [k] that show a sign or should, in the order of time: seconds and which of them were
+    ``seen``; those that were ``due`` whether or not."""
+
+    t_s: FloatArray
+    seen: BoolArray
+    due: BoolArray
+
+
+def pattern_of(
+    views: Views,
+    mark: Landmark,
+    frame: IntArray,
+    trajectory: Trajectory,
+    searched: Mapping[str, Searched],
+    cameras: Mapping[str, Camera],
+    usual: FloatArray,
+) -> Pattern:
+    """Of a landmark, by the ``frame`` numbers [n] of all views and ``usual`` [c] heights."""
+    number = int(views.camera[mark.anchor])
+    name = views.camera_names[number]
+    looked = searched[name]
+    due = due_frames(views, mark, trajectory, looked, cameras[name], float(usual[number]))
+    shown, first = np.unique(frame[mark.rows], return_index=True)
+    rest = due[~np.isin(looked.frame[due], shown)]
+    start = views.t_ns[mark.anchor]
+    t_s = np.concatenate([views.t_ns[mark.rows][first], looked.t_ns[rest]]) - start
+    order = np.argsort(t_s, kind="stable")
+    seen = np.arange(len(order)) < len(shown)
+    should = np.concatenate([np.isin(shown, looked.frame[due]), np.ones(len(rest), np.bool_)])
+    return Pattern(t_s[order] * 1e-9, seen[order], should[order])
