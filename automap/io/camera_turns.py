@@ -28,7 +28,7 @@ def read_camera_turns(path: Path) -> dict[str, PictureTurns]:
 
 def _turns(one: Mapping[str, object]) -> PictureTurns:
     numbers = {k: float(one[k]) for k in ("offset_s", "offset_sd_s", "rate")}  # type: ignore[arg-type]
-    whole = {k: int(one[k]) for k in ("bends", "at_ns")}  # type: ignore[call-overload]
+    whole = {k: int(one[k]) for k in ("bends", "at_ns", "unlike")}  # type: ignore[call-overload]
     pictures = one["pictures"]
     if not isinstance(pictures, list) or not all(abs(x) < 1e6 for x in numbers.values()):
         raise ValueError

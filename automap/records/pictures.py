@@ -83,7 +83,8 @@ class PictureTurns:
 
     ``offset_s`` and ``offset_sd_s`` are to be added to the stamps at ``at_ns`` beyond the camera's
     own offset, and ``rate`` of the time since; zeros where nothing contradicts the manifest.
-    ``pictures`` names what the picture then is, one of them. ``bends`` told it.
+    ``pictures`` names what the picture then is, one of them. ``bends`` told it. So many as
+    ``unlike`` turn otherwise than the path does at any offset.
     """
 
     bends: int
@@ -92,6 +93,7 @@ class PictureTurns:
     offset_sd_s: float = 0.0
     rate: float = 0.0
     pictures: tuple[str, ...] = ()
+    unlike: int = 0
 
     @property
     def as_stated(self) -> bool:
@@ -105,7 +107,15 @@ class PictureTurns:
         return np.asarray(t_ns + np.round(late_s * 1e9).astype(np.int64), np.int64)
 
     def told(self, camera: str) -> str:
-        """What is wrong, in a sentence."""
+        """What is wrong, in a sentence; empty where nothing is."""
+        if self.unlike >= 2:
+            return (
+                f"camera {camera}: in none of {self.unlike} bends does the picture turn as the "
+                "path does, nor within seconds of it: check that the video is of this drive and "
+                "its frames' stamps. Places of its signs may be wrong by more than they say."
+            )
+        if self.as_stated:
+            return ""
         said = []
         if self.offset_s:
             said.append(

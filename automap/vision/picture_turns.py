@@ -138,10 +138,11 @@ def judged(camera: Camera, path_of: PathOf, bends: list[Steps]) -> PictureTurns:
         if total > best[0]:
             best = total, [fit for fit in fits if fit is not None], names
     fits, names = best[1:]
-    # a bend of another place, or a picture of which nothing can be followed, says nothing
+    # one bend may be of a lorry that crosses; none alike is a video of something else
+    unlike = not any(fit.correlation > limits.UNLIKE_TURNS for fit in fits)
     fits = [fit for fit in fits if fit.correlation > limits.ALIKE_TURNS]
     if len(fits) < limits.FEWEST_BENDS:
-        return PictureTurns(len(fits))
+        return PictureTurns(len(fits), unlike=len(bends) if unlike else 0)
     return _combined(camera, fits, names)
 
 

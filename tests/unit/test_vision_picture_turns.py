@@ -103,7 +103,9 @@ def test_turned_and_late() -> None:
 def test_pictures_that_turn_by_themselves_say_nothing() -> None:
     """Noise, or a video of another drive: no bend agrees."""
     found = told(looks=(0, 0, 0))
-    assert found == PictureTurns(0)
+    assert found == PictureTurns(0, unlike=4)
+    assert "check that the video is of this drive" in found.told("front")
+    assert PictureTurns(0, unlike=1).told("front") == PictureTurns(3).told("front") == ""
 
 
 def test_a_straight_road_has_nothing_to_follow() -> None:

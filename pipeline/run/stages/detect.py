@@ -63,8 +63,9 @@ def _turns(context: StageContext, video: VideoInput) -> PictureTurns:
 
     path_of = path_finder(context.out, context.drive, video)
     turns = video_turns(video, context.drive.cameras().get(video.name), path_of)
-    if not turns.as_stated:
-        context.warn(turns.told(video.name))
+    told = turns.told(video.name)
+    if told:
+        context.warn(told)
     return turns
 
 
