@@ -227,6 +227,8 @@ def _path(motion: Motion) -> FloatArray:
 
 def _steady(last: Pass, motion: Motion) -> FloatArray:
     """The acceleration [n, 3] NED over ground that the filter multiplies delays with."""
-    acc = np.einsum("nij,nj->ni", motion.dcm, last.problem.samples.force)
+    samples = last.problem.samples
+    force = motion.force + samples.force - samples.raw[:, 3:]
+    acc = np.einsum("nij,nj->ni", motion.dcm, force)
     acc[:, 2] += float(gravity(float(motion.pos[0, 0]), float(motion.pos[0, 2])))
     return np.asarray(acc)

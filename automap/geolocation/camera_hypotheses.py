@@ -25,6 +25,7 @@ from automap.geolocation.epipolar import PairGeometry, descend, pair_geometry
 from automap.geolocation.views import map_origin
 from automap.records import Camera, Detections, FloatArray, Trajectory
 
+_PICTURE = "the picture is "
 _FINER = 21
 """Values about the best of a grid, a tenth of its step apart."""
 
@@ -135,6 +136,17 @@ def in_turned_picture(trajectory: Trajectory, found: Detections, camera: Camera)
     return gain > gate(limits.MISFIT_PROBABILITY, 4)
 
 
+def in_picture(
+    trajectory: Trajectory, found: Detections, camera: Camera, pictures: tuple[str, ...]
+) -> Detections:
+    """The boxes of a camera whose picture is one of ``pictures``, as they are in that of these
+    that they fit best; as they are where there is none."""
+    judge = _Judge(trajectory, map_origin(trajectory), focal_length(camera))
+    plain = Hypothesis("", found, as_unknown(camera))
+    tried = [one for one in _pictures(plain) if one.what.removeprefix(_PICTURE) in pictures]
+    return min(tried, key=judge.loss).found if tried else found
+
+
 def _pictures(plain: Hypothesis) -> Iterator[Hypothesis]:
     """The boxes as they are if the picture is mirrored or turned."""
     wide, high = plain.camera.width - 1.0, plain.camera.height - 1.0
@@ -147,7 +159,7 @@ def _pictures(plain: Hypothesis) -> Iterator[Hypothesis]:
     ):
         yield replace(
             plain,
-            what=f"the picture is {what}",
+            what=_PICTURE + what,
             found=replace(plain.found, box=np.column_stack(box)),
         )
 

@@ -14,6 +14,7 @@ TUNED = "tuned.toml"
 DETECTIONS = "detections.parquet"
 CROPS = "crops.parquet"
 SEARCHED = "searched.parquet"
+CAMERA_TURNS = "camera_turns.json"
 SIGNS_RAW = "signs_raw.parquet"
 
 # results, named in the documentation
@@ -45,6 +46,7 @@ RUN_FILES = frozenset(
         *(IMU, FIXES, ODOMETER, INGEST, SYNC, SYNC_DELAYS, FUSION, TUNED, DETECTIONS, CROPS),
         *(
             SEARCHED,
+            CAMERA_TURNS,
             SIGNS_RAW,
             TRAJECTORY,
             TRAJECTORY_FILTER,

@@ -17,6 +17,7 @@ from automap.records.pictures import (
     Detections,
     FrameTimes,
     Looked,
+    PictureTurns,
     VideoFrame,
     usual_matrix,
 )
@@ -64,6 +65,7 @@ __all__ = [
     "ImuData",
     "IntArray",
     "Looked",
+    "PictureTurns",
     "PlacedSign",
     "RawImu",
     "ReviewAction",

@@ -78,6 +78,61 @@ class VideoFrame:
 
 
 @dataclass(frozen=True)
+class PictureTurns:
+    """How the pictures of a camera turn against its path, as far as the manifest does not allow it.
+
+    ``offset_s`` and ``offset_sd_s`` are to be added to the stamps at ``at_ns`` beyond the camera's
+    own offset, and ``rate`` of the time since; zeros where nothing contradicts the manifest.
+    ``pictures`` names what the picture then is, one of them. ``bends`` told it. So many as
+    ``unlike`` turn otherwise than the path does at any offset.
+    """
+
+    bends: int
+    at_ns: int = 0
+    offset_s: float = 0.0
+    offset_sd_s: float = 0.0
+    rate: float = 0.0
+    pictures: tuple[str, ...] = ()
+    unlike: int = 0
+
+    @property
+    def as_stated(self) -> bool:
+        """Whether nothing is to be corrected."""
+        return self.offset_sd_s == 0.0 and not self.pictures
+
+    def corrected(self, t_ns: IntArray) -> IntArray:
+        """Stamps [n] as they are by the bends."""
+        since = (t_ns - self.at_ns) * 1e-9
+        late_s = self.offset_s + self.rate * since
+        return np.asarray(t_ns + np.round(late_s * 1e9).astype(np.int64), np.int64)
+
+    def told(self, camera: str) -> str:
+        """What is wrong, in a sentence; empty where nothing is."""
+        if self.unlike >= 2:
+            return (
+                f"camera {camera}: in none of {self.unlike} bends does the picture turn as the "
+                "path does, nor within seconds of it: check that the video is of this drive and "
+                "its frames' stamps. Places of its signs may be wrong by more than they say."
+            )
+        if self.as_stated:
+            return ""
+        said = []
+        if self.offset_s:
+            said.append(
+                f"its frames are {self.offset_s:+.2f} s from their stamps (one sigma "
+                f"{self.offset_sd_s:.2f} s)"
+            )
+        if self.rate:
+            said.append(f"they take {1.0 + self.rate:.4f} of the time that their stamps say")
+        if self.pictures:
+            said.append(f"its picture is {' or '.join(self.pictures)}")
+        return (
+            f"camera {camera}: in {self.bends} bends the picture turns as the path does if "
+            f"{' and '.join(said)}. That was assumed; check the video and its frames' stamps."
+        )
+
+
+@dataclass(frozen=True)
 class Looked:
     """Frames [k] of a camera that a detector searched, also those without a box, ascending;
     ``region`` [k, 4] x_min, y_min, x_max, y_max of the part that it saw, in pixels."""

@@ -74,10 +74,12 @@ def guessed_motion(seconds: float) -> Motion:
 
 
 class ImageMotion:
-    """Motion from picture to picture by sparse optical flow."""
+    """Motion from picture to picture by sparse optical flow; ``ahead`` [2] is where the way ahead
+    lies, normalised coordinates (right, down)."""
 
-    def __init__(self, camera: Camera) -> None:
+    def __init__(self, camera: Camera, ahead: FloatArray | None = None) -> None:
         self._camera = camera
+        self._ahead = np.zeros(2) if ahead is None else ahead
         self._before: Image | None = None
 
     def forget(self) -> None:
@@ -101,7 +103,8 @@ class ImageMotion:
                 np.eye(3), np.zeros(3), limits.STILL_TURN_SD, still_sd, limits.SPEED_LOG_SD
             )
         before_ray, now_ray = (normalise(self._camera, points / scale) for points in (old, new))
-        turn, sd = _turn_from_flow(before_ray, now_ray, focal_length(self._camera) * scale)
+        focal = focal_length(self._camera) * scale
+        turn, sd = _turn_from_flow(before_ray, now_ray, focal, self._ahead)
         if turn is None:
             return guess
         from automap.frames import rotation_vector_to_matrix
@@ -138,21 +141,22 @@ def _flow(before: Image, now: Image) -> tuple[FloatArray, FloatArray]:
 
 
 def _turn_from_flow(
-    old: FloatArray, new: FloatArray, focal: float
+    old: FloatArray, new: FloatArray, focal: float, ahead: FloatArray
 ) -> tuple[FloatArray | None, float]:
     """Turn of the camera (rotation vector [3], rad, in its axes) and its one sigma.
 
     ``old``, ``new`` [k, 2] normalised coordinates (right, down). What a turn moves across the
-    radius from the image centre is fitted by reweighted least squares.
+    radius from the way ``ahead`` [2] is fitted by reweighted least squares.
     """
     a, b = 0.5 * (old + new).T
-    radius = np.hypot(a, b)
+    right, down = a - ahead[0], b - ahead[1]
+    radius = np.hypot(right, down)
     # nothing is known of what lies outside the lens model
     use = (radius > limits.LEAST_RADIUS) & np.isfinite(new).all(axis=1)
     if use.sum() < limits.FEWEST_POINTS:
         return None, 0.0
     a, b, radius = a[use], b[use], radius[use]
-    across = np.column_stack([-b, a]) / radius[:, None]
+    across = np.column_stack([-down[use], right[use]]) / radius[:, None]
     flow = (new - old)[use]
     per_axis = direction_by_turn(np.column_stack([np.ones(len(a)), a, b]))[:, :2]
     A = np.einsum("kc,kcj->kj", across, per_axis)

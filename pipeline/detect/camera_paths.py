@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,7 +13,7 @@ from automap.io import names
 if TYPE_CHECKING:
     from automap.io.drive import Drive
     from automap.io.video import VideoInput
-    from automap.records import IntArray
+    from automap.records import DriveClocks, IntArray, Trajectory
     from automap.vision.camera_path import CameraPath
 
 
@@ -25,23 +26,31 @@ def path_finder(
     the signs are placed that is said to the user, here it only makes the search less clever.
     """
 
-    def find(t_ns: IntArray) -> CameraPath | None:
+    @cache
+    def read() -> tuple[Trajectory, DriveClocks | None] | None:
         from automap.io.clock_json import read_clocks
         from automap.io.trajectory_table import read_trajectory
+
+        if not (out / names.TRAJECTORY).is_file():
+            return None
+        try:
+            clocks = read_clocks(out / names.SYNC) if (out / names.SYNC).is_file() else None
+            return read_trajectory(out / names.TRAJECTORY), clocks
+        except (AutoMapError, InputError):
+            return None
+
+    def find(t_ns: IntArray) -> CameraPath | None:
         from automap.sync.stamps import in_trajectory_time
         from automap.vision.camera_path import camera_path
 
-        camera = drive.cameras().get(video.name)
-        if camera is None or not (out / names.TRAJECTORY).is_file():
+        camera, known = drive.cameras().get(video.name), read()
+        if camera is None or known is None or len(known[0]) < 2:
             return None
+        trajectory, clocks = known
         try:
-            trajectory = read_trajectory(out / names.TRAJECTORY)
-            if (out / names.SYNC).is_file():
-                clocks = read_clocks(out / names.SYNC)
+            if clocks is not None:
                 t_ns = in_trajectory_time(t_ns, video.section.time, clocks)
-        except (AutoMapError, InputError):
-            return None
-        if len(trajectory) < 2:
+        except InputError:
             return None
         path = camera_path(trajectory, camera, t_ns)
         return path if path.known.any() else None

@@ -118,6 +118,14 @@ def seeds() -> dict[str, bytes]:
         "run_json": _json(
             {"schema": "automap.run/1", "stages": {"ingest": {"status": "done", "outputs": {}}}}
         ),
+        "camera_turns_json": _json(
+            {
+                "front": {
+                    **{"bends": 3, "at_ns": 4000000000000, "offset_s": -0.7, "offset_sd_s": 0.03},
+                    **{"rate": 0.01, "pictures": ["mirrored"], "unlike": 0},
+                }
+            }
+        ),
         "rx_nmea": _nmea(),
         "rx_ubx": b"".join(pvt(GPS + i) for i in range(8)),
         "rx_mixed": b"".join(pvt(GPS + i) for i in range(3)) + _nmea(),

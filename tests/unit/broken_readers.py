@@ -11,6 +11,7 @@ import numpy as np
 
 from automap.io.bearings_csv import read_bearings
 from automap.io.bearings_import import read_foreign_bearings, read_foreign_points
+from automap.io.camera_turns import read_camera_turns
 from automap.io.clock_json import read_clocks
 from automap.io.detections_csv import read_detections_csv
 from automap.io.drive import load_drive
@@ -93,6 +94,7 @@ _TIMES = FrameTimes(np.arange(100), np.arange(100) * 100_000_000)
 
 READERS: dict[str, Reader] = {
     "bearings_csv": _plain(read_bearings),
+    "camera_turns_json": _plain(read_camera_turns),
     "detections_csv": _plain(lambda path: read_detections_csv(path, _TIMES)),
     "detector_toml": _plain(read_description),
     "drive_toml": _drive,

@@ -276,7 +276,10 @@ def kernels_readings() -> Any:
         "shift": after(shift_of, TERMS, theta, samples.extra[3], matrix, shift),
         "correct": after(correct, samples.raw[2], matrix, shift, np.zeros(6)),
         "calm": [after(calm_rate, samples, 3, t, np.ones(3)) for t in times],
-        "force": [after(acceleration, samples, 3, t, 9.7, c, np.zeros(3)) for t in times],
+        "force": [
+            after(acceleration, samples, 3, t, 9.7, c, np.array([0.3, -0.8, -9.1]), np.zeros(3))
+            for t in times
+        ],
     }
     place = np.array([700.0, 1500.0, 9.7, 60.0, 0.64, 0.77, 0.31, -0.42, 0.69])
     pos = np.array([0.72, 0.4, 81.0])
@@ -295,7 +298,7 @@ def kernels_readings() -> Any:
             found[f"{name} {k}"] = after(
                 integrate,
                 *(used, model, i, t0, t1, pos, rng.normal(0.0, 9.0, 3), *_turned(rng), xi),
-                *(place, phi, noise, np.zeros(3), np.zeros(3), np.zeros(width)),
+                *(place, phi, noise, np.zeros(3), np.zeros(6), np.zeros(width)),
             )
         found[f"{name} at"] = after(
             reading_at, used, model, 4, float(used.t[4]) + 0.002, xi, np.zeros(3), np.zeros(width)

@@ -245,6 +245,17 @@ def test_velocities_older_than_positions_are_recovered(
     assert horizontal_rms(errors(result.trajectory, motion)) < plain_rms + 0.15
 
 
+def test_late_velocities_beside_a_biased_accelerometer(motion: Motion) -> None:
+    """What late courses changed by is of the corrected forces: a bias of 0.3 m/s^2 is no bend."""
+    sensor = replace(SENSOR, accel_bias=(0.25, -0.3, 0.05))
+    late = receive(motion, Receiver(rate=1.0, vel_latency=0.5, course_latency=-0.4), 3)
+    result = _fuse(record(motion, sensor, 2), late)
+    error = errors(result.trajectory, motion)[200:-200]
+    assert np.sqrt(np.mean(error[:, 3:5] ** 2)) < 0.035
+    assert _heading_rms_deg(error) < 0.1
+    assert abs(result.delay.mean) < 0.02
+
+
 def test_a_start_in_motion(plain_rms: float) -> None:
     motion = city_drive(SECONDS, SEED, rest_s=0.0, start_speed=12.0)
     result = _fuse(record(motion, SENSOR, 2), receive(motion, Receiver(), 3))

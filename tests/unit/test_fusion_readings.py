@@ -166,10 +166,13 @@ def test_acceleration_and_calm_rate_are_those_between_two_samples(t: float, shar
         build_state_model(OPTIONS),
         OPTIONS,
     )
-    calm = rng.normal(size=(3, 3))
-    samples: Any = problem.samples._replace(t=np.array([1.0, 2.0, 2.2]), force=force, calm=calm)
-    acceleration(samples, 1, t, 9.8, c, out)
-    wanted = c @ ((1.0 - share) * force[1] + share * force[2]) + [0.0, 0.0, 9.8]
+    calm, raw, now = rng.normal(size=(3, 3)), rng.normal(size=(3, 6)), rng.normal(size=3)
+    samples: Any = problem.samples._replace(
+        t=np.array([1.0, 2.0, 2.2]), raw=raw, force=force, calm=calm
+    )
+    acceleration(samples, 1, t, 9.8, c, now, out)
+    noise = raw[:, 3:] - force
+    wanted = c @ (now - (1.0 - share) * noise[1] - share * noise[2]) + [0.0, 0.0, 9.8]
     assert out == pytest.approx(wanted)
     rate = np.ones(3)
     calm_rate(samples, 1, t, rate)

@@ -15,11 +15,12 @@ from geolocation_scene import ORIGIN, boxes, camera, drive_path, roadside
 from automap.earth import from_local_ned
 from automap.errors import InputError
 from automap.io import names
+from automap.io.camera_turns import read_camera_turns, write_camera_turns
 from automap.io.detections_table import write_detections
 from automap.io.drive import load_drive
 from automap.io.signs_table import read_signs, write_signs
 from automap.io.trajectory_table import read_trajectory, write_trajectory
-from automap.records import Detections, Sign
+from automap.records import Detections, PictureTurns, Sign
 from pipeline.run.stage import StageContext
 from pipeline.run.stages.geolocate import STAGE
 from pipeline.settings.load import load_settings
@@ -72,6 +73,43 @@ def test_signs_and_observations(context: StageContext) -> None:
         assert 0.9 < sign.existence <= 1.0
     assert context.metrics["detections_used"] == table["used"].to_pylist().count(True)
     assert "2 signs" in context.result
+
+
+@pytest.mark.parametrize("picture", ["", "mirrored", "upside down"])
+def test_boxes_are_taken_as_the_bends_of_their_video_say(
+    context: StageContext, picture: str
+) -> None:
+    """Stamps 0.7 s late and a turned picture: two signs tell nothing of either."""
+    found = seen()
+    write_trajectory(context.out / names.TRAJECTORY, drive_path(duration_s=14.0))
+    write_detections(context.out / names.DETECTIONS, [found])
+    STAGE.run(context)
+    right = read_signs(context.work / names.SIGNS_RAW)
+    left, top, right_px, low = found.box.T
+    box = found.box
+    if picture:
+        box = np.column_stack([1279 - right_px, top, 1279 - left, low])
+    if picture == "upside down":
+        box = box[:, [0, 3, 2, 1]] * [1, -1, 1, -1] + [0, 719, 0, 719]
+    late = replace(found, t_ns=found.t_ns + 700_000_000, box=box)
+    write_detections(context.out / names.DETECTIONS, [late])
+    told = PictureTurns(4, int(found.t_ns[0]), -0.7, 0.03, 0.0, (picture,) if picture else ())
+    write_camera_turns(context.out / names.CAMERA_TURNS, {"front": told})
+    STAGE.run(context)
+    signs = read_signs(context.work / names.SIGNS_RAW)
+    assert len(signs) == len(right)
+    for one, other in zip(signs, right, strict=True):
+        assert abs(one.lat_rad - other.lat_rad) * 6.4e6 < 0.5
+        assert abs(one.lon_rad - other.lon_rad) * 6.4e6 < 0.5
+
+
+def test_what_bends_say_survives_writing_and_reading(tmp_path: Path) -> None:
+    turns = {"front": PictureTurns(3, 2**60, -0.7, 0.03, 0.01, ("mirrored",)), "b": PictureTurns(0)}
+    write_camera_turns(tmp_path / "t.json", turns)
+    assert read_camera_turns(tmp_path / "t.json") == turns
+    (tmp_path / "t.json").write_text('{"front": {"bends": 1, "at_ns": 0, "offset_s": NaN}}')
+    with pytest.raises(InputError, match="damaged"):
+        read_camera_turns(tmp_path / "t.json")
 
 
 def test_heights_above_the_road_are_as_well_known_as_the_imus_above_it(

@@ -66,7 +66,8 @@ def run_forward(
     q_state = np.zeros(n)
     place = np.zeros(N_EARTH)
     rate = np.zeros(3)
-    rate_now = np.zeros(3)
+    now = np.zeros(6)
+    rate_now, force_now = now[:3], now[3:]
     acc = np.zeros(3)
     mid = np.zeros(6 + samples.extra.shape[1])
     signals = np.zeros(SIGNAL_COLUMN + nodes.signals.shape[1])
@@ -102,7 +103,7 @@ def run_forward(
         start_interval(phi, noise)
         if k == 0:
             reading_at(samples, model, i, t, xi, rate, mid)
-            rate_now[:] = rate
+            now[:] = mid[:6]
             calm_rate(samples, i, t, rate_now)
         else:
             earth_terms(pos, model.earth_on, place)
@@ -122,7 +123,7 @@ def run_forward(
                     phi,
                     noise,
                     rate,
-                    rate_now,
+                    now,
                     mid,
                 )
                 calm_rate(samples, i, nodes.t[k], rate_now)
@@ -148,7 +149,7 @@ def run_forward(
             propagate_covariance(p, phi, qn, decay, q_state, work)
         if not relinearise:
             dx[:] = 0.0
-        acceleration(samples, i, t, place[2], c, acc)
+        acceleration(samples, i, t, place[2], c, force_now, acc)
         set_signals(signals, t, nodes.signals[k])
         flags = nodes.flags[k]
         for number in range(len(HAS)):

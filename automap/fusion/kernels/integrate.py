@@ -31,14 +31,14 @@ def integrate(
     phi: FloatArray,
     noise: FloatArray,
     rate: FloatArray,
-    rate_now: FloatArray,
+    now: FloatArray,
     mid: FloatArray,
 ) -> int:
     """Carry the nominal state from ``t`` to ``t_end`` with transition rows and noise.
 
     ``i`` the sample at or before ``t``; returns the one at or before ``t_end``. ``rate`` [3]
-    receives the mean corrected rate, ``rate_now`` [3] that at the end, ``mid`` [6 + e] the last
-    corrected reading and extra signals.
+    receives the mean corrected rate, ``now`` [6] the corrected reading at the end, ``mid`` [6 + e]
+    the last corrected reading and extra signals.
     """
     # taken out of the tuples once: in the loop that would count references at every access
     times, readings, extra, shocks = samples.t, samples.raw, samples.extra, samples.shocks
@@ -106,7 +106,8 @@ def integrate(
             i += 1
     for a in range(3):
         rate[a] /= max(t_end - start, 1e-9)
-        rate_now[a] = ra[a]
+    for a in range(6):
+        now[a] = ra[a]
     return i
 
 

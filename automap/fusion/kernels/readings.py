@@ -98,15 +98,22 @@ def calm_rate(samples: Samples, i: int, t: float, rate: FloatArray) -> None:
 
 @kernel
 def acceleration(
-    samples: Samples, i: int, t: float, gravity: float, c: FloatArray, out: FloatArray
+    samples: Samples,
+    i: int,
+    t: float,
+    gravity: float,
+    c: FloatArray,
+    force: FloatArray,
+    out: FloatArray,
 ) -> None:
-    """Acceleration over ground NED [3] at ``t`` between samples i and i + 1, to first order."""
+    """Acceleration over ground NED [3] at ``t`` between samples i and i + 1, to first order:
+    of the corrected ``force`` [3] there, without what a single reading is off the mean by."""
     s = (t - samples.t[i]) / (samples.t[i + 1] - samples.t[i])
     s = min(max(s, 0.0), 1.0)
-    f = samples.force
-    f0 = f[i, 0] + s * (f[i + 1, 0] - f[i, 0])
-    f1 = f[i, 1] + s * (f[i + 1, 1] - f[i, 1])
-    f2 = f[i, 2] + s * (f[i + 1, 2] - f[i, 2])
-    for a in range(3):
-        out[a] = c[a, 0] * f0 + c[a, 1] * f1 + c[a, 2] * f2
-    out[2] += gravity
+    raw, mean = samples.raw, samples.force
+    out[0], out[1], out[2] = 0.0, 0.0, gravity
+    for b in range(3):
+        before, after = mean[i, b] - raw[i, 3 + b], mean[i + 1, b] - raw[i + 1, 3 + b]
+        steady = force[b] + before + s * (after - before)
+        for a in range(3):
+            out[a] += c[a, b] * steady

@@ -16,16 +16,18 @@ from pipeline.shared.progress import Progress
 if TYPE_CHECKING:
     from automap.io.drive import Drive
     from automap.io.video import VideoInput
-    from automap.records import Crop
+    from automap.records import Crop, PictureTurns
     from automap.vision.search import SearchResult
 
 
 def run(context: StageContext) -> None:
     """Write detections.parquet and what was seen; an external detector's boxes win over video."""
+    from automap.io.camera_turns import write_camera_turns
     from automap.io.detections_table import write_detections
     from automap.io.searched_table import write_searched
 
     found: list[SearchResult] = []
+    turns: dict[str, PictureTurns] = {}
     cameras = len(context.drive.videos)
     for index, video in enumerate(context.drive.videos.values()):
 
@@ -35,7 +37,8 @@ def run(context: StageContext) -> None:
             context.progress((index + fraction) / cameras, text)
 
         try:
-            part = _camera(context, video, progress)
+            turns[video.name] = _turns(context, video)
+            part = _camera(context, video, turns[video.name], progress)
         except InputError as error:
             context.warn(f"The camera {video.name} gives no detections: {error}")
             continue
@@ -49,15 +52,31 @@ def run(context: StageContext) -> None:
     found = _numbered(found)
     write_detections(context.work / names.DETECTIONS, [part.detections for part in found])
     write_searched(context.work / names.SEARCHED, [part.detections for part in found])
+    write_camera_turns(context.work / names.CAMERA_TURNS, turns)
     _write_crops(context, [crop for part in found for crop in part.crops])
     _report(context, found)
 
 
-def _camera(context: StageContext, video: VideoInput, progress: Progress) -> SearchResult | None:
+def _turns(context: StageContext, video: VideoInput) -> PictureTurns:
+    """How the video turns against the path, told where that is not as stated."""
+    from pipeline.detect.video_turns import video_turns
+
+    path_of = path_finder(context.out, context.drive, video)
+    turns = video_turns(video, context.drive.cameras().get(video.name), path_of)
+    told = turns.told(video.name)
+    if told:
+        context.warn(told)
+    return turns
+
+
+def _camera(
+    context: StageContext, video: VideoInput, turns: PictureTurns, progress: Progress
+) -> SearchResult | None:
     from automap.io.detections_csv import read_detections_csv
     from automap.io.frame_times import frame_times
     from automap.vision.search import SearchResult
     from pipeline.detect.video_search import search_video
+    from pipeline.detect.video_turns import at_corrected
 
     cameras = context.drive.cameras()
     camera = cameras.get(video.name)
@@ -77,7 +96,7 @@ def _camera(context: StageContext, video: VideoInput, progress: Progress) -> Sea
         detector,
         search_rules(settings),
         camera,
-        path_finder(context.out, context.drive, video),
+        at_corrected(path_finder(context.out, context.drive, video), turns),
         context.warn,
         progress,
     )
@@ -131,9 +150,6 @@ def _inputs(drive: Drive) -> list[Path]:
     for video in drive.videos.values():
         if video.detections is not None:
             files.append(video.detections)
-            # without a table of stamps the video's own times date the boxes
-            files += [video.frames] if video.frames is not None else list(video.chapters)
-            continue
         files += video.chapters
         files += [video.frames] if video.frames is not None else []
     return files
@@ -144,12 +160,19 @@ STAGE = Stage(
     # 3: the street around a box is hidden in the crops that are kept
     # 4: the contrast of each face, and the frames that were searched
     # 5: the classifier's last layers trained anew
-    version=5,
+    # 6: how the pictures turn against the path
+    version=6,
     run=run,
     inputs=_inputs,
     # where the camera was when says which frames are worth a search
     needs=(names.TRAJECTORY, names.SYNC),
-    outputs=(names.DETECTIONS, names.SEARCHED, names.CROPS, names.CONTACT_SHEET),
+    outputs=(
+        names.DETECTIONS,
+        names.SEARCHED,
+        names.CAMERA_TURNS,
+        names.CROPS,
+        names.CONTACT_SHEET,
+    ),
     settings=("detect",),
     setting_files=detector_files,
 )

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from automap.geolocation.rules import GeolocationRules
     from automap.io.drive import Drive
     from automap.io.manifest import VehicleSection
-    from automap.records import Camera, Detections, IntArray, Trajectory
+    from automap.records import Camera, Detections, IntArray, PictureTurns, Trajectory
     from pipeline.settings.geolocate import GeolocateSettings
 
 
@@ -45,9 +45,10 @@ def run(context: StageContext) -> None:
     searched = context.out / names.SEARCHED
     looked = read_searched(searched) if searched.is_file() else {}
     parts = [(replace(record, looked=looked.get(record.camera)), rows) for record, rows in parts]
+    turns = _turns(context)
+    cameras, parts = _as_turned(context.drive.cameras(), parts, turns)
     parts = _in_trajectory_time(context, parts)
     trajectory = _trajectory(context)
-    cameras = context.drive.cameras()
     known = [part for part in parts if part[0].camera in cameras]
     for record, rows in parts:
         if record.camera not in cameras:
@@ -63,7 +64,8 @@ def run(context: StageContext) -> None:
     if not known or trajectory is None:
         write_nothing(context, table)
         return
-    _locate(context, trajectory, table, known)
+    known = _as_pictured(trajectory, known, cameras, turns)
+    _locate(context, trajectory, table, known, cameras)
 
 
 def _locate_bearings(context: StageContext, path: Path) -> None:
@@ -142,6 +144,47 @@ def _in_trajectory_time(
     return converted
 
 
+def _turns(context: StageContext) -> dict[str, PictureTurns]:
+    """What the bends of the videos contradict, by camera."""
+    from automap.io.camera_turns import read_camera_turns
+
+    file = context.out / names.CAMERA_TURNS
+    turns = read_camera_turns(file) if file.is_file() else {}
+    return {name: one for name, one in turns.items() if not one.as_stated}
+
+
+def _as_turned(
+    cameras: Mapping[str, Camera],
+    parts: list[tuple[Detections, IntArray]],
+    turns: Mapping[str, PictureTurns],
+) -> tuple[dict[str, Camera], list[tuple[Detections, IntArray]]]:
+    """Boxes with stamps as the bends say, and cameras whose offset is as unsure as that."""
+    return {
+        n: replace(c, time_offset_sd=turns[n].offset_sd_s) if n in turns else c
+        for n, c in cameras.items()
+    }, [
+        (replace(r, t_ns=turns[r.camera].corrected(r.t_ns)) if r.camera in turns else r, rows)
+        for r, rows in parts
+    ]
+
+
+def _as_pictured(
+    trajectory: Trajectory,
+    parts: list[tuple[Detections, IntArray]],
+    cameras: Mapping[str, Camera],
+    turns: Mapping[str, PictureTurns],
+) -> list[tuple[Detections, IntArray]]:
+    """Boxes as they are in the picture that the bends show."""
+    from automap.geolocation.camera_hypotheses import in_picture
+
+    return [
+        (in_picture(trajectory, r, cameras[r.camera], turns[r.camera].pictures), rows)
+        if r.camera in turns
+        else (r, rows)
+        for r, rows in parts
+    ]
+
+
 def rules_from(
     settings: GeolocateSettings, drive: str, vehicle: VehicleSection | None = None
 ) -> GeolocationRules:
@@ -190,6 +233,7 @@ def _locate(
     trajectory: Trajectory,
     table: pa.Table,
     parts: list[tuple[Detections, IntArray]],
+    stated: Mapping[str, Camera],
 ) -> None:
     import numpy as np
 
@@ -204,9 +248,7 @@ def _locate(
     settings = context.settings.geolocate
     activate(context.settings.effects)
     path = path_quantities(context.out, trajectory)
-    cameras, records = as_known(
-        context.drive.cameras(), [r for r, _ in parts], settings.fixed, path
-    )
+    cameras, records = as_known(stated, [r for r, _ in parts], settings.fixed, path)
     result = locate_signs(
         trajectory,
         records,
@@ -291,10 +333,14 @@ def _inputs(drive: Drive) -> list[Path]:
 STAGE = Stage(
     name="geolocate",
     # 15: contrast of the faces, how often they were seen, backs
-    version=19,
+    # 20: stamps and pictures as the bends of the videos say, existence by frames that are due, a nose off its course
+    version=20,
     run=run,
     inputs=_inputs,
-    needs=(names.TRAJECTORY, names.DETECTIONS, names.SEARCHED, names.SYNC, names.IMU),
+    needs=(
+        *(names.TRAJECTORY, names.DETECTIONS, names.SEARCHED, names.CAMERA_TURNS),
+        *(names.SYNC, names.IMU),
+    ),
     # the adjusted trajectory is written where signs seen again or surveyed ones move the vehicle
     outputs=(names.SIGNS_RAW, names.OBSERVATIONS, names.TRAJECTORY_ADJUSTED),
     settings=("effects", "geolocate"),
