@@ -136,12 +136,6 @@ ALIKE_PROBABILITY = 2.7e-3
 are nearer to one another are one: three sigmas of one coordinate."""
 HELD_TIME_S = 1e-6
 """Prior of a time offset that is held: nothing against what any sign tells of it."""
-SLIP_SD = math.radians(0.1)
-"""A camber of 2 % takes a side force of 2 % of the weight, which tyres give at some 0.1 deg."""
-LASTING_SLIP_SD = math.radians(0.25)
-"""What the yaw of a fused trajectory has in its sigma since a nose is off its course for minutes
-(``nhc_lasting_deg`` of the fusion). A camera's own turn is told against that course, so that it is
-no error of its yaw."""
 COURSE_SPEED, COURSE_TURN_RATE = 5.0, 0.05
 """Faster, m/s, and turning less, rad/s, a car goes where it points. Chosen: 1.5 m before the rear
 axle the course is at most 0.9 deg off then, to either side in turn."""

@@ -96,9 +96,9 @@ def _rows(path: Path) -> int:
 
 def _read(path: Path) -> Kept:
     with np.load(path, allow_pickle=False) as file:
-        has = "t_ns" in file
+        columns = {f.name: file[f.name] for f in fields(Trajectory) if f.name in file}
         return Kept(
-            Trajectory(*(file[f.name] for f in fields(Trajectory))) if has else None,
+            Trajectory(**columns) if columns else None,
             parse_json(str(file["geoid_m"])),
         )
 

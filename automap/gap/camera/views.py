@@ -170,11 +170,10 @@ def boxes_of(
     rank[np.argsort(first)] = np.arange(len(first))
     drive = _rows(Filmed(trajectory, camera, found, np.zeros(len(found), np.int64), path), rows)
     velocity_sd = float(np.median(np.nan_to_num(poses.sd_vel_ned[rows])))
+    attitude_sd = along_course(np.nan_to_num(poses.sd_rpy[rows]), poses.slip_sd[rows])
     return _of_drives(
         [replace(drive, sign=rank[sign])],
-        attitude_sd=np.maximum(
-            np.median(along_course(np.nan_to_num(poses.sd_rpy[rows])), axis=0), 1e-4
-        ),
+        attitude_sd=np.maximum(np.median(attitude_sd, axis=0), 1e-4),
         velocity_sd=max(velocity_sd, 1e-3),
         margin_sd=MARGIN_SD_PX / focal_length(camera),
     )
