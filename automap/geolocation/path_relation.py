@@ -51,7 +51,7 @@ def _path(
     origin: tuple[float, float, float],
     adjustment: Adjustment | None,
 ) -> Path:
-    thin = Trajectory(**{name: values[rows] for name, values in vars(trajectory).items()})
+    thin = trajectory.at(rows)
     if adjustment is not None:
         thin = shifted(thin, adjustment, origin)
     height = np.where(np.isfinite(thin.height_m), thin.height_m, origin[2])

@@ -23,6 +23,7 @@ from automap.records import (
     FloatArray,
     IntArray,
     Trajectory,
+    along_course,
 )
 
 _RATE_STEP_NS = 20_000_000
@@ -318,11 +319,3 @@ def _camera_views(
         **{name: found.told(name)[ok] for name in TRACK_PROBABILITIES},
     }
     return part, np.flatnonzero(~has_pose)
-
-
-def along_course(sd_rpy: FloatArray, slip_sd: FloatArray) -> FloatArray:
-    """Sigmas [n, 3] of roll, pitch and yaw, rad, without what the yaw's have, ``slip_sd`` [n] (NaN
-    none), for a nose that is off its course for minutes. A camera's own turn is told against that
-    course, so that it is no error of its yaw."""
-    rest = np.maximum(sd_rpy[:, 2] ** 2 - np.nan_to_num(slip_sd) ** 2, 0.0)
-    return np.column_stack([sd_rpy[:, :2], np.sqrt(rest)])

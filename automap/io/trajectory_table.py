@@ -99,7 +99,7 @@ def write_trajectory(path: Path, trajectory: Trajectory | Iterable[Trajectory]) 
 
 def _cut(whole: Trajectory) -> Iterator[Trajectory]:
     for a in range(0, max(len(whole), 1), ROWS):
-        yield Trajectory(**{name: values[a : a + ROWS] for name, values in vars(whole).items()})
+        yield whole.at(slice(a, a + ROWS))
 
 
 def read_trajectory(path: Path) -> Trajectory:

@@ -39,6 +39,18 @@ class Trajectory:
     def __len__(self) -> int:
         return len(self.t_ns)
 
+    def at(self, rows: slice | IntArray) -> Trajectory:
+        """Some of the rows."""
+        return Trajectory(**{name: values[rows] for name, values in vars(self).items()})
+
+
+def along_course(sd_rpy: FloatArray, slip_sd: FloatArray) -> FloatArray:
+    """Sigmas [n, 3] of roll, pitch and yaw, rad, without what the yaw's have, ``slip_sd`` [n] (NaN
+    none), for a nose that is off its course for minutes. A camera's own turn is told against that
+    course, so that it is no error of its yaw."""
+    rest = np.maximum(sd_rpy[:, 2] ** 2 - np.nan_to_num(slip_sd) ** 2, 0.0)
+    return np.column_stack([sd_rpy[:, :2], np.sqrt(rest)])
+
 
 @dataclass(frozen=True)
 class DrivePath:

@@ -16,9 +16,17 @@ from automap.effects.lens import focal_length, normalise, touches_edge
 from automap.effects.measured import Values
 from automap.effects.path_signals import PathSignals
 from automap.gap.limits import MARGIN_SD_PX, MAX_VIEWS, MIN_VIEWS, WINDOW_S
-from automap.geolocation.views import MeasurementNoise, Views, along_course, build_views
+from automap.geolocation.views import MeasurementNoise, Views, build_views
 from automap.interpolation import poses_at
-from automap.records import BoolArray, Camera, Detections, FloatArray, IntArray, Trajectory
+from automap.records import (
+    BoolArray,
+    Camera,
+    Detections,
+    FloatArray,
+    IntArray,
+    Trajectory,
+    along_course,
+)
 
 LEAST_HEIGHT = 1e-4
 LATEST_NS = 400_000_000
