@@ -302,9 +302,6 @@ IMPLAUSIBLE_CONFIDENCE = 0.3
 the usual thresholds, and still on the map."""
 AFTER_S = 15.0
 """So long after its last view at most a sign is passed: 60 m at 15 km/h."""
-MOVING_SPEED = 0.5
-"""Above it, m/s, the course is that of the velocity: receivers report some decimetres a second at
-rest."""
 OVERHEAD_HEIGHT_M, OVERHEAD_LATERAL_M = 4.5, 5.0
 """A sign above this, and no further to the side, hangs over the road: what is kept free for
 lorries, and a lane and a half."""

@@ -7,6 +7,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from automap.earth import local_ned
+from automap.effects.limits import MOVING_SPEED
 from automap.geolocation import limits
 from automap.geolocation.trajectory_adjustment import Adjustment, shifted
 from automap.records import FloatArray, IntArray, Trajectory
@@ -55,7 +56,7 @@ def _path(
     if adjustment is not None:
         thin = shifted(thin, adjustment, origin)
     height = np.where(np.isfinite(thin.height_m), thin.height_m, origin[2])
-    moving = np.hypot(thin.vel_ned[:, 0], thin.vel_ned[:, 1]) > limits.MOVING_SPEED
+    moving = np.hypot(thin.vel_ned[:, 0], thin.vel_ned[:, 1]) > MOVING_SPEED
     course = np.arctan2(thin.vel_ned[:, 1], thin.vel_ned[:, 0])
     return Path(
         t_ns=thin.t_ns,
