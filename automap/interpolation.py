@@ -29,6 +29,7 @@ class Poses:
     sd_pos_ned: FloatArray
     sd_vel_ned: FloatArray
     sd_rpy: FloatArray
+    slip_sd: FloatArray
     covered: npt.NDArray[np.bool_]
     gap_s: FloatArray
 
@@ -68,7 +69,7 @@ def _interpolate(
     if n_rows < 2:
         one, three = np.full(n, np.nan), np.full((n, 3), np.nan)
         none = np.zeros(n, np.bool_)
-        return Poses(one, one, one, three, three, three, three, three, covered=none, gap_s=one)
+        return Poses(one, one, one, *[three] * 5, slip_sd=one, covered=none, gap_s=one)
     tolerance = 1e-6  # GPS seconds near 1.4e9 resolve a quarter of a microsecond
     left = np.clip(np.searchsorted(stamps, asked, side="right") - 1, 0, n_rows - 2)
     right = left + 1
@@ -118,6 +119,7 @@ def _interpolate(
         sd_pos_ned=linear(trajectory.sd_pos_ned),
         sd_vel_ned=linear(trajectory.sd_vel_ned),
         sd_rpy=linear(trajectory.sd_rpy),
+        slip_sd=linear(trajectory.slip_sd[:, None])[:, 0],
         covered=covered,
         gap_s=np.where(covered, gap, np.nan),
     )

@@ -97,6 +97,8 @@ TRAJECTORY_COLUMNS: tuple[Field, ...] = (
       for a, b in zip("ned", ("north", "east", "down"), strict=True)),
     *(Field(f"sd_{a}_deg", "real", "deg", f"standard deviation of {a}")
       for a in ("roll", "pitch", "yaw")),
+    Field("sd_slip_deg", "real", "deg", "what sd_yaw_deg has in it for a nose that is off its "
+          "course for minutes; empty where unknown"),
 )  # fmt: skip
 
 PICTURE_FIELDS: tuple[Field, ...] = (

@@ -34,8 +34,7 @@ def stretches(trajectory: Trajectory) -> Iterator[tuple[Trajectory, Trajectory |
     """A long trajectory in parts, each with what was before it: the text of all rows at once is
     larger than the trajectory."""
     for a in range(0, max(len(trajectory), 1), _ROWS):
-        part = {name: values[a : a + _ROWS] for name, values in vars(trajectory).items()}
-        yield Trajectory(**part), trajectory if a else None
+        yield trajectory.at(slice(a, a + _ROWS)), trajectory if a else None
 
 
 def trajectory_csv(trajectory: Trajectory, before: Trajectory | None = None) -> str:

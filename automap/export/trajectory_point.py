@@ -110,6 +110,7 @@ def at_instants(
         sd_pos_ned=poses.sd_pos_ned,
         sd_vel_ned=poses.sd_vel_ned,
         sd_rpy=poses.sd_rpy,
+        slip_sd=poses.slip_sd,
     )
 
 

@@ -87,7 +87,7 @@ _MOTION = {
     "vel_ned": 3,
     "rpy": 3,
 }
-_SIGMAS = {"sd_pos_ned": 3, "sd_vel_ned": 3, "sd_rpy": 3}
+_SIGMAS = {"sd_pos_ned": 3, "sd_vel_ned": 3, "sd_rpy": 3, "slip_sd": None}
 
 
 @dataclass(frozen=True)
@@ -111,7 +111,8 @@ class Aside:
         """The whole trajectory without its sigmas, which are NaN and take no room."""
         values = {name: self.columns.read(name, slice(0, len(self))) for name in _MOTION}
         unknown = np.broadcast_to(np.nan, (len(self), 3))
-        return Trajectory(self.t_ns, **values, **dict.fromkeys(_SIGMAS, unknown))
+        sigmas = {name: unknown for name, width in _SIGMAS.items() if width}
+        return Trajectory(self.t_ns, **values, **sigmas)
 
     def sd_roll(self) -> FloatArray:
         """One sigma [n] of the roll, rad."""

@@ -72,7 +72,8 @@ def smooth_fixes(
     held = np.hypot(_hold(sd_heading, moves), np.angle(np.exp(1j * turned)))
     if moves.any():
         sd_heading = np.where(moves, sd_heading, np.minimum(held, UNKNOWN_HEADING_SD))
-    sd_rpy = np.stack([lean, lean, sd_heading], axis=1)
+    slip = np.radians(options.nhc_lasting_deg)
+    sd_rpy = np.stack([lean, lean, np.hypot(sd_heading, slip)], axis=1)
     gps_s = fixes.gps_s[at.row]
     return Trajectory(
         clock.t_ns(gps_s),
@@ -85,6 +86,7 @@ def smooth_fixes(
         sd_pos,
         sd_vel,
         sd_rpy,
+        np.array(slip),
     )
 
 

@@ -12,6 +12,8 @@ from typing import Annotated
 
 from pydantic import Field, NonNegativeFloat, PositiveFloat
 
+from automap.effects.limits import NOSE_SLIP_DEG
+
 DEFAULT_EFFECTS = (
     "accel_bias",
     "gyro_bias",
@@ -85,7 +87,7 @@ class FusionOptions:
     """m/s, sideways speed of the vehicle over one second, driving straight"""
     nhc_slip: NonNegativeFloat = 0.03
     """(m/s)/(m/s^2), the same per lateral acceleration"""
-    nhc_lasting_deg: NonNegativeFloat = 0.25
+    nhc_lasting_deg: NonNegativeFloat = NOSE_SLIP_DEG
     """deg, by which a nose is off its course for minutes: camber, side wind, axles out of line"""
     nhc_min_speed: PositiveFloat = 3.0
     """m/s, the vehicle constraint holds above this speed"""

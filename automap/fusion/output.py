@@ -75,7 +75,7 @@ def node_trajectory(
     delay_is_clock: bool,
     turn: FloatArray,
     unseen_sd: FloatArray,
-    heading_sd: float,
+    slip_sd: float,
     age_sd: float,
     blend: bool,
 ) -> Iterator[Trajectory]:
@@ -83,7 +83,7 @@ def node_trajectory(
 
     ``turn`` [3, 3] takes sensor axes (as filtered) to the vehicle's.
     ``unseen_sd`` [k, 3] m NED at the nodes is what no measurement tells of the position's error,
-    ``heading_sd`` rad of the heading's, ``age_sd`` s of the age of the fixes, to which the motion
+    ``slip_sd`` rad of the heading's, ``age_sd`` s of the age of the fixes, to which the motion
     was dated.
     ``delay`` [n] is how much later than the fixes' clock the stamps run, in s: an error of the
     clock, or of the samples, which then belong to ``delay`` earlier than their stamp.
@@ -105,7 +105,7 @@ def node_trajectory(
         late = delay[piece.rows] if delay_is_clock else 0.0
         node_rpy = quat_to_rpy(quat_multiply(nominal[:, 6:10], back))
         node_sd = rpy_sd_from_tilt(node_rpy, vehicle_tilt(nominal, cov, turn))
-        node_sd[:, 2] = np.hypot(node_sd[:, 2], heading_sd)
+        node_sd[:, 2] = np.hypot(node_sd[:, 2], slip_sd)
         variances = [np.maximum(cov[:, i, i], 0.0) for i in range(6)]
         variance = np.stack([_between(t, at, v, blend) for v in variances], axis=1)
         yield Trajectory(
@@ -119,6 +119,7 @@ def node_trajectory(
             sd_pos_ned=np.sqrt(variance[:, :3]),
             sd_vel_ned=np.sqrt(variance[:, 3:6]),
             sd_rpy=np.stack([_between(t, at, node_sd[:, i], blend) for i in range(3)], axis=1),
+            slip_sd=np.array(slip_sd),
         )
 
 

@@ -162,7 +162,7 @@ def assemble(
         node_trajectory, outcome.problem, outcome.nodes,
         t_ns=session.imu.t_ns, clock=clock, delay=delay.mean + final.get(SKEW_STATE, 0.0)
         * outcome.problem.t, delay_is_clock=delay_is_clock, turn=turn, unseen_sd=unseen,
-        heading_sd=np.radians(session.options.nhc_lasting_deg),
+        slip_sd=np.radians(session.options.nhc_lasting_deg),
         age_sd=age_sd,
     )  # fmt: skip
     return FusionResult(

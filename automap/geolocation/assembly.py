@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -75,10 +76,7 @@ def assemble_sign(
     log_sizes = np.array([s.landmark.parameters[3] for s in sightings])
     size = float(np.exp(np.sum(size_weights * log_sizes) / size_weights.sum()))
 
-    scores: dict[str, float] = {}
-    for sighting in sightings:
-        for name, score in sighting.class_score.items():
-            scores[name] = scores.get(name, 0.0) + score
+    scores: Counter[str] = sum((Counter(s.class_score) for s in sightings), Counter())
     status = _status(sightings, size, above_road, len(rows), rules)
     class_name = max(sorted(scores), key=scores.__getitem__)
     of_class, of_group = class_beliefs(views, rows, class_name)

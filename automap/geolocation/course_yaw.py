@@ -58,7 +58,8 @@ def yaw_by_course(
         usable.append(mark)
         evidence.append((information, pull + information @ turned))
         attitude = np.mean(views.attitude_sd[mark.rows] ** 2, axis=0)
-        variance.append(np.array([attitude[0], attitude[1], limits.SLIP_SD**2]))
+        slip = np.mean(views.slip_sd[mark.rows] ** 2)
+        variance.append(np.array([attitude[0], attitude[1], slip]))
     values, covariance = solve_camera(
         views, usable, evidence, variance, correction.values, camera, priors
     )

@@ -70,10 +70,7 @@ def squared_distances(
     """
     n_boxes, n_signs = len(measured), len(parameters)
     result = np.full((n_boxes, n_signs), np.inf)
-    h = np.zeros(3)
-    J = np.zeros((3, 4))
-    q = np.zeros(3)
-    d = np.zeros(3)
+    h, J, q, d = _room()
     M = np.zeros((3, 3))
     b = np.zeros(3)
     S = np.zeros((3, 3))
@@ -113,6 +110,12 @@ def squared_distances(
 
 
 @kernel
+def _room():  # type: ignore[no-untyped-def]
+    """What ``_measure`` fills, and room for a derivative [3]."""
+    return np.zeros(3), np.zeros((3, 4)), np.zeros(3), np.zeros(3)
+
+
+@kernel
 def _measure(theta, M, b, h, J, q, d):  # type: ignore[no-untyped-def]
     """Fill the expected measurement h [3], its derivative J [3, 4] and the point q [3]."""
     depth = np.exp(theta[2])
@@ -141,10 +144,7 @@ def _measure(theta, M, b, h, J, q, d):  # type: ignore[no-untyped-def]
 @kernel
 def _cost(theta, boxes, kind):  # type: ignore[no-untyped-def]
     M, b, measured, sd, drift, prior_mean, prior_sd = boxes
-    h = np.zeros(3)
-    J = np.zeros((3, 4))
-    q = np.zeros(3)
-    d = np.zeros(3)
+    h, J, q, d = _room()
     r = (theta[3] - prior_mean) / prior_sd
     total = loss(r * r, kind)[0]
     for i in range(len(sd)):
@@ -159,43 +159,6 @@ def _cost(theta, boxes, kind):  # type: ignore[no-untyped-def]
         r = (measured[i, 2] - h[2]) / sd[i, 2]
         total += loss(r * r, kind)[0]
     return total
-
-
-@kernel
-def _accumulate(theta, boxes, kind, N, g):  # type: ignore[no-untyped-def]
-    """Normal matrix N [4, 4] and right-hand side g [4] with the weights at theta."""
-    M, b, measured, sd, drift, prior_mean, prior_sd = boxes
-    h = np.zeros(3)
-    J = np.zeros((3, 4))
-    q = np.zeros(3)
-    d = np.zeros(3)
-    r3 = np.zeros(3)
-    w3 = np.zeros(3)
-    N[:] = 0.0
-    g[:] = 0.0
-    r = (theta[3] - prior_mean) / prior_sd
-    own = loss(r * r, kind)[1] / (prior_sd * prior_sd)
-    N[3, 3] = own
-    g[3] = (prior_mean - theta[3]) * own
-    for i in range(len(sd)):
-        _measure(theta, M[i], b[i], h, J, q, d)
-        slack = drift[i] / q[0]
-        square = 0.0
-        for k in range(3):
-            variance = sd[i, k] * sd[i, k] + (slack * slack if k < 2 else 0.0)
-            r3[k] = measured[i, k] - h[k]
-            w3[k] = 1.0 / variance
-            if k < 2:
-                square += r3[k] * r3[k] / variance
-        factor = loss(square, kind)[1]
-        w3[0] *= factor
-        w3[1] *= factor
-        w3[2] *= loss(r3[2] * r3[2] * w3[2], kind)[1]
-        for k in range(3):
-            for m in range(4):
-                g[m] += J[k, m] * w3[k] * r3[k]
-                for n in range(4):
-                    N[m, n] += J[k, m] * w3[k] * J[k, n]
 
 
 @kernel
@@ -235,8 +198,7 @@ def solve_landmark(start, boxes, robust):  # type: ignore[no-untyped-def]
     theta = start.copy()
     trial = np.zeros(4)
     step = np.zeros(4)
-    N = np.zeros((4, 4))
-    g = np.zeros(4)
+    alone = np.zeros((len(boxes.sd), 3, 0))
     cost = np.inf
     first, last = (BY_HUBER, BY_CAUCHY) if robust else (PLAIN, PLAIN)
     for kind in range(first, last + 1):
@@ -245,10 +207,10 @@ def solve_landmark(start, boxes, robust):  # type: ignore[no-untyped-def]
             return theta, np.inf
         damping = 1e-3
         for _ in range(30):
-            _accumulate(theta, boxes, kind, N, g)
+            N, _, right, _, _, _ = normal_equations(theta, boxes, alone, np.zeros(0), kind)
             improved = False
             for _ in range(8):
-                if _solve4(N, g, damping, step):
+                if _solve4(N, right[:, 0], damping, step):
                     # a step of more than a factor e in distance leaves the linear range
                     limit = min(1.0, 1.0 / max(abs(step[2]), 1e-12))
                     for k in range(4):
@@ -280,10 +242,7 @@ def common_columns(  # type: ignore[no-untyped-def]
     [n, 21], ``elapsed`` [n] seconds over which a velocity error of the trajectory acts.
     """
     n = len(log_height)
-    h = np.zeros(3)
-    J = np.zeros((3, 4))
-    q = np.zeros(3)
-    d = np.zeros(3)
+    h, J, q, d = _room()
     effects = np.zeros((n, 3, N_COLUMNS))
     common = np.zeros((n, 3, N_COMMON))
     for i in range(n):
@@ -318,10 +277,7 @@ def normal_equations(theta, boxes, columns, bias, kind):  # type: ignore[no-unty
     """
     M, b, measured, sd, drift, prior_mean, prior_sd = boxes
     n, common = len(sd), columns.shape[2]
-    h = np.zeros(3)
-    J = np.zeros((3, 4))
-    q = np.zeros(3)
-    d = np.zeros(3)
+    h, J, q, d = _room()
     w3 = np.zeros(3)
     r3 = np.zeros(3)
     N = np.zeros((4, 4))

@@ -136,12 +136,6 @@ ALIKE_PROBABILITY = 2.7e-3
 are nearer to one another are one: three sigmas of one coordinate."""
 HELD_TIME_S = 1e-6
 """Prior of a time offset that is held: nothing against what any sign tells of it."""
-SLIP_SD = math.radians(0.1)
-"""A camber of 2 % takes a side force of 2 % of the weight, which tyres give at some 0.1 deg."""
-LASTING_SLIP_SD = math.radians(0.25)
-"""What the yaw of a fused trajectory has in its sigma since a nose is off its course for minutes
-(``nhc_lasting_deg`` of the fusion). A camera's own turn is told against that course, so that it is
-no error of its yaw."""
 COURSE_SPEED, COURSE_TURN_RATE = 5.0, 0.05
 """Faster, m/s, and turning less, rad/s, a car goes where it points. Chosen: 1.5 m before the rear
 axle the course is at most 0.9 deg off then, to either side in turn."""
@@ -320,9 +314,6 @@ IMPLAUSIBLE_CONFIDENCE = 0.3
 the usual thresholds, and still on the map."""
 AFTER_S = 15.0
 """So long after its last view at most a sign is passed: 60 m at 15 km/h."""
-MOVING_SPEED = 0.5
-"""Above it, m/s, the course is that of the velocity: receivers report some decimetres a second at
-rest."""
 OVERHEAD_HEIGHT_M, OVERHEAD_LATERAL_M = 4.5, 5.0
 """A sign above this, and no further to the side, hangs over the road: what is kept free for
 lorries, and a lane and a half."""

@@ -98,11 +98,10 @@ def solve_with_pass_errors(views: Views, landmark: Landmark, prior: SizePrior) -
     alone = np.linalg.inv(N)
     total = np.linalg.inv(N - (A * sd) @ absorbed[:, :4])
     remaining = np.linalg.inv(M - (A * sd).T @ alone @ (A * sd))
-    dof = max(3 * len(landmark.rows) + 1 - 4, 1)
     return replace(
         landmark,
         parameters=parameters,
-        covariance=np.asarray(alone * max(1.0, chi2 / dof)),
+        covariance=np.asarray(alone * max(1.0, chi2 / landmark.dof)),
         pass_covariance=np.asarray(total - alone),
         common=np.asarray(-total @ (A - (A * sd) @ absorbed[:, 4:])),
         pass_bias=sd * z,
@@ -111,5 +110,4 @@ def solve_with_pass_errors(views: Views, landmark: Landmark, prior: SizePrior) -
         residual=residual,
         weight=weight,
         chi2=chi2,
-        dof=dof,
     )

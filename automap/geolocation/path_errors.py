@@ -63,10 +63,6 @@ class Solution:
     deviance: float
     factor: Factor
 
-    def error_variances(self) -> FloatArray:
-        """Variance [k, a] of ``error``."""
-        return self.factor.variances()[: self.error.size].reshape(self.error.shape)
-
     def place_variances(self, count: int) -> FloatArray:
         """Covariance [count, a, a] of the first places (a at most two), m^2."""
         axes = self.place.shape[1]

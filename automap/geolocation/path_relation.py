@@ -7,6 +7,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from automap.earth import local_ned
+from automap.effects.limits import MOVING_SPEED
 from automap.geolocation import limits
 from automap.geolocation.trajectory_adjustment import Adjustment, shifted
 from automap.records import FloatArray, IntArray, Trajectory
@@ -51,11 +52,11 @@ def _path(
     origin: tuple[float, float, float],
     adjustment: Adjustment | None,
 ) -> Path:
-    thin = Trajectory(**{name: values[rows] for name, values in vars(trajectory).items()})
+    thin = trajectory.at(rows)
     if adjustment is not None:
         thin = shifted(thin, adjustment, origin)
     height = np.where(np.isfinite(thin.height_m), thin.height_m, origin[2])
-    moving = np.hypot(thin.vel_ned[:, 0], thin.vel_ned[:, 1]) > limits.MOVING_SPEED
+    moving = np.hypot(thin.vel_ned[:, 0], thin.vel_ned[:, 1]) > MOVING_SPEED
     course = np.arctan2(thin.vel_ned[:, 1], thin.vel_ned[:, 0])
     return Path(
         t_ns=thin.t_ns,

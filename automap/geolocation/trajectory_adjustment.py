@@ -132,8 +132,8 @@ class AdjustedTrajectory:
     def pieces(self) -> Iterator[Trajectory]:
         """Stretch after stretch."""
         for a in range(0, len(self.trajectory), _ROWS):
-            part = {name: v[a : a + _ROWS] for name, v in vars(self.trajectory).items()}
-            yield shifted(Trajectory(**part), self.adjustment, self.origin)
+            part = self.trajectory.at(slice(a, a + _ROWS))
+            yield shifted(part, self.adjustment, self.origin)
 
 
 def shifted(

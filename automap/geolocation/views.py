@@ -12,6 +12,7 @@ import numpy.typing as npt
 from automap.effects.camera import camera_poses, error_columns, row_share, true_camera
 from automap.effects.camera_kernels import TIME
 from automap.effects.lens import box_variances, focal_length, lens_of, normalise
+from automap.effects.limits import NOSE_SLIP_DEG
 from automap.frames import matrix_to_rotation_vector, rpy_to_matrix
 from automap.geolocation import limits
 from automap.interpolation import poses_at
@@ -22,6 +23,7 @@ from automap.records import (
     FloatArray,
     IntArray,
     Trajectory,
+    along_course,
 )
 
 _RATE_STEP_NS = 20_000_000
@@ -67,11 +69,12 @@ class Views:
     are; ``log_aspect`` [n] logarithm of the box's width over its height, both as directions and
     without the camera's margin. ``pose_sd`` [n, 3] m NED,
     ``attitude_sd`` [n, 3] rad (roll, pitch, yaw) and ``velocity_sd`` [n, 3] m/s (forward, right,
-    down) of the trajectory, ``speed_sd`` [n] m/s; ``margin_sd`` [n] rad what the height of a
-    sign's boxes is off by in common, ``lever_arm_sd`` [n] m of the camera. ``class_probability``
-    and ``group_probability`` [n] that the box's track is what it is called, and of its shape and
-    colour (NaN untold). ``without_pose`` [k] indices of the boxes whose frames lie outside the
-    trajectory or in a long gap of it.
+    down) of the trajectory, ``speed_sd`` [n] m/s, ``slip_sd`` [n] rad by which the vehicle's nose
+    is off its course for minutes, which ``attitude_sd`` is without; ``margin_sd`` [n] rad what
+    the height of a sign's boxes is off by in common, ``lever_arm_sd`` [n] m of the camera.
+    ``class_probability`` and ``group_probability`` [n] that the box's track is what it is called,
+    and of its shape and colour (NaN untold). ``without_pose`` [k] indices of the boxes whose
+    frames lie outside the trajectory or in a long gap of it.
     """
 
     origin: tuple[float, float, float]
@@ -92,6 +95,7 @@ class Views:
     log_aspect: FloatArray
     pose_sd: FloatArray
     attitude_sd: FloatArray
+    slip_sd: FloatArray
     velocity_sd: FloatArray
     margin_sd: FloatArray
     lever_arm_sd: FloatArray
@@ -196,9 +200,8 @@ def build_views(
 def _nothing() -> dict[str, np.ndarray]:
     whole, one, three = np.zeros(0, np.int64), np.zeros(0), np.zeros((0, 3))
     result: dict[str, np.ndarray] = {k: whole for k in ("row", "camera", "t_ns", "track")}
-    result |= {
-        k: one for k in ("score", "speed_sd", "margin_sd", "lever_arm_sd", "share", "log_aspect")
-    }
+    sigmas = ("speed_sd", "slip_sd", "margin_sd", "lever_arm_sd")
+    result |= dict.fromkeys((*sigmas, "score", "share", "log_aspect"), one)
     result |= dict.fromkeys(TRACK_PROBABILITIES, one)
     vectors = ("centre", "velocity", "rate", "measured", "sd", "pose_sd", "attitude_sd")
     result |= {k: three for k in (*vectors, "velocity_sd")}
@@ -288,7 +291,7 @@ def _camera_views(
         columns = error_columns(camera, {}, *(values[ok] for values in seen))
         variance[ok] += (noise.stamp_sd_s * columns[:, :, TIME]) ** 2
     sd = np.sqrt(variance) * noise.scales
-    sd_ned = poses.sd_vel_ned[ok]
+    sd_ned, slip_sd = poses.sd_vel_ned[ok], poses.slip_sd[ok]
     level = np.sqrt(0.5 * (sd_ned[:, 0] ** 2 + sd_ned[:, 1] ** 2))
     part: dict[str, np.ndarray] = {
         "row": np.flatnonzero(ok),
@@ -304,7 +307,8 @@ def _camera_views(
         "share": row_share(middle_y, camera.height)[ok],
         "log_aspect": log_aspect[ok],
         "pose_sd": np.nan_to_num(poses.sd_pos_ned[ok]),
-        "attitude_sd": along_course(np.nan_to_num(poses.sd_rpy[ok])),
+        "attitude_sd": along_course(np.nan_to_num(poses.sd_rpy[ok]), slip_sd),
+        "slip_sd": np.nan_to_num(slip_sd, nan=np.radians(NOSE_SLIP_DEG)),
         "margin_sd": np.full(int(ok.sum()), noise.margin_sd_px / focal_length(camera)),
         "lever_arm_sd": np.full(int(ok.sum()), camera.lever_arm_sd),
         "velocity_sd": np.nan_to_num(np.column_stack([level, level, sd_ned[:, 2]])),
@@ -315,12 +319,3 @@ def _camera_views(
         **{name: found.told(name)[ok] for name in TRACK_PROBABILITIES},
     }
     return part, np.flatnonzero(~has_pose)
-
-
-def along_course(sd_rpy: FloatArray) -> FloatArray:
-    """Sigmas [n, 3] of roll, pitch and yaw, rad, without what the yaw's have for a nose that is off
-    its course for minutes."""
-    yaw = sd_rpy[:, 2]
-    rest = np.sqrt(np.maximum(yaw**2 - limits.LASTING_SLIP_SD**2, 0.0))
-    yaw = np.where(yaw >= limits.LASTING_SLIP_SD, rest, yaw)
-    return np.column_stack([sd_rpy[:, :2], yaw])

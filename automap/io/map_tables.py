@@ -13,7 +13,7 @@ import numpy as np
 
 from automap.io.atomic import atomic_path
 from automap.io.tables import floats, ints, read_table, write_columns, write_row_groups
-from automap.io.trajectory_table import COLUMNS, from_columns, to_columns
+from automap.io.trajectory_table import COLUMNS, REQUIRED, from_columns, to_columns
 from automap.records import DrivePath, Trajectory
 
 SIGHTINGS = "sightings.parquet"
@@ -135,8 +135,9 @@ class StoredTracks(Mapping[str, Trajectory]):
 
 def read_tracks(path: Path) -> dict[str, Trajectory]:
     """Read what ``write_tracks`` wrote."""
-    table = read_table(path, ("drive", *COLUMNS), COLUMNS, ("t_ns",))
-    whole = from_columns(lambda name: floats(table, name), ints(table, "t_ns"))
+    table = read_table(path, ("drive", *REQUIRED), COLUMNS, ("t_ns",))
+    there = table.column_names
+    whole = from_columns(lambda name: floats(table, name), ints(table, "t_ns"), there)
     named = table["drive"].combine_chunks().dictionary_encode()
     number = np.asarray(named.indices)
     rows = np.argsort(number, kind="stable")

@@ -53,7 +53,7 @@ def read_trajectory_csv(path: Path) -> FinishedTrajectory:
     height = _height(path, table, rows, warnings)
     velocity = _velocity(path, table, rows, warnings, seconds, lat, lon, height)
     velocity_sd = _sd(table, rows, ("sd_vn", "sd_ve", "sd_vd"), DEFAULT_SD_M_S)
-    rpy, rpy_sd = _attitude(path, table, rows, warnings, velocity, velocity_sd)
+    rpy, rpy_sd, slip_sd = _attitude(path, table, rows, warnings, velocity, velocity_sd)
     data = Trajectory(
         t_ns=t_ns,
         gps_s=gps_s,
@@ -65,6 +65,7 @@ def read_trajectory_csv(path: Path) -> FinishedTrajectory:
         sd_pos_ned=_sd(table, rows, ("sd_n_m", "sd_e_m", "sd_d_m"), DEFAULT_SD_M),
         sd_vel_ned=velocity_sd,
         sd_rpy=rpy_sd,
+        slip_sd=slip_sd,
     )
     return FinishedTrajectory(data, time, tuple(warnings))
 
@@ -123,15 +124,18 @@ def _attitude(
     warnings: list[str],
     velocity: FloatArray,
     velocity_sd: FloatArray,
-) -> tuple[FloatArray, FloatArray]:
-    """Roll, pitch, yaw [n, 3] and their sd [n, 3], rad."""
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Roll, pitch, yaw [n, 3], their sd [n, 3] and what of the yaw's is slip [n], rad."""
     columns = ("sd_roll_deg", "sd_pitch_deg", "sd_yaw_deg")
     rpy = _columns(table, rows, ("roll_deg", "pitch_deg", "yaw_deg"))
     if rpy is not None:
-        return np.radians(rpy), np.radians(_sd(table, rows, columns, DEFAULT_SD_DEG))
+        sd_deg = _sd(table, rows, columns, DEFAULT_SD_DEG)
+        # no more than there is
+        slip_deg = np.clip(table.floats("sd_slip_deg")[rows], 0.0, sd_deg[:, 2])
+        return np.radians(rpy), np.radians(sd_deg), np.radians(slip_deg)
     found, sd, warning = course_attitude(path, velocity, velocity_sd)
     warnings.append(warning)
-    return found, sd
+    return found, sd, np.full(len(rows), np.nan)
 
 
 def _sd(table: CsvColumns, rows: IntArray, columns: tuple[str, ...], default: float) -> FloatArray:

@@ -5,7 +5,7 @@ Degrees and metres in the file, radians and metres in the record.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -40,8 +40,11 @@ COLUMNS = (
     "sd_roll_deg",
     "sd_pitch_deg",
     "sd_yaw_deg",
+    "sd_slip_deg",
 )
 """Names and order of the columns, as in the contract."""
+REQUIRED = COLUMNS[:-1]
+"""Those without which a file is no trajectory."""
 
 
 def to_columns(trajectory: Trajectory) -> dict[str, np.ndarray]:
@@ -59,12 +62,16 @@ def to_columns(trajectory: Trajectory) -> dict[str, np.ndarray]:
         *trajectory.sd_pos_ned.T,
         *trajectory.sd_vel_ned.T,
         *sd_rpy_deg.T,
+        np.degrees(trajectory.slip_sd),
     )
     return dict(zip(COLUMNS, values, strict=True))
 
 
-def from_columns(column: Callable[[str], FloatArray], t_ns: np.ndarray) -> Trajectory:
-    """A record from ``column(name) -> [n]`` in file units and int64 stamps [n]."""
+def from_columns(
+    column: Callable[[str], FloatArray], t_ns: np.ndarray, there: Collection[str] = COLUMNS
+) -> Trajectory:
+    """A record from ``column(name) -> [n]`` in file units of the columns that are ``there``, and
+    int64 stamps [n]."""
 
     def triple(*names: str) -> FloatArray:
         return vector(column, names)
@@ -80,6 +87,7 @@ def from_columns(column: Callable[[str], FloatArray], t_ns: np.ndarray) -> Traje
         sd_pos_ned=triple("sd_n_m", "sd_e_m", "sd_d_m"),
         sd_vel_ned=triple("sd_vn", "sd_ve", "sd_vd"),
         sd_rpy=np.radians(triple("sd_roll_deg", "sd_pitch_deg", "sd_yaw_deg")),
+        slip_sd=np.radians(column("sd_slip_deg") if "sd_slip_deg" in there else np.nan),
     )
 
 
@@ -91,13 +99,15 @@ def write_trajectory(path: Path, trajectory: Trajectory | Iterable[Trajectory]) 
 
 def _cut(whole: Trajectory) -> Iterator[Trajectory]:
     for a in range(0, max(len(whole), 1), ROWS):
-        yield Trajectory(**{name: values[a : a + ROWS] for name, values in vars(whole).items()})
+        yield whole.at(slice(a, a + ROWS))
 
 
 def read_trajectory(path: Path) -> Trajectory:
     """Read what ``write_trajectory`` wrote; InputError when it is missing or damaged."""
-    with column_by_column(path, COLUMNS, COLUMNS, ("t_ns",)) as (_, read):
-        trajectory = from_columns(lambda name: floats(read(name), name), ints(read("t_ns"), "t_ns"))
+    with column_by_column(path, REQUIRED, COLUMNS, ("t_ns",)) as (schema, read):
+        trajectory = from_columns(
+            lambda name: floats(read(name), name), ints(read("t_ns"), "t_ns"), schema.names
+        )
     if len(trajectory) and not _is_plausible(trajectory):
         raise InputError(f"{path} holds no positions on Earth; run the drive again with --force.")
     return trajectory

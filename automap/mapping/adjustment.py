@@ -177,7 +177,7 @@ def network_of(sightings: Sightings, data: TileData, levels: ErrorLevels, axes: 
     """A tile's sightings in plan (two axes) or in height (one); an unknown height tells nothing."""
     rows, n = data.rows, len(data.rows)
     # each sighting is a node of its drive's path, and each drive one more
-    alike = correlations(sightings.time_s[rows], limits.TAU_S)
+    alike = correlations(sightings.time_s[rows], limits.PATH_CORRELATION_S)
     alike[data.first[:-1]] = 0.0
     drive = np.repeat(np.arange(len(data.first) - 1), np.diff(data.first))
     node = np.column_stack([np.arange(n), n + drive])

@@ -48,7 +48,7 @@ class Association:
 
 def associate(
     sightings: Sightings,
-    tau_s: float = limits.TAU_S,
+    tau_s: float = limits.PATH_CORRELATION_S,
     rounds: int = limits.ROUNDS,
 ) -> Association:
     """Group the sightings into signs.

@@ -10,12 +10,10 @@ import math
 
 from automap.gates import gate_in_plane
 from automap.geolocation.limits import LASTING_ERROR as LASTING_ERROR
-from automap.geolocation.limits import PATH_CORRELATION_S
+from automap.geolocation.limits import PATH_CORRELATION_S as PATH_CORRELATION_S
 
 # which sightings are one sign
 
-TAU_S = PATH_CORRELATION_S
-"""Time constant of what wanders of a trajectory's position error."""
 ROUNDS = 2
 """How often every drive is looked at again, with the map of all others known."""
 SAME_PROBABILITY = math.exp(-8.0)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from automap.records.arrays import NO_TIME, BoolArray, FloatArray, Image, IntArray
 from automap.records.clocks import ClockModel, DriveClocks
-from automap.records.motion import DrivePath, Trajectory
+from automap.records.motion import DrivePath, Trajectory, along_course
 from automap.records.pictures import (
     LEVER_ARM_SD_M,
     TRACK_PROBABILITIES,
@@ -79,5 +79,6 @@ __all__ = [
     "TriadCalibration",
     "VideoFrame",
     "WheelSpeed",
+    "along_course",
     "usual_matrix",
 ]

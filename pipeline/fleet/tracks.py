@@ -169,9 +169,9 @@ def _listed(store: Store, cells: Path, entries: Mapping[str, Entry]) -> dict[str
 
 def _read(path: Path) -> Kept:
     with np.load(path, allow_pickle=False) as file:
-        has = "t_ns" in file
+        columns = {f.name: file[f.name] for f in fields(Trajectory) if f.name in file}
         return Kept(
-            Trajectory(*(file[f.name] for f in fields(Trajectory))) if has else None,
+            Trajectory(**columns) if columns else None,
             parse_json(str(file["geoid_m"])),
         )
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from automap.records import Sign, Trajectory
+from automap.records import Sign, Trajectory, along_course
 from pipeline.shared.pictures import Picture, pictures_by_sign
 from pipeline.shared.products import RunProducts
 
@@ -149,7 +149,8 @@ def error_budget(
         position = 0.5 * float((trajectory.sd_pos_ned[row, :2] ** 2).sum())
         ranges = [view[1] for view in views if view[1] is not None and view[4]]
         nearest = min(ranges, default=0.0)
-        turned = 0.5 * float((trajectory.sd_rpy[row, 2] * nearest) ** 2)
+        sd_rpy = along_course(trajectory.sd_rpy[[row]], trajectory.slip_sd[[row]])
+        turned = 0.5 * float((sd_rpy[0, 2] * nearest) ** 2)
         for label, part in (("position of the vehicle", position), ("its heading", turned)):
             if np.isfinite(part) and part > 0:
                 budget.append((label, _rounded(part)))

@@ -277,7 +277,7 @@ def effects_camera() -> Any:
         small = Poses(
             0.7 + 1e-5 * rng.normal(size=4), 0.2 + 1e-5 * rng.normal(size=4),
             np.array([300.0, np.nan, 310.0, 280.0]), wide, rng.normal(size=(4, 3)),
-            wide, wide, wide, none > 0.0, none,
+            wide, wide, wide, none, none > 0.0, none,
         )  # fmt: skip
         found |= {
             "true": true,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 from xml.etree import ElementTree
 
@@ -77,11 +78,12 @@ def test_kitti_poses_start_at_identity_and_keep_distances(circle: Trajectory) ->
 
 
 def test_csv_has_every_column_and_row(circle: Trajectory) -> None:
-    lines = trajectory_csv(circle).splitlines()
+    lines = trajectory_csv(replace(circle, slip_sd=np.array(0.01))).splitlines()
     assert lines[0].startswith("t_ns,gps_s,lat_deg,lon_deg,height_m,vn,ve,vd,roll_deg")
     assert len(lines) == len(circle) + 1
     first = dict(zip(lines[0].split(","), lines[1].split(","), strict=True))
     assert float(first["lat_deg"]) == pytest.approx(-35.3, abs=1e-9)
+    assert float(first["sd_slip_deg"]) == pytest.approx(np.degrees(0.01), abs=1e-5)
 
 
 def test_gpx_is_well_formed_and_sparse(circle: Trajectory) -> None:

@@ -89,10 +89,12 @@ def test_velocity_attitude_and_biases_are_found(plain: FusionResult, motion: Mot
 
 
 def test_headings_are_no_surer_than_a_nose_is_on_its_course(plain: FusionResult) -> None:
-    """A car that goes askew by the same angle all the way looks like a sensor that is turned."""
+    """A car that goes askew by the same angle all the way looks like a sensor that is turned; the
+    trajectory tells what of its heading's sigma is that."""
     askew = np.radians(FusionOptions().nhc_lasting_deg)
     for path in (plain.trajectory, plain.filtered):
         assert (path.sd_rpy[:, 2] > askew).all()
+        assert path.slip_sd == pytest.approx(askew)
 
 
 def test_every_epoch_has_a_row_from_the_first_on(

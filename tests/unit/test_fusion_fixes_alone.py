@@ -198,6 +198,15 @@ def test_a_course_in_a_bend_is_as_unsure_as_the_axle_is_far() -> None:
     assert sd[-5] == pytest.approx(bend, rel=0.01)
 
 
+def test_a_heading_along_the_course_is_no_surer_than_a_nose_is_on_it() -> None:
+    paths = [
+        smooth_fixes(_fixes(0), CLOCK, replace(OPTIONS, nhc_lasting_deg=deg)) for deg in (0.0, 0.6)
+    ]
+    for path, slip in zip(paths, np.radians([0.0, 0.6]), strict=True):
+        assert path.slip_sd == pytest.approx(slip)
+        assert path.sd_rpy[:, 2] == pytest.approx(np.hypot(paths[0].sd_rpy[:, 2], slip))
+
+
 def test_what_lasts_of_fixes_is_nowhere_averaged_away() -> None:
     fixes = replace(_fixes(3), sd_pos_ned=np.tile(SD_POS, (len(_fixes(3)), 1)))
     path = smooth_fixes(fixes, CLOCK, OPTIONS)

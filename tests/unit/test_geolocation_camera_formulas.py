@@ -185,6 +185,7 @@ def test_a_yaw_by_the_course_holds_to_it_and_not_to_the_heading(
     views: Any = SimpleNamespace(
         C_cam_body=np.array([np.eye(3), C]),
         attitude_sd=np.array([[0.003, 0.002, 0.1], [0.001, 0.004, 0.2]]),
+        slip_sd=np.array([0.03, 0.01]),
     )
     monkeypatch.setattr(course_yaw, "usable_landmarks", lambda *_: marks)
     monkeypatch.setattr(course_yaw, "_off_course", lambda v, m, c: 0.02 if m is marks[0] else None)
@@ -205,7 +206,7 @@ def test_a_yaw_by_the_course_holds_to_it_and_not_to_the_heading(
     assert asked["usable"] == marks[:1]
     turned = np.concatenate([C[:, 2] * 0.02, np.zeros(6)])
     assert asked["evidence"][0][1] == pytest.approx(pull + information @ turned)
-    assert asked["variance"][0] == pytest.approx([5e-6, 1e-5, limits.SLIP_SD**2])
+    assert asked["variance"][0] == pytest.approx([5e-6, 1e-5, 5e-4])
     # the velocity to the right, the second of the last three
     assert np.flatnonzero(asked["sd"] == 0.0).tolist() == [10]
     assert asked["before"][:4].tolist() == [1.0, 2.0, 3.0, 4.0]

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 from geolocation_scene import boxes, camera, drive_path, roadside
 
+from automap.effects.limits import NOSE_SLIP_DEG
 from automap.frames import matrix_to_rpy, rpy_to_matrix
 from automap.geolocation.locate import locate_signs
 from automap.geolocation.views import CameraCorrection, MeasurementNoise, build_views
@@ -25,7 +26,8 @@ def test_a_heading_error_is_no_turn_of_the_camera() -> None:
     assert correction.course_yaw is not None
     yaw, sd = correction.course_yaw
     assert abs(yaw) < np.radians(0.1)
-    assert np.radians(0.02) < sd < np.radians(0.15)
+    # two minutes tell no more than what the nose is off its course by for minutes
+    assert np.radians(NOSE_SLIP_DEG) < sd < np.radians(0.3)
 
 
 def test_without_straight_roads_the_course_says_nothing() -> None:

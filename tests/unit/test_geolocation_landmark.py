@@ -9,8 +9,6 @@ import pytest
 from geolocation_scene import boxes, camera, drive_path, roadside
 from scipy.optimize import least_squares
 
-from automap.fusion.options import FusionOptions
-from automap.geolocation import limits
 from automap.geolocation.landmark import (
     Landmark,
     SizePrior,
@@ -23,7 +21,7 @@ from automap.geolocation.landmark import (
 from automap.geolocation.limits import LASTING_ERROR, PATH_CORRELATION_S
 from automap.geolocation.merging import combine, difference_covariance
 from automap.geolocation.sightings import Sighting, make_sighting
-from automap.geolocation.views import MeasurementNoise, Views, along_course, build_views
+from automap.geolocation.views import MeasurementNoise, Views, build_views
 from automap.records import FloatArray
 
 PRIOR = SizePrior(0.6, 0.3)
@@ -265,13 +263,3 @@ def test_the_difference_of_two_passes_has_the_covariance_of_its_parts(
     D[:, 3 * i : 3 * i + 3], D[:, 3 * j : 3 * j + 3] = np.eye(3), -np.eye(3)
     expected_cov = D @ joint(passes) @ D.T
     assert difference_covariance(passes[i], passes[j]) == pytest.approx(expected_cov, abs=1e-9)
-
-
-def test_a_nose_that_is_off_its_course_is_no_error_of_a_cameras_yaw() -> None:
-    assert np.degrees(limits.LASTING_SLIP_SD) == pytest.approx(FusionOptions().nhc_lasting_deg)
-    own = np.radians([[0.5, 0.1, 0.04], [0.5, 0.1, 0.3]])
-    stated = own.copy()
-    stated[:, 2] = np.hypot(own[:, 2], limits.LASTING_SLIP_SD)
-    np.testing.assert_allclose(along_course(stated), own, atol=1e-9)
-    # another's trajectory, whose yaw is better than that
-    np.testing.assert_allclose(along_course(own[:1]), own[:1])

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from geolocation_scene import boxes, camera, drive_path, roadside
 
+from automap.effects.limits import NOSE_SLIP_DEG
 from automap.geolocation import path_relation, views
 from automap.geolocation.path_relation import make_path
 from automap.geolocation.trajectory_adjustment import Adjustment
@@ -59,3 +60,22 @@ def test_a_path_is_thinned_stretch_by_stretch(monkeypatch: pytest.MonkeyPatch) -
         assert len(whole.t_ns) == 1200
         for name, values in vars(whole).items():
             np.testing.assert_array_equal(values, getattr(pieces, name), name)
+
+
+@pytest.mark.parametrize("slip_deg", [0.0, 0.25, 0.6, None])
+def test_a_nose_that_is_off_its_course_is_no_error_of_a_cameras_yaw(
+    slip_deg: float | None,
+) -> None:
+    """What a trajectory says of it, whatever that is; another's says nothing, and its heading is
+    as unsure as it states."""
+    path = drive_path(duration_s=20.0)
+    own = np.radians([0.05, 0.04, 0.3])
+    found, _ = boxes(path, roadside(path), camera(), np.random.default_rng(1))
+    sd = np.tile(own, (len(path), 1))
+    slip = np.nan if slip_deg is None else np.radians(slip_deg)
+    sd[:, 2] = np.hypot(own[2], np.nan_to_num(slip))
+    stated = replace(path, sd_rpy=sd, slip_sd=np.array(slip))
+    built = build_views(stated, [found], {"front": camera()}, MeasurementNoise())
+    assert built.attitude_sd == pytest.approx(np.tile(own, (len(built), 1)))
+    usual = np.radians(NOSE_SLIP_DEG)
+    assert built.slip_sd == pytest.approx(np.nan_to_num(slip, nan=usual))

@@ -364,6 +364,18 @@ def test_a_bare_finished_trajectory_is_completed(tmp_path: Path) -> None:
     assert len(finished.warnings) == 3
 
 
+def test_a_nose_off_its_course_comes_back_from_csv(tmp_path: Path) -> None:
+    """As far as it is told, and no more of it than the heading is unsure by."""
+    names = "t_ns,lat_deg,lon_deg,roll_deg,pitch_deg,yaw_deg,sd_roll_deg,sd_pitch_deg,sd_yaw_deg"
+    rows = [f"{k}000000000,1.0,2.00{k},0,0,90,0.1,0.1,0.4" for k in range(3)]
+    slips = ["0.3", "", "0.7"]
+    text = "\n".join([names + ",sd_slip_deg", *(map(",".join, zip(rows, slips, strict=True)))])
+    told = read_trajectory_csv(_write(tmp_path, text, "trajectory.csv")).data
+    np.testing.assert_allclose(np.degrees(told.slip_sd), [0.3, np.nan, 0.4])
+    untold = read_trajectory_csv(_write(tmp_path, "\n".join([names, *rows]), "trajectory.csv"))
+    assert np.isnan(untold.data.slip_sd).all()
+
+
 def test_a_trajectory_that_never_moves_needs_its_heading(tmp_path: Path) -> None:
     text = "t_ns,lat_deg,lon_deg\n" + "".join(f"{i}000000000,1.0,2.0\n" for i in range(5))
     with pytest.raises(InputError, match="yaw_deg"):

@@ -305,7 +305,7 @@ def test_a_trajectory_is_stored_in_degrees(tmp_path: Path) -> None:
     n = 30
     data = [_random(n) for _ in range(4)] + [_random(n, 3) for _ in range(5)]
     data[1] = np.arctan(data[1])  # latitudes
-    trajectory = Trajectory(np.arange(n), *data)
+    trajectory = Trajectory(np.arange(n), *data, slip_sd=_random(n))
     write_trajectory(tmp_path / "t.parquet", trajectory)
     table = pq.read_table(tmp_path / "t.parquet")
     assert tuple(table.column_names) == COLUMNS
@@ -313,6 +313,9 @@ def test_a_trajectory_is_stored_in_degrees(tmp_path: Path) -> None:
     back = read_trajectory(tmp_path / "t.parquet")
     for name, value in vars(trajectory).items():
         np.testing.assert_allclose(getattr(back, name), value, rtol=1e-14, err_msg=name)
+    # others' and older files do not tell the nose from its course
+    pq.write_table(table.drop_columns(["sd_slip_deg"]), tmp_path / "t.parquet")
+    assert np.isnan(read_trajectory(tmp_path / "t.parquet").slip_sd).all()
 
 
 def test_columns_with_nulls_and_several_chunks(tmp_path: Path) -> None:

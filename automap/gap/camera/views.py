@@ -16,9 +16,17 @@ from automap.effects.lens import focal_length, normalise, touches_edge
 from automap.effects.measured import Values
 from automap.effects.path_signals import PathSignals
 from automap.gap.limits import MARGIN_SD_PX, MAX_VIEWS, MIN_VIEWS, WINDOW_S
-from automap.geolocation.views import MeasurementNoise, Views, along_course, build_views
+from automap.geolocation.views import MeasurementNoise, Views, build_views
 from automap.interpolation import poses_at
-from automap.records import BoolArray, Camera, Detections, FloatArray, IntArray, Trajectory
+from automap.records import (
+    BoolArray,
+    Camera,
+    Detections,
+    FloatArray,
+    IntArray,
+    Trajectory,
+    along_course,
+)
 
 LEAST_HEIGHT = 1e-4
 LATEST_NS = 400_000_000
@@ -170,11 +178,10 @@ def boxes_of(
     rank[np.argsort(first)] = np.arange(len(first))
     drive = _rows(Filmed(trajectory, camera, found, np.zeros(len(found), np.int64), path), rows)
     velocity_sd = float(np.median(np.nan_to_num(poses.sd_vel_ned[rows])))
+    attitude_sd = along_course(np.nan_to_num(poses.sd_rpy[rows]), poses.slip_sd[rows])
     return _of_drives(
         [replace(drive, sign=rank[sign])],
-        attitude_sd=np.maximum(
-            np.median(along_course(np.nan_to_num(poses.sd_rpy[rows])), axis=0), 1e-4
-        ),
+        attitude_sd=np.maximum(np.median(attitude_sd, axis=0), 1e-4),
         velocity_sd=max(velocity_sd, 1e-3),
         margin_sd=MARGIN_SD_PX / focal_length(camera),
     )

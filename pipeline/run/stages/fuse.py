@@ -324,8 +324,8 @@ def _inputs(drive: Drive) -> list[Path]:
 
 STAGE = Stage(
     name="fuse",
-    # 15: late velocities change by corrected forces
-    version=15,
+    # 16: late velocities change by corrected forces, headings tell of a nose off its course
+    version=16,
     run=run,
     inputs=_inputs,
     needs=(names.IMU, names.FIXES, names.ODOMETER, names.SYNC, names.INGEST),
