@@ -35,10 +35,11 @@ ASSEMBLY_FIELDS: tuple[Field, ...] = (
     Field("last_seen", "time", "UTC", "when any of its signs was seen last"),
 )
 _BACKS = "n_back_views"
-_NEEDED = (
-    "id", "class", "support", "side", "main_sign", "first_seen", "last_seen", _BACKS,
-    "height_above_road_m", "facing_deg", "cov_ee_m2", "cov_nn_m2",
+_OF_FACES = (
+    "id", "class", "side", "main_sign", "first_seen", "last_seen", _BACKS,
+    "height_above_road_m", "facing_deg",
 )  # fmt: skip
+_NEEDED = (*_OF_FACES, "support", "cov_ee_m2", "cov_nn_m2")
 _POSTS = 16_384
 """At once."""
 
@@ -122,7 +123,7 @@ def assembly_layer(columns: SignColumns) -> Layer:
     # numbers of Python's own are looked at one by one in a third of the time
     values = {
         name: column.tolist() if isinstance(column := columns.values[name], np.ndarray) else column
-        for name in _NEEDED
+        for name in _OF_FACES
     }
     rows = [
         _row(values, columns.utc_known, name, at[lo:hi].tolist())

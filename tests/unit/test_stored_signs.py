@@ -193,3 +193,10 @@ def test_an_archive_may_have_a_document_beyond_the_old_limit(
     with zipfile.ZipFile(tmp_path / "a.kmz") as archive:
         assert archive.testzip() is None
         assert archive.infolist()[0].file_size > 1000
+
+
+def test_two_that_write_formats_take_each_once(tmp_path: Path) -> None:
+    one, other = output._not_begun(tmp_path), output._not_begun(tmp_path)
+    taken = [next(one), next(other), next(other), *one, *other]
+    assert taken == list(output.LONGEST_FIRST)
+    assert set(taken) == set(formats.STANDARD_FORMATS)
