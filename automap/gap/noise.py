@@ -61,6 +61,15 @@ class Joint:
         rows = zip(self.names, self.values, sd, strict=True)
         return {p: (float(v), float(s)) for (e, p), v, s in rows if e == effect}
 
+    def without(self, effect: str) -> Joint:
+        """What is known of the others where one effect is nothing; the nats stay those of all."""
+        gone = np.array([e == effect for e, _ in self.names], bool)
+        gain = self.cov[np.ix_(~gone, gone)] @ np.linalg.inv(self.cov[np.ix_(gone, gone)])
+        values = self.values[~gone] - gain @ self.values[gone]
+        cov = self.cov[np.ix_(~gone, ~gone)] - gain @ self.cov[np.ix_(gone, ~gone)]
+        names = tuple(name for name in self.names if name[0] != effect)
+        return Joint(names, np.asarray(values), np.asarray(0.5 * (cov + cov.T)), self.nats)
+
 
 @dataclass(frozen=True)
 class Fitted:
