@@ -79,6 +79,17 @@ def test_a_twin_is_fitted_again_unless_it_was_clearly_outdone(
     assert len(asked.sets) == times
 
 
+def test_a_name_that_took_its_twins_place_clearly_is_not_asked_about_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    says(monkeypatch, 5.0)
+    asked = Asked()
+    _, instead = asked._better_twins(HERE, HERE, SELECTION, only(LOW_PASSED))
+    assert instead.names == (LATE,)
+    assert asked._better_twins(HERE, HERE, SELECTION, instead)[1] == instead
+    assert asked.sets == [(LATE,)]
+
+
 @pytest.mark.parametrize(
     ("every", "received", "stays"),
     [(5.0, 4.0, True), (5.0, -3.0, False), (5.0, 0.4, False), (-2.0, -1.0, False)],
