@@ -57,8 +57,6 @@ class Search:
     measured_only: bool = False
 
 
-ROUNDING = 1e-6
-"""Nats by which two sums of the same parts may differ."""
 COARSE = Search(WHITE_LEVELS, 2.0, 16.0, 180.0, 2, 3.0, True)
 """Of every run. Chosen: quick, and no step without odds of 20 to 1 (three nats)."""
 FINE = Search(LEVELS, 2.0**0.5, 64.0, 1800.0, 6, 1.0, True)
@@ -140,13 +138,10 @@ def refine_noise(
         np.ascontiguousarray(linearised_at.params[: len(part.t)]),
     )
 
-    def likelihood(trial: dict[str, float], least: float) -> LevelLikelihood:
-        scaled, expected = scale_problem(problem, trial), _expected(trial, levels)
-        below = least - expected.score - ROUNDING
-        measured = level_likelihood(
-            scaled, scale_nodes(part, trial), start, shift, path, least=below
-        )
-        return measured + expected
+    def likelihood(trial: dict[str, float]) -> LevelLikelihood:
+        scaled = scale_problem(problem, trial)
+        measured = level_likelihood(scaled, scale_nodes(part, trial), start, shift, path)
+        return measured + _expected(trial, levels)
 
     limit = COARSE.limit if tuple(levels) == RUN_LEVELS else FINE.limit
 

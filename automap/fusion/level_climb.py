@@ -51,7 +51,7 @@ class Maximum:
 
 
 def climb(
-    likelihood: Callable[[dict[str, float], float], LevelLikelihood],
+    likelihood: Callable[[dict[str, float]], LevelLikelihood],
     factors: Mapping[str, float],
     levels: Sequence[str],
     limits: Callable[[str], tuple[float, float]],
@@ -59,15 +59,14 @@ def climb(
 ) -> Maximum:
     """Move ``levels`` together uphill as long as it pays.
 
-    ``likelihood`` of factors by level, of which slopes are asked only above a least score; no
-    factor leaves its level's ``limits``. ``inverse`` curvature [p, p] of a climb on nearly the
-    same hill: with it few steps are needed.
+    ``likelihood`` of factors by level; no factor leaves its level's ``limits``. ``inverse``
+    curvature [p, p] of a climb on nearly the same hill: with it few steps are needed.
     """
     rows = [ALL_LEVELS.index(level) for level in levels]
     low, high = (np.log([limits(level)[i] for level in levels]) for i in (0, 1))
 
-    def place(x: FloatArray, least: float = -np.inf) -> _Place:
-        there = likelihood({**factors, **_by_name(levels, x)}, least)
+    def place(x: FloatArray) -> _Place:
+        there = likelihood({**factors, **_by_name(levels, x)})
         return _Place(x, there.score, there.slope[rows], there.info[rows])
 
     here = place(np.log([factors[level] for level in levels]))
@@ -84,7 +83,7 @@ def climb(
         # what a parabola promises; not worth a look if too little
         worth = 0.5 * float(step @ here.slope) >= 0.5 * GAIN
         for _ in range(TRIES if worth else 0):
-            there = place(np.clip(here.x + step, low, high), here.score)
+            there = place(np.clip(here.x + step, low, high))
             if there.score > here.score:
                 gained = there.score - here.score
                 inverse = _updated(inverse, there.x - here.x, here.slope - there.slope)

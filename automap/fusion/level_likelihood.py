@@ -49,18 +49,14 @@ def level_likelihood(
     shift: Shift,
     linearised_at: PathStates,
     room: ForwardStore | None = None,
-    least: float = -np.inf,
 ) -> LevelLikelihood:
     """Likelihood of the nodes' measurements and its slopes, linearised about ``linearised_at``;
-    ``room`` of an earlier call about the same states is written over. Slopes are as dear as the
-    likelihood itself: they stay at zero where that is not above ``least``."""
+    ``room`` of an earlier call about the same states is written over."""
     slope, info = np.zeros(len(ALL_LEVELS)), np.zeros(len(ALL_LEVELS))
     store = room or empty_store(nodes, problem.model.size)
     score = filter_into(store, problem, nodes, first_state(problem, start, shift), linearised_at)
     if not np.isfinite(score):
         return LevelLikelihood(-np.inf, slope, info)
-    if score <= least:
-        return LevelLikelihood(score, slope, info)
     level_slopes(
         nodes.t,
         nodes.var,

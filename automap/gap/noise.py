@@ -61,6 +61,15 @@ class Joint:
         rows = zip(self.names, self.values, sd, strict=True)
         return {p: (float(v), float(s)) for (e, p), v, s in rows if e == effect}
 
+    def without(self, effect: str) -> Joint:
+        """What is known of the others where one effect is nothing; the nats stay those of all."""
+        gone = np.array([e == effect for e, _ in self.names], bool)
+        gain = self.cov[np.ix_(~gone, gone)] @ np.linalg.inv(self.cov[np.ix_(gone, gone)])
+        values = self.values[~gone] - gain @ self.values[gone]
+        cov = self.cov[np.ix_(~gone, ~gone)] - gain @ self.cov[np.ix_(gone, ~gone)]
+        names = tuple(name for name in self.names if name[0] != effect)
+        return Joint(names, np.asarray(values), np.asarray(0.5 * (cov + cov.T)), self.nats)
+
 
 @dataclass(frozen=True)
 class Fitted:
@@ -178,8 +187,7 @@ def _likeliest(
     rooms = [empty_store(f.last.nodes.first(most), f.last.problem.model.size) for f in fits]
     for _ in range(2):
         top = climb(
-            lambda trial, least: noise_slopes(fits, trial, rooms, least),
-            *(factors, smooth, limits_of, inverse),
+            lambda trial: noise_slopes(fits, trial, rooms), factors, smooth, limits_of, inverse
         )
         inverse = top.inverse
         best, factors = top.score, top.factors
@@ -239,22 +247,15 @@ def noise_score(fits: Sequence[Fit], factors: Mapping[str, float]) -> float:
 
 
 def noise_slopes(
-    fits: Sequence[Fit],
-    factors: Mapping[str, float],
-    rooms: Sequence[ForwardStore | None] = (),
-    least: float = -np.inf,
+    fits: Sequence[Fit], factors: Mapping[str, float], rooms: Sequence[ForwardStore | None] = ()
 ) -> LevelLikelihood:
-    """Log-likelihood of fitted drives under other factors, and its slopes along them, which for a
-    single drive stay at zero where it is not above ``least``; ``rooms`` of earlier calls are
-    written over."""
+    """Log-likelihood of fitted drives under other factors, and its slopes along them; ``rooms`` of
+    earlier calls are written over."""
     relative = _relative(fits, factors)
-    if len(fits) > 1:
-        least = -np.inf
     parts = []
     for fit, room in zip(fits, rooms or [None] * len(fits), strict=True):
         problem, nodes, about = _scaled(fit, relative, _most_nodes(fits))
-        about_it = (problem, nodes, fit.start, fit.last.shift, about)
-        parts.append(level_likelihood(*about_it, room, least))
+        parts.append(level_likelihood(problem, nodes, fit.start, fit.last.shift, about, room))
     return reduce(operator.add, parts)
 
 

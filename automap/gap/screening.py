@@ -165,25 +165,31 @@ class Screening:
     def not_borne_out(self, here: Fitted, selection: Selection, chosen: Chosen) -> list[str]:
         """Candidates whose values as the filter finds them are worth less than a name, or larger
         than any such effect is: the screening looks at what changes quickly too, and there the
-        vehicle sways."""
-        joint = here.joint()
-        out = []
-        for name in chosen.names:
-            candidate = selection.candidates[name]
-            rows, columns = self._rows(joint, selection, chosen, name)
-            if not rows:
-                continue
-            most = limits.ONE_IN_A_THOUSAND * max(limits.PRIOR_SCALES)
-            usual = selection.linear.prior_sd[columns]
-            if not candidate.terms and (np.abs(joint.values[rows]) > most * usual).any():
-                # a delay of ten seconds is none: what the filter has found is something else
-                out.append(name)
-                continue
-            nats = self.nats(joint, selection, chosen, name)
-            prior = candidate.log_prior + len(rows) * candidate.log_choice
-            if nats + prior < limits.LEAST_ODDS:
-                out.append(name)
-        return out
+        vehicle sways. The least first, and the others where that one is nothing: of two that do
+        nearly the same neither is worth much beside the other."""
+        joint, left, out = here.joint(), list(chosen.names), []
+        while True:
+            worth = {n: self._worth(joint, selection, chosen, n) for n in left}
+            weakest = min(left, key=lambda n: worth[n], default="")
+            if not weakest or worth[weakest] >= limits.LEAST_ODDS:
+                return out
+            out.append(weakest)
+            left.remove(weakest)
+            joint = joint.without(self.effects[weakest])
+
+    def _worth(self, joint: Joint, selection: Selection, chosen: Chosen, name: str) -> float:
+        """Log odds of a candidate by its values in a joint estimate."""
+        candidate = selection.candidates[name]
+        rows, columns = self._rows(joint, selection, chosen, name)
+        if not rows:
+            return np.inf
+        most = limits.ONE_IN_A_THOUSAND * max(limits.PRIOR_SCALES)
+        usual = selection.linear.prior_sd[columns]
+        if not candidate.terms and (np.abs(joint.values[rows]) > most * usual).any():
+            # a delay of ten seconds is none: what the filter has found is something else
+            return -np.inf
+        nats = self.nats(joint, selection, chosen, name)
+        return nats + candidate.log_prior + len(rows) * candidate.log_choice
 
     def _rows(
         self, joint: Joint, selection: Selection, chosen: Chosen, name: str

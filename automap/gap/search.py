@@ -243,10 +243,10 @@ class Search:
                 _, sigmas = likelier(fitted.fits, here.fits)
                 # a long low-pass has the row of a short one, and draws itself out
                 least = -limits.APART if CATALOGUE[twin].first_order else limits.APART
+                if abs(sigmas) > limits.APART:
+                    self.outdone.add((twin, name) if sigmas > 0.0 else (name, twin))
                 if sigmas > least:
                     return fitted, instead
-                if sigmas < -limits.APART:
-                    self.outdone.add((name, twin))
                 break
         return here, chosen
 

@@ -8,8 +8,7 @@ import pytest
 from automap.fusion.adapt import scale_nodes, scale_problem
 from automap.fusion.kernel_runs import PathStates, Start
 from automap.fusion.layout import HAS_POS_H, HAS_POS_V, HAS_VEL_H, HAS_VEL_V, NHC
-from automap.fusion.level_climb import climb
-from automap.fusion.level_likelihood import LevelLikelihood, level_likelihood
+from automap.fusion.level_likelihood import level_likelihood
 from automap.fusion.levels import ALL_LEVELS, TIME_LEVELS
 from automap.fusion.model import build_state_model
 from automap.fusion.nodes import Nodes, Shift
@@ -79,40 +78,3 @@ def test_slope_is_the_difference_of_the_likelihood(
     spread = np.sqrt(found.info[row])
     assert spread > 0.0
     assert found.slope[row] == pytest.approx(numeric, abs=0.01 * spread, rel=2e-3)
-
-
-def test_slopes_are_spared_where_the_likelihood_is_no_better(
-    drive: tuple[Problem, Nodes, Start, PathStates],
-) -> None:
-    problem, nodes, start, about = drive
-    found = level_likelihood(problem, nodes, start, Shift(), about)
-    below = level_likelihood(problem, nodes, start, Shift(), about, least=found.score)
-    assert below.score == found.score
-    assert not below.slope.any()
-    above = level_likelihood(problem, nodes, start, Shift(), about, least=found.score - 1e-9)
-    np.testing.assert_array_equal(above.slope, found.slope)
-
-
-def test_a_climb_asks_for_slopes_only_where_it_goes_on() -> None:
-    levels = ("accel", "gyro")
-    rows = [ALL_LEVELS.index(level) for level in levels]
-    spared: list[float] = []
-
-    def hill(factors: dict[str, float], least: float) -> LevelLikelihood:
-        x = np.log([factors[level] for level in levels])
-        score = float(-50.0 * x @ x)
-        slope, info = np.zeros(len(ALL_LEVELS)), np.zeros(len(ALL_LEVELS))
-        if score <= least:
-            spared.append(score)
-        else:
-            slope[rows], info[rows] = -100.0 * x, 1.0
-        return LevelLikelihood(score, slope, info)
-
-    def always(factors: dict[str, float], least: float) -> LevelLikelihood:
-        return hill(factors, -np.inf)
-
-    start = dict.fromkeys(ALL_LEVELS, 1.0) | {"accel": 1.2, "gyro": 0.85}
-    ends = [climb(f, start, levels, lambda level: (0.1, 10.0)) for f in (hill, always)]
-    assert spared
-    assert ends[0].factors == ends[1].factors
-    assert ends[0].score > -0.2

@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection
 from types import SimpleNamespace
 from typing import Any, cast
 
+import numpy as np
 import pytest
 
 from automap.gap import search
+from automap.gap.candidates import Candidate
+from automap.gap.linear import Column
+from automap.gap.noise import Fitted, Joint
+from automap.gap.screening import Screening
 from automap.gap.search import Search
 from automap.gap.selection import Chosen, Selection
 
@@ -73,6 +79,17 @@ def test_a_twin_is_fitted_again_unless_it_was_clearly_outdone(
     assert len(asked.sets) == times
 
 
+def test_a_name_that_took_its_twins_place_clearly_is_not_asked_about_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    says(monkeypatch, 5.0)
+    asked = Asked()
+    _, instead = asked._better_twins(HERE, HERE, SELECTION, only(LOW_PASSED))
+    assert instead.names == (LATE,)
+    assert asked._better_twins(HERE, HERE, SELECTION, instead)[1] == instead
+    assert asked.sets == [(LATE,)]
+
+
 @pytest.mark.parametrize(
     ("every", "received", "stays"),
     [(5.0, 4.0, True), (5.0, -3.0, False), (5.0, 0.4, False), (-2.0, -1.0, False)],
@@ -99,3 +116,23 @@ def test_where_constraint_and_receiver_differ_sensors_are_the_receivers_to_judge
     assert Asked()._ahead(HERE, HERE, of_vehicle)[1] == (4.0 if of_vehicle else -2.0)
     says(monkeypatch, 4.0, 0.5)
     assert Asked()._ahead(HERE, HERE, of_vehicle)[1] == 4.0
+
+
+@pytest.mark.parametrize("strength", [8.0, 1.0])
+def test_of_two_that_do_the_same_one_is_borne_out_where_either_would_do(strength: float) -> None:
+    names = (("accel_misalignment", "zx"), ("formula_accel_z", "k"))
+    phi = np.array([[1.0, 0.99], [0.99, 1.0]])
+    info, sds = 100.0 * phi, np.ones(2)
+    cov = np.asarray(np.linalg.inv(info + np.eye(2)))
+    values = np.asarray(cov @ info @ np.array([0.1 * strength, 0.0]))
+    here = SimpleNamespace(joint=lambda: Joint(names, values, cov, 0.0))
+    columns = [Column(effect, parameter, 1.0) for effect, parameter in names]
+    candidates = {e: Candidate(e, ((i,),), math.log(0.05)) for i, (e, _) in enumerate(names)}
+    linear = SimpleNamespace(layout=columns, prior_sd=sds)
+    selection: Any = SimpleNamespace(linear=linear, candidates=candidates)
+    chosen = Chosen(tuple((e, (i,), 1.0) for i, (e, _) in enumerate(names)))
+    screening = object.__new__(Screening)
+    screening.effects = {e: e for e, _ in names}
+    out = screening.not_borne_out(cast("Fitted", here), selection, chosen)
+    assert len(out) == (1 if strength > 4.0 else 2)
+    assert "formula_accel_z" in out
