@@ -211,8 +211,8 @@ def _located(
     unused = 0 if control is None else len(control) - len(passes.controlled)
     if control is not None and unused:
         sentences.append(
-            f"{unused} of {len(control)} control signs were not seen, may as well be a neighbour, or "
-            "stand where the trajectory's own error does not allow them; they were not used."
+            f"{unused} of {len(control)} control signs were not seen, may as well be a neighbour, "
+            "or stand where the trajectory's own error does not allow them; they were not used."
         )
     return GeolocationResult(
         signs, observations, corrections, sentences, adjusted, len(passes.controlled), rules.noise,

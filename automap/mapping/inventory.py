@@ -62,11 +62,12 @@ def compare_inventory(
     inventory: Inventory,
     drives: Sequence[DriveSigns],
     shares: Sequence[Mapping[str, float]] = (),
+    at_home: bool = True,
 ) -> InventoryComparison:
     """What of ``inventory`` is on the map, what is not, and what the map has besides.
 
     ``signs`` with positions; ``drives`` tell where cameras looked; ``shares`` what the views of
-    each sign give to each class (empty: not known).
+    each sign give to each class (empty: not known), read ``at_home`` with a country's own.
     """
     shares = shares or [{}] * len(signs)
     near, directions = None, Directions()
@@ -77,7 +78,7 @@ def compare_inventory(
     if parts.displaced.any():
         inventory = parts.moved_back(inventory)
         near = near_pairs(signs, inventory)
-    pairs = candidates(signs, inventory, shares, near)
+    pairs = candidates(signs, inventory, shares, near, at_home)
     views, rows = looks_at(inventory, drives)
     looked = rows >= HALF_APPROACH_ROWS
     off = pairs.apart
@@ -85,7 +86,9 @@ def compare_inventory(
     known = fit(pairs, inventory, len(signs), looked)
     chosen = one_to_one(pairs, known.evidence, len(signs))
     parts = with_taken_off(parts, signs, pairs.listed[chosen], (off - pairs.apart)[chosen])
-    findings = [_paired(pairs, k, signs, inventory, shares, known) for k in chosen.tolist()]
+    findings = [
+        _paired(pairs, k, signs, inventory, shares, known, at_home) for k in chosen.tolist()
+    ]
     partner = np.full(len(inventory), -1)
     partner[pairs.listed[chosen]] = pairs.sign[chosen]
     unknown = np.setdiff1d(np.arange(len(signs)), pairs.sign[chosen])
@@ -135,6 +138,7 @@ def _paired(
     inventory: Inventory,
     shares: Sequence[Mapping[str, float]],
     known: Fit,
+    at_home: bool,
 ) -> Finding:
     i, j, moved = int(pairs.sign[k]), int(pairs.listed[k]), float(known.moved[k])
     east, north = (pairs.apart[k] - known.shift_m).tolist()
@@ -142,10 +146,10 @@ def _paired(
     listed = inventory.class_name[j]
     same, wrong = same_face(signs[i].class_name, listed), 0.0
     if same is None and listed and shares[i] and not signs[i].reviewed:
-        wrong = listed_wrong(shares[i], listed)
+        wrong = listed_wrong(shares[i], listed, at_home)
     if same is False or wrong > LIKELIER_THAN_NOT:
         # either the list or the map is wrong, which all of these together tell
-        belief = belief_in_another(signs[i], shares[i], listed)
+        belief = belief_in_another(signs[i], shares[i], listed, at_home)
         return Finding("class", i, j, belief, east, north, error)
     kind, belief = ("moved", moved) if moved > 0.5 else ("matched", (1.0 - moved) * (1.0 - wrong))
     return Finding(kind, i, j, belief, east, north, error)

@@ -40,10 +40,12 @@ def groups_of(name: str) -> frozenset[str]:
     return frozenset(group for c in (name, *drawn) if (group := group_of(c)))
 
 
-def of_another_class(shares: Mapping[str, float], listed: str) -> float:
+def of_another_class(shares: Mapping[str, float], listed: str, at_home: bool = True) -> float:
     """Probability that a sign, of whose class its views give ``shares``, is not of the class
-    ``listed``, where beforehand the one is as likely as the other."""
-    ratio = limits.CLASS_SHIFT + limits.CLASS_SLOPE * class_ratio(shares, listed)
+    ``listed``, where beforehand the one is as likely as the other; ``at_home`` whether they were
+    read with the classes of their country alone."""
+    shift, slope = limits.CLASS_AT_HOME if at_home else limits.CLASS_ELSEWHERE
+    ratio = shift + slope * class_ratio(shares, listed)
     return min(1.0 / (1.0 + math.exp(-ratio)), limits.MOST_SURE)
 
 
@@ -58,8 +60,8 @@ def class_ratio(shares: Mapping[str, float], listed: str) -> float:
     return math.log((other + limits.FAINT_SHARE) / (own + limits.FAINT_SHARE))
 
 
-def listed_wrong(shares: Mapping[str, float], listed: str) -> float:
+def listed_wrong(shares: Mapping[str, float], listed: str, at_home: bool = True) -> float:
     """Probability that a list has the class of a face wrong that the map does not name."""
-    wrong = of_another_class(shares, listed) * limits.STALE
-    right = (1.0 - of_another_class(shares, listed)) * (1.0 - limits.STALE)
+    another = of_another_class(shares, listed, at_home)
+    wrong, right = another * limits.STALE, (1.0 - another) * (1.0 - limits.STALE)
     return wrong / (wrong + right)

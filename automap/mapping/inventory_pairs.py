@@ -76,11 +76,11 @@ def near_pairs(
     return i, j, east_north(lat[i], lon[i], inventory.lat_rad[j], inventory.lon_rad[j])
 
 
-def belief_in_another(sign: Sign, shares: Mapping[str, float], listed: str) -> float:
+def belief_in_another(sign: Sign, shares: Mapping[str, float], listed: str, at_home: bool) -> float:
     """How surely a sign is not of the class ``listed`` but of its own, by the map alone."""
     # a person who looked at the sign has the last word
     if shares and not sign.reviewed:
-        return of_another_class(shares, listed)
+        return of_another_class(shares, listed, at_home)
     return class_belief(sign)
 
 
@@ -89,6 +89,7 @@ def candidates(
     inventory: Inventory,
     shares: Sequence[Mapping[str, float]],
     near: tuple[IntArray, IntArray, FloatArray] | None,
+    at_home: bool,
 ) -> Pairs:
     """The pairs ``near`` that may be one sign, by class and facing."""
     if near is None:
@@ -108,7 +109,8 @@ def candidates(
             # one sign under two classes: the list is wrong, or the map
             belief = believed[a]
             if not same and shares[a]:
-                belief = belief_in_another(signs[a], shares[a], inventory.class_name[b])
+                listed = inventory.class_name[b]
+                belief = belief_in_another(signs[a], shares[a], listed, at_home)
             right = (1.0 - limits.STALE) * belief
             told[k] = math.log(right / chance + 1.0 - right if same else 1.0 - right)
             looks.of_class(k, same, chance, share.get(face_of(inventory.class_name[b]), 0.0))

@@ -65,6 +65,7 @@ def compare_with_inventory(
     )
     from automap.io.inventory_file import read_inventory
     from automap.mapping.inventory import compare_inventory
+    from automap.signs.classes import country_set, load_classes
     from pipeline.compare.doubts import doubts
     from pipeline.compare.listing import listed_signs, placeless
     from pipeline.compare.report import comparison_report
@@ -79,10 +80,12 @@ def compare_with_inventory(
     near = (np.array([s.lat_rad for s in signs]), np.array([s.lon_rad for s in signs]))
     read = read_inventory(inventory, columns, crs, layer, near if signs else None)
     warnings += read.warnings
-    country = country or country_of(products.json(names.RUN))
+    driven = country_of(products.json(names.RUN))
+    country = country or driven
     listed, rows_of = listed_signs(read, country, inventory, warnings)
     drives = _drives(folder, warnings)
-    result = compare_inventory(signs, listed, drives, _class_shares(products, signs))
+    at_home = len(country_set(driven)) < len(load_classes())
+    result = compare_inventory(signs, listed, drives, _class_shares(products, signs), at_home)
     doubtful, findings = doubts(result, signs, listed, inventory, placeless(read, country))
     warnings += doubtful
     rows = [_row(finding, signs, listed, read, rows_of) for finding in findings]

@@ -66,6 +66,9 @@ def street(seed: int, d: Difficulty) -> Street:
         elif kind == WALL:
             middle = np.tile(0.5 * (box[rows, :2] + box[rows, 2:]), 2)
             box[rows] = middle + rng.uniform(3.0, 8.0) / world.size[number] * (box[rows] - middle)
+            # none that leaves the picture is a box
+            last = [world.camera.width, world.camera.height]
+            keep[rows] = (box[rows, :2] > 0.0).all(axis=1) & (box[rows, 2:] < last).all(axis=1)
         if kind in (THING, WALL):
             score[rows] = rng.uniform(0.3, 0.8, len(rows))
     frame = np.arange(int(found.frame.max()) + 1)

@@ -85,7 +85,10 @@ def main() -> None:
             for seed, plain in cases.items():
                 one, shares = with_passes(plain, passes, seed, rules_for(kinds[0]))
                 given = shares if how == "by the views" else []
-                result = compare_inventory(one.signs, one.faulty.inventory, one.drives, given)
+                at_home = bool(rules_for(kinds[0]).foreign)
+                result = compare_inventory(
+                    one.signs, one.faulty.inventory, one.drives, given, at_home
+                )
                 for kind in KINDS:
                     sure = [f for f in result.findings if f.kind == kind and f.sure]
                     right = sum(correct(f, one.faulty, one.truth) for f in sure)

@@ -59,7 +59,7 @@ def listed(passes: Sequence[Pass], rng: np.random.Generator, rules: PoolingRules
         for name, wrong, weight in asked:
             same = told.name in (name, group_of(name))
             rows.append((
-                class_ratio(shares, name), of_another_class(shares, name),
+                class_ratio(shares, name), of_another_class(shares, name, bool(rules.foreign)),
                 0.0 if same else told.probability, wrong, weight,
             ))  # fmt: skip
     table = np.array(rows, np.float64)
@@ -114,7 +114,9 @@ def main() -> None:
         }
         for check in (False, True)
     ]
-    print("fitted: shift {:.2f}, slope {:.2f}".format(*fitted(list(halves[0].values()))))
+    for where, sets in (("at home", list(SETS)[:2]), ("elsewhere", list(SETS)[2:])):
+        shift, slope = fitted([halves[0][name] for name in sets])
+        print(f"fitted {where}: shift {shift:.2f}, slope {slope:.2f}")
     for name, part in halves[1].items():
         print(f"{name}: by the name {scores(part.by_name, part)}; by the views "
               f"{scores(part.by_views, part)}")  # fmt: skip

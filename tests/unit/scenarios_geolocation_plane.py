@@ -198,7 +198,6 @@ def geolocation_faces() -> Any:
     notes = ["too small", "dark", "", "too small", "blurred", "dark", "too small"]
     contrast = np.array([0.2, 0.5, np.nan, 0.3, 0.41, 0.9, 0.35])
     heights = np.array([0.01, 0.03, 0.09, 0.02, 0.033, 0.011, 0.04])
-    marks = _landmarks(views)
     return levelled(
         {
             "observed": observed,
@@ -220,25 +219,6 @@ def geolocation_faces() -> Any:
                 condition.face_of_views(contrast[:n], notes[:n], heights[:n]) for n in (7, 4, 1)
             ]
             + [condition.face_of_views(np.full(7, np.nan), notes[k:], heights) for k in (0, 6)],
-            "usual": condition._usual_heights(views, marks),
-            "searched": [
-                condition._searched(d, drive.cameras[d.camera])
-                for d in (
-                    *drive.detections,
-                    replace(drive.detections[0], looked=None),
-                )
-            ],
-            "due": [
-                condition._due(
-                    views,
-                    m,
-                    drive.path,
-                    condition._searched(drive.detections[0], drive.cameras["front"]),
-                    drive.cameras["front"],
-                    0.02,
-                )
-                for m in marks[:12:3]
-            ],
         }
     )
 

@@ -202,10 +202,20 @@ def geolocation_existence() -> Any:
                 vars(s)
                 for s in (
                     *searched.values(),
+                    *(
+                        due_frames.searched_frames(d, drive.cameras[d.camera])
+                        for d in drive.detections
+                    ),
                     due_frames.searched_frames(holes, drive.cameras[holes.camera], assumed=True),
                 )
             ],
             "usual": usual,
+            "due": [
+                due_frames.due_frames(
+                    views, m, drive.path, searched["front"], drive.cameras["front"], 0.02
+                )
+                for m in marks[:12:3]
+            ],
             "heights": [
                 due_frames.apparent_heights(
                     mark.position,

@@ -342,14 +342,16 @@ def mapping_lists() -> Any:
     shares = [{s.class_name: 0.9 - 0.03 * k, CLASSES[0]: 0.05} for k, s in enumerate(signs)]
     shares[2], shares[5] = {}, {}
     near = pairing.near_pairs(signs, listed)
-    pairs = pairing.candidates(signs, listed, shares, near)
+    pairs = pairing.candidates(signs, listed, shares, near, True)
     rows = findings.looks_at(listed, drives)[1]
     first = pairing.fit(pairs, listed, n, rows > 3)
     alone = pairing.without_common_errors(pairs, first, signs)
     fit = pairing.fit(alone, listed, n, rows > 3)
     chosen = pairing.one_to_one(alone, fit.evidence, n)
     spread = replace(fit, moved=np.linspace(0.0, 1.0, len(pairs.sign)))
-    paired = [of._paired(alone, k, signs, listed, shares, spread) for k in range(len(pairs.sign))]
+    paired = [
+        of._paired(alone, k, signs, listed, shares, spread, True) for k in range(len(pairs.sign))
+    ]
     other = replace(listed, lat_rad=listed.lat_rad + np.where(np.arange(m) < m // 2, 5e-6, 0.0))
     parts = displaced_parts(signs, other)
     partner = np.full(m, -1)
