@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from automap.earth import metres_per_radian, tangent_rotation
+from automap.frames import wrap_pi
 from automap.geolocation import limits
 from automap.geolocation.path_errors import Equations, Network, correlations
 from automap.geolocation.sightings import Sighting
@@ -148,11 +149,10 @@ def shifted(
     C_here_origin = np.swapaxes(tangent_rotation(lat, trajectory.lon_rad, origin), 1, 2)
     error, drift = (np.einsum("nij,nj->ni", C_here_origin, v) for v in (error, drift))
     per_lat, per_lon = metres_per_radian(lat, np.nan_to_num(height))
-    lon = trajectory.lon_rad - error[:, 1] / per_lon
     return replace(
         trajectory,
         lat_rad=lat - error[:, 0] / per_lat,
-        lon_rad=(lon + np.pi) % (2.0 * np.pi) - np.pi,
+        lon_rad=wrap_pi(trajectory.lon_rad - error[:, 1] / per_lon),
         height_m=height + error[:, 2],
         vel_ned=trajectory.vel_ned - drift,
         sd_pos_ned=np.minimum(sd, trajectory.sd_pos_ned),

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from automap.earth import metres_per_radian
+from automap.frames import wrap_pi
 from automap.gates import gate
 from automap.geolocation.path_errors import Equations, Network, Solution, correlations
 from automap.mapping import limits
@@ -122,10 +123,8 @@ def rough_places(sightings: Sightings, sign: IntArray) -> tuple[FloatArray, Floa
     """Plain means [m] of the sightings' latitudes and longitudes."""
     count = np.bincount(sign)
     first = np.unique(sign, return_index=True)[1]
-    turn = sightings.lon - sightings.lon[first][sign]
-    turn = (turn + np.pi) % (2 * np.pi) - np.pi
-    mean_lon = sightings.lon[first] + np.bincount(sign, turn) / count
-    mean_lon = (mean_lon + np.pi) % (2 * np.pi) - np.pi
+    turn = wrap_pi(sightings.lon - sightings.lon[first][sign])
+    mean_lon = wrap_pi(sightings.lon[first] + np.bincount(sign, turn) / count)
     return np.bincount(sign, sightings.lat) / count, mean_lon
 
 
@@ -165,7 +164,7 @@ def tile_data(
     core = tile.core[0]
     origin = (float(lat[core]), float(lon[core]), float(np.median(known)) if len(known) else 0.0)
     north, east = (float(v) for v in metres_per_radian(origin[0], origin[2]))
-    turn = (sightings.lon[rows] - origin[1] + np.pi) % (2 * np.pi) - np.pi
+    turn = wrap_pi(sightings.lon[rows] - origin[1])
     measured = np.column_stack(
         [turn * east, (sightings.lat[rows] - origin[0]) * north, height - origin[2]]
     )
@@ -244,8 +243,7 @@ def _store(result: Adjusted, data: TileData, placed: Placed, drive: IntArray) ->
     core = data.tile.core
     north, east = (float(v) for v in metres_per_radian(data.origin[0], data.origin[2]))
     result.lat[core] = data.origin[0] + placed.place[:, 1] / north
-    turn = data.origin[1] + placed.place[:, 0] / east
-    result.lon[core] = (turn + np.pi) % (2 * np.pi) - np.pi
+    result.lon[core] = wrap_pi(data.origin[1] + placed.place[:, 0] / east)
     common = data.common[: len(core)]
     cov = placed.cov + common[:, :, None] * common[:, None, :]
     known = cov[:, 2, 2] < 1e-3 * _NO_HEIGHT

@@ -9,7 +9,7 @@ import numpy as np
 
 from automap.jit import kernel
 from automap.mapping import limits
-from automap.mapping.grid import Table, delta, insert, neighbours
+from automap.mapping.grid import Table, delta, insert, neighbours, turned
 from automap.records import BoolArray, FloatArray, IntArray
 
 # columns of the map's state, one row per sign
@@ -129,9 +129,7 @@ def found_sign(k: int, i: int, seen: Columns, offset: FloatArray, signs: MapSign
 @kernel
 def facing_evidence(difference: float) -> float:
     """Evidence in nats of an angle between two faces that may be one; -inf beyond the limit."""
-    turn = abs(difference) % (2.0 * np.pi)
-    if turn > np.pi:
-        turn = 2.0 * np.pi - turn
+    turn = abs(turned(difference))
     if not turn <= limits.FACING_LIMIT:
         return -np.inf
     best = math.log(2.0 * math.pi / (math.sqrt(2.0 * math.pi) * limits.FACING_SD))

@@ -8,6 +8,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from automap.earth import ecef, ecef_axes
+from automap.frames import wrap_pi
 from automap.mapping import limits
 from automap.mapping.association import Association, Members, renumbered
 from automap.mapping.candidates import (
@@ -85,8 +86,8 @@ def join_duplicates(
 def _places(sightings: Sightings, association: Association, sign: IntArray) -> _Places:
     m = int(sign.max()) + 1
     first = np.unique(sign, return_index=True)[1]
-    turn = sightings.lon - sightings.lon[first][sign]
-    east = ((turn + np.pi) % (2 * np.pi) - np.pi) * sightings.per_lon - association.offset[:, 0]
+    turn = wrap_pi(sightings.lon - sightings.lon[first][sign])
+    east = turn * sightings.per_lon - association.offset[:, 0]
     north = (sightings.lat - sightings.lat[first][sign]) * sightings.per_lat
     north = north - association.offset[:, 1]
     own = sightings.own

@@ -93,16 +93,17 @@ def neighbours(table: Table, lat: float, lon: float, found: IntArray) -> int:
 
 
 @kernel
+def turned(angle: float) -> float:
+    """The same angle between -pi and pi."""
+    return (angle + np.pi) % (2.0 * np.pi) - np.pi
+
+
+@kernel
 def delta(
     lat_a: float, lon_a: float, lat_b: float, lon_b: float, per_lat: float, per_lon: float
 ) -> tuple[float, float]:
     """Metres east and north from b to a, which lie close together."""
-    turn = lon_a - lon_b
-    if turn > np.pi:
-        turn -= 2.0 * np.pi
-    elif turn < -np.pi:
-        turn += 2.0 * np.pi
-    return turn * per_lon, (lat_a - lat_b) * per_lat
+    return turned(lon_a - lon_b) * per_lon, (lat_a - lat_b) * per_lat
 
 
 def east_north(

@@ -12,7 +12,7 @@ from automap.earth import metres_per_radian
 from automap.frames import wrap_pi
 from automap.jit import kernel
 from automap.mapping import limits
-from automap.mapping.grid import Table, delta, filled_table, neighbours
+from automap.mapping.grid import Table, delta, filled_table, neighbours, turned
 from automap.mapping.sightings import CameraView
 from automap.records import BoolArray, DrivePath, FloatArray, IntArray
 
@@ -157,12 +157,6 @@ def _look(
                         nearest[k, 2] = distance * np.sin(azimuth - yaw[row])
                     break
     return n
-
-
-@kernel
-def turned(angle: float) -> float:
-    """The same angle between -pi and pi."""
-    return (angle + np.pi) % (2.0 * np.pi) - np.pi
 
 
 def alike(views: Opportunities, seen: BoolArray) -> BoolArray:
