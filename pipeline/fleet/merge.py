@@ -101,7 +101,10 @@ def merge(
             drives = {key: drives[key] for key in named}
             if not drives:
                 raise InputError(f"{store.place.url}: {warnings[0]}")
-            found = merge_store(cells, workers, lambda done, text: progress(0.2 + 0.6 * done, text))
+            found = merge_store(
+                cells, workers, lambda done, text: progress(0.2 + 0.6 * done, text),
+                least_existence,
+            )  # fmt: skip
             before = None if folder is None else Before(folder, current(store), summary)
             with new_map(store) as (out, number):
                 comparison = write_fleet_map(

@@ -23,17 +23,19 @@ left as it was: a weight that is wrong by a hundredth moves no place by a hundre
 and all cells stay."""
 
 
-def kept_belief(folder: Path, homes: Homes, belief: FloatArray) -> FloatArray:
+def kept_belief(folder: Path, homes: Homes, belief: FloatArray, least: float) -> FloatArray:
     """The existence [m] of the signs of ``homes``: of a cell that is placed as before what it was,
     where that of each of its signs is the same but for ``KEPT_LEVEL`` of the standard deviation of
-    a yes or no of this probability. It is compared with what was computed anew at last, so that
-    small steps do not add up."""
+    a yes or no of this probability, and none steps over the ``least`` one of a sign on the map: the
+    same signs are on it as from nothing. It is compared with what was computed anew at last, so
+    that small steps do not add up."""
     before, kept = _read(folder / BELIEF), belief.copy()
     for digest, lo, hi in zip(homes.digest, homes.edges[:-1], homes.edges[1:], strict=True):
         old, new = before.get(digest), belief[lo:hi]
         if old is None or len(old) != len(new):
             continue
-        if (np.abs(new - old) <= KEPT_LEVEL * np.sqrt(new * (1.0 - new))).all():
+        near = np.abs(new - old) <= KEPT_LEVEL * np.sqrt(new * (1.0 - new))
+        if (near & ((new >= least) == (old >= least))).all():
             kept[lo:hi] = old
     write_columns(
         folder / BELIEF, digest=np.array(homes.digest, np.str_), edges=np.array(homes.edges),

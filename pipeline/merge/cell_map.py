@@ -62,16 +62,21 @@ def merge_store(
     folder: Path,
     workers: int = 1,
     progress: Callable[[float, str], None] = lambda fraction, text: None,
+    least_existence: float = 0.5,
 ) -> StoreMap:
-    """Do what of the merge is not done yet; the same map whatever the number of processes."""
+    """Do what of the merge is not done yet; the same map whatever the number of processes. Signs of
+    ``least_existence`` are on it."""
     if workers > 1:
         with processes(workers) as pool:
-            return _merge(folder, pool.map, progress)
-    return _merge(folder, map, progress)
+            return _merge(folder, pool.map, progress, least_existence)
+    return _merge(folder, map, progress, least_existence)
 
 
 def _merge(
-    folder: Path, over: Callable[..., Iterable[Any]], progress: Callable[[float, str], None]
+    folder: Path,
+    over: Callable[..., Iterable[Any]],
+    progress: Callable[[float, str], None],
+    least_existence: float,
 ) -> StoreMap:
     waves = turns(folder)
     cells = sum(len(wave) for wave in waves)
@@ -91,17 +96,22 @@ def _merge(
         placed += changed
         progress(0.5 + 0.4 * done / len(wanted), "where signs stand")
     progress(0.9, "which signs are there")
-    return _whole(folder, wanted, levels, (grouped, placed, cells))
+    return _whole(folder, wanted, levels, (grouped, placed, cells), least_existence)
 
 
 def _whole(
-    folder: Path, cells: list[int], levels: ErrorLevels, done: tuple[int, int, int]
+    folder: Path,
+    cells: list[int],
+    levels: ErrorLevels,
+    done: tuple[int, int, int],
+    least_existence: float,
 ) -> StoreMap:
     drives = read_drives(folder)
     columns, pairs, homes = placed_cells(folder, cells)
     m = len(columns["lat"])
     rates = detection_rates(pairs, m, len(drives))
-    belief = kept_belief(folder, homes, existence(pairs, rates, m, drives.start_gps_s))
+    belief = existence(pairs, rates, m, drives.start_gps_s)
+    belief = kept_belief(folder, homes, belief, least_existence)
     place = (columns["lat"], columns["lon"], columns["height"], columns["cov_enu"])
     fronts = map_backs(columns["class_name"], place[0], place[1], columns["facing_rad"], place[3])
     keys = [

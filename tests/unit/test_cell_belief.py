@@ -6,8 +6,14 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.merge.cell_belief import BELIEF, kept_belief
+from automap.records import FloatArray
+from pipeline.merge.cell_belief import BELIEF
+from pipeline.merge.cell_belief import kept_belief as kept_of
 from pipeline.merge.cell_steps import Homes
+
+
+def kept_belief(folder: Path, homes: Homes, belief: FloatArray) -> FloatArray:
+    return kept_of(folder, homes, belief, 0.5)
 
 
 def test_a_cell_keeps_its_existence_until_it_moved_by_what_counts(tmp_path: Path) -> None:
@@ -40,3 +46,11 @@ def test_what_was_kept_and_is_damaged_is_as_nothing(tmp_path: Path) -> None:
     assert np.array_equal(kept_belief(tmp_path, homes, belief + 1e-6), belief + 1e-6)
     assert kept_belief(tmp_path, Homes([], [0]), np.zeros(0)).size == 0
     assert kept_belief(tmp_path, Homes([], [0]), np.zeros(0)).size == 0
+
+
+def test_what_is_on_the_map_is_what_is_on_one_from_nothing(tmp_path: Path) -> None:
+    """However little a sign's existence moved, if that takes it over the least one of a map."""
+    homes, belief = Homes(["a", "b"], [0, 2, 3]), np.array([0.4999, 0.7, 0.3])
+    kept_of(tmp_path, homes, belief, 0.5)
+    kept = kept_of(tmp_path, homes, belief + 2e-4, 0.5)
+    assert np.array_equal(kept, [*(belief[:2] + 2e-4), belief[2]])
