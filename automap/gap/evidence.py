@@ -138,12 +138,17 @@ def evidence(known: Conditional, part: Part, least_ratio: float = 1.0) -> Eviden
     rows = _stacked(known, part)
     ratio = max(_ratio(rows, estimate), least_ratio)
     if not linear.of_vehicle(part) and _contradicted(rows, estimate, least_ratio):
-        rows = rows.some(~np.isin(rows.channel, LOOSE))
-        g, info = rows.phi.T @ rows.w, rows.phi.T @ rows.phi
-        nats = _bayes_factor(g, info, sd) - np.log(len(limits.PRIOR_SCALES))
-        cov = np.linalg.inv(info + np.diag(sd**-2.0))
-        estimate = cov @ g
-        ratio = max(_ratio(rows, estimate), least_ratio)
+        alone = rows.some(~np.isin(rows.channel, LOOSE))
+        its_g, its_info = alone.phi.T @ alone.w, alone.phi.T @ alone.phi
+        its_nats = _bayes_factor(its_g, its_info, sd) - np.log(len(limits.PRIOR_SCALES))
+        its_cov = np.linalg.inv(its_info + np.diag(sd**-2.0))
+        its_ratio = max(_ratio(alone, its_cov @ its_g), least_ratio)
+        lowered = 0.5 * (1.0 - 1.0 / np.array([ratio, its_ratio]))
+        its_own = its_nats - lowered[1] * float(its_g @ its_cov @ its_g)
+        # one of the two is wrong, and nobody says which
+        if its_own < nats - lowered[0] * float(estimate @ g):
+            rows, g, nats, cov, ratio = alone, its_g, its_nats, its_cov, its_ratio
+            estimate = cov @ g
     expected = (rows.phi @ estimate) ** 2
     starts = _stretches(rows.t, rows.drive, limits.BLOCKS_S[0])
     predicted = _predicted(rows.phi, rows.w, expected, starts, np.diag(sd**-2.0))

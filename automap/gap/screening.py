@@ -167,7 +167,8 @@ class Screening:
         than any such effect is: the screening looks at what changes quickly too, and there the
         vehicle sways. The least first, and the others where that one is nothing: of two that do
         nearly the same neither is worth much beside the other."""
-        joint, left, out = here.joint(), list(chosen.names), []
+        joint, left = here.joint(), list(chosen.names)
+        out: list[str] = []
         while True:
             worth = {n: self._worth(joint, selection, chosen, n) for n in left}
             weakest = min(left, key=lambda n: worth[n], default="")

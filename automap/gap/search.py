@@ -297,15 +297,13 @@ class Search:
 
     def _ahead(self, one: Fitted, other: Fitted, of_vehicle: bool) -> tuple[float, float]:
         """Nats by which fitted and held-out drives are likelier with one set than with another, and
-        the sigmas of that. Where the sets differ by nothing ``of_vehicle`` and the receiver says
-        the opposite, the vehicle constraint has no say: a body that sways against its path turns
-        the gyro with it, and what is made of small turn rates follows that."""
+        the sigmas of that: nothing where the sets differ by nothing ``of_vehicle`` and the receiver
+        alone says the opposite. A body that sways against its path turns the gyro with it, and
+        what is made of small turn rates follows that."""
         sides = [(*fitted.fits, *self._held_out(fitted)) for fitted in (other, one)]
         nats, sigmas = likelier(sides[1], sides[0])
-        if not of_vehicle:
-            received = self._by_receiver(one, other)
-            if received[0] * nats < 0.0:
-                return received
+        if not of_vehicle and self._by_receiver(one, other)[0] * nats < 0.0:
+            return 0.0, 0.0
         return nats, sigmas
 
     def _by_receiver(self, one: Fitted, other: Fitted) -> tuple[float, float]:

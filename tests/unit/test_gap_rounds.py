@@ -109,11 +109,11 @@ def test_what_only_the_vehicle_constraint_bears_out_is_not_kept(
 
 
 @pytest.mark.parametrize("of_vehicle", [False, True])
-def test_where_constraint_and_receiver_differ_sensors_are_the_receivers_to_judge(
+def test_where_constraint_and_receiver_differ_no_sensor_is_told_apart(
     monkeypatch: pytest.MonkeyPatch, of_vehicle: bool
 ) -> None:
     says(monkeypatch, 4.0, -2.0)
-    assert Asked()._ahead(HERE, HERE, of_vehicle)[1] == (4.0 if of_vehicle else -2.0)
+    assert Asked()._ahead(HERE, HERE, of_vehicle)[1] == (4.0 if of_vehicle else 0.0)
     says(monkeypatch, 4.0, 0.5)
     assert Asked()._ahead(HERE, HERE, of_vehicle)[1] == 4.0
 
