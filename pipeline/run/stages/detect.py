@@ -144,7 +144,7 @@ STAGE = Stage(
     # 3: the street around a box is hidden in the crops that are kept
     # 4: the contrast of each face, and the frames that were searched
     # 5: the classifier's last layers trained anew
-    version=5,
+    version=6,
     run=run,
     inputs=_inputs,
     # where the camera was when says which frames are worth a search
