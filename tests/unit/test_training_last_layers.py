@@ -11,7 +11,14 @@ from automap.signs.classes import load_classes  # noqa: E402
 from pipeline.train import last_layers  # noqa: E402
 from pipeline.train.classifier_data import label_of, labels  # noqa: E402
 from pipeline.train.classifier_net import FaceNet, fold, membership  # noqa: E402
-from pipeline.train.last_layers import LastLayers, Seen, between, rows_by_group, train  # noqa: E402
+from pipeline.train.last_layers import (  # noqa: E402
+    LastLayers,
+    Seen,
+    between,
+    halfway,
+    rows_by_group,
+    train,
+)
 
 
 def _seen() -> tuple[Seen, list[str]]:
@@ -48,7 +55,7 @@ def test_halfway_points_are_of_two_drawn_classes_of_one_group() -> None:
 def test_trained_layers_name_classes_and_call_what_lies_between_unknown(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(last_layers, "_BATCH", 40)
+    monkeypatch.setattr(last_layers, "_BATCH", 24)
     monkeypatch.setattr(last_layers, "BETWEEN", 0.25)
     torch.manual_seed(2)
     seen, names = _seen()
@@ -63,3 +70,28 @@ def test_trained_layers_name_classes_and_call_what_lies_between_unknown(
     wanted = belongs.argmax(dim=1)[seen.output]
     assert float((own == wanted).float().mean()) > 0.95
     assert float((halfway == labels().index("red-circle")).float().mean()) > 0.8
+
+
+def test_figures_are_learnt_beside_other_drawings_and_normalisation_stays(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(last_layers, "_BATCH", 60)
+    torch.manual_seed(3)
+    seen, names = _seen()
+    # the octagon comes as a figure alone
+    source = torch.where(seen.output == 2, 4, seen.source)
+    layers = LastLayers(FaceNet(len(names), 24))
+    kept = layers.last[1].running_mean.clone()
+    trained = train(layers, Seen(seen.features, seen.output, source), names, 100, lambda _row: None)
+    assert torch.equal(trained.last[1].running_mean, kept)
+    with torch.no_grad():
+        told = trained(seen.features[80:120].float()).argmax(dim=1)
+    assert float((told == 2).float().mean()) > 0.9
+
+
+def test_what_comes_out_lies_halfway_between_before_and_after() -> None:
+    before = {"a": torch.tensor([1.0, 3.0]), "n": torch.tensor(7)}
+    after = {"a": torch.tensor([2.0, 5.0]), "n": torch.tensor(9)}
+    mean = halfway(before, after)
+    assert mean["a"].tolist() == [1.5, 4.0]
+    assert int(mean["n"]) == 9

@@ -160,8 +160,8 @@ STAGE = Stage(
     # 3: the street around a box is hidden in the crops that are kept
     # 4: the contrast of each face, and the frames that were searched
     # 5: the classifier's last layers trained anew
-    # 6: how the pictures turn against the path
-    version=6,
+    # 7: how the pictures turn against the path, the last four layers trained anew
+    version=7,
     run=run,
     inputs=_inputs,
     # where the camera was when says which frames are worth a search
