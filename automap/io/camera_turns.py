@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 from automap.errors import InputError
 from automap.io.atomic import write_json
@@ -26,10 +27,11 @@ def read_camera_turns(path: Path) -> dict[str, PictureTurns]:
         raise InputError(f"{path} is damaged; run the stage detect again") from None
 
 
-def _turns(one: Mapping[str, object]) -> PictureTurns:
-    numbers = {k: float(one[k]) for k in ("offset_s", "offset_sd_s", "rate")}  # type: ignore[arg-type]
-    whole = {k: int(one[k]) for k in ("bends", "at_ns", "unlike")}  # type: ignore[call-overload]
+def _turns(one: Mapping[str, Any]) -> PictureTurns:
+    numbers = {k: float(one[k]) for k in ("offset_s", "offset_sd_s", "rate")}
+    bends, at_ns, unlike = (int(one[k]) for k in ("bends", "at_ns", "unlike"))
     pictures = one["pictures"]
     if not isinstance(pictures, list) or not all(abs(x) < 1e6 for x in numbers.values()):
         raise ValueError
-    return PictureTurns(**whole, **numbers, pictures=tuple(map(str, pictures)))
+    told = tuple(map(str, pictures))
+    return PictureTurns(bends, at_ns, **numbers, pictures=told, unlike=unlike)

@@ -128,16 +128,18 @@ def judged(camera: Camera, path_of: PathOf, bends: list[Steps]) -> PictureTurns:
     """What bends say together; nothing where less than two of them show how the picture turns."""
     offsets = np.arange(-limits.MOST_LATE_S, limits.MOST_LATE_S + 1e-9, limits.LATE_STEP_S)
     on_path = [_on_path(path_of, one, offsets) for one in bends]
-    best: tuple[float, list[_Bend], tuple[str, ...]] = (0.0, [], ())
-    for names, looks in _PICTURES:
-        fits = [
+    fits: list[_Bend] = []
+    names: tuple[str, ...] = ()
+    most = 0.0
+    for looked, looks in _PICTURES:
+        tried = [
             _fit(one, path @ looks.T, known, offsets)
             for one, (path, known) in zip(bends, on_path, strict=True)
         ]
-        total = float(sum(fit.correlation for fit in fits if fit is not None))
-        if total > best[0]:
-            best = total, [fit for fit in fits if fit is not None], names
-    fits, names = best[1:]
+        found = [fit for fit in tried if fit is not None]
+        total = sum(fit.correlation for fit in found)
+        if total > most:
+            most, fits, names = total, found, looked
     # one bend may be of a lorry that crosses; none alike is a video of something else
     unlike = not any(fit.correlation > limits.UNLIKE_TURNS for fit in fits)
     fits = [fit for fit in fits if fit.correlation > limits.ALIKE_TURNS]

@@ -122,6 +122,9 @@ def geometry(drive: Drive, video: VideoInput, headers: list[VideoHeader]) -> lis
         return findings
     view = float(np.degrees(2.0 * np.arctan(0.5 * width / fx)))
     shown = f"[video.{video.name}] camera_matrix: {view:.0f} deg of horizontal view"
+    if view > limits.WIDEST_DEG:
+        advice = f"fx is {fx:g}: it is in pixels, not in millimetres or parts of the width"
+        return [*findings, Finding("error", shown, advice, "camera_view")]
     off_centre = max(abs(cx / width - 0.5), abs(cy / height - 0.5))
     if off_centre > limits.OFF_CENTRE:
         findings.append(

@@ -19,7 +19,7 @@ from pipeline.check import camera, gnss, imu, timing, velocity
 NEEDED = frozenset(
     (
         *("no_fix", "few_fixes", "no_positions", "gnss_unreadable"),
-        *("no_overlap", "arrival_times", "imu_clock_offset", "manifest"),
+        *("no_overlap", "arrival_times", "imu_clock_offset", "manifest", "camera_view"),
     )
 )
 """Codes of errors that leave nothing to go on with: they cannot be accepted."""

@@ -44,6 +44,8 @@ OFF_CENTRE = 0.2
 hundredths, and a matrix of another resolution is off by more."""
 VIEW_DEG = (20.0, 150.0)
 """Horizontal views of cameras that look at a road through a lens with a pinhole model."""
+WIDEST_DEG = 170.0
+"""No lens with a pinhole model sees more: its picture would be 23 focal lengths wide."""
 ASPECT = 0.1
 """Relative difference of the two focal lengths; pixels are square."""
 SLOW_WHEELS_HZ = 0.9

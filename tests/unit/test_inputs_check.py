@@ -278,6 +278,23 @@ def test_a_camera_that_does_not_fit_its_video(drive: Path) -> None:
     assert "another resolution" in _errors(check_drive(drive))
 
 
+def test_a_focal_length_in_millimetres_stops_a_run(drive: Path) -> None:
+    """No sign can be placed by a view of 179 deg: nothing to go on with, whatever is accepted."""
+    manifest = drive / "drive.toml"
+    before = manifest.read_text()
+    manifest.write_text(
+        'accept = ["camera_view"]\n'
+        + before
+        + '[video.front]\ndetections = "d.csv"\nframes = "f.csv"\nwidth = 1242\nheight = 375\n'
+        "camera_matrix = [[4.2, 0.0, 610.0], [0.0, 4.2, 173.0], [0.0, 0.0, 1.0]]\n"
+    )
+    (drive / "d.csv").write_text("frame,class,x_min,y_min,x_max,y_max,score\n")
+    (drive / "f.csv").write_text("frame,t_ns\n0,0\n1,100000000\n")
+    report = check_drive(drive)
+    assert "in pixels, not in millimetres" in _errors(report)
+    assert not report.usable
+
+
 def test_frames_that_the_header_does_not_give_are_counted(
     drive: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
