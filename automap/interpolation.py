@@ -69,7 +69,7 @@ def _interpolate(
     if n_rows < 2:
         one, three = np.full(n, np.nan), np.full((n, 3), np.nan)
         none = np.zeros(n, np.bool_)
-        return Poses(one, one, one, *[three] * 5, slip_sd=one, covered=none, gap_s=one)
+        return Poses(one, one, one, three, three, three, three, three, one, none, one)
     tolerance = 1e-6  # GPS seconds near 1.4e9 resolve a quarter of a microsecond
     left = np.clip(np.searchsorted(stamps, asked, side="right") - 1, 0, n_rows - 2)
     right = left + 1

@@ -202,7 +202,8 @@ def sign_equations(
     is common to the views, of derivatives ``columns`` [n, 3, m], at ``bias`` [m]; what drifts is
     among that."""
     boxes = boxes._replace(drift=np.zeros(len(boxes.measured)))
-    return normal_equations(parameters, boxes, columns, bias, kind)
+    N, A, shared, residual, weight, chi2 = normal_equations(parameters, boxes, columns, bias, kind)
+    return N, A, shared, residual, weight, float(chi2)
 
 
 def elapsed_s(views: Views, rows: IntArray, anchor: int) -> FloatArray:

@@ -133,7 +133,7 @@ def facing_evidence(difference: float) -> float:
     if not turn <= limits.FACING_LIMIT:
         return -np.inf
     best = math.log(2.0 * math.pi / (math.sqrt(2.0 * math.pi) * limits.FACING_SD))
-    return best - 0.5 * (turn / limits.FACING_SD) ** 2
+    return float(best - 0.5 * (turn / limits.FACING_SD) ** 2)
 
 
 @kernel

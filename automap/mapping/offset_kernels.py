@@ -123,26 +123,20 @@ def _offset_of(stretch: _Stretch) -> tuple[FloatArray, FloatArray]:
 
 
 @kernel
-def _best(stretch: _Stretch, i: int, offset: FloatArray) -> tuple[float, int]:
-    """Evidence for the best candidate of a sighting and which it is; 0 and -1 for a new sign."""
-    p_e, p_n = stretch.spread[i] * stretch.prior[0], stretch.spread[i] * stretch.prior[1]
-    most, chosen = 0.0, -1
-    for c in range(limits.MOST):
-        if stretch.signs[i, c] < 0:
-            break
-        told = agreement(stretch.values[i, c], offset[0], offset[1], offset[2], p_e, p_n)
-        if told > most:
-            most, chosen = told, c
-    return most, chosen
-
-
-@kernel
 def _support(stretch: _Stretch, offset: FloatArray) -> float:
+    signs, values, spread, prior, mean, variance = stretch
+    e, n, u = offset[0], offset[1], offset[2]
     total = 0.0
     for axis in range(3):
-        total -= 0.5 * (offset[axis] - stretch.mean[axis]) ** 2 / stretch.variance[axis]
-    for i in range(len(stretch.signs)):
-        total += _best(stretch, i, offset)[0]
+        total -= 0.5 * (offset[axis] - mean[axis]) ** 2 / variance[axis]
+    for i in range(len(signs)):
+        most = 0.0
+        for c in range(limits.MOST):
+            if signs[i, c] < 0:
+                break
+            p_e, p_n = spread[i] * prior[0], spread[i] * prior[1]
+            most = max(most, agreement(values[i, c], e, n, u, p_e, p_n))
+        total += most
     return total
 
 
@@ -155,7 +149,14 @@ def _refine(stretch: _Stretch, offset: FloatArray) -> tuple[FloatArray, FloatArr
     a_u, b_u = 1.0 / variance[2], mean[2] / variance[2]
     for i in range(len(signs)):
         wander = spread[i]
-        chosen = _best(stretch, i, offset)[1]
+        most, chosen = 0.0, -1
+        for c in range(limits.MOST):
+            if signs[i, c] < 0:
+                break
+            p_e, p_n = wander * prior[0], wander * prior[1]
+            told = agreement(values[i, c], offset[0], offset[1], offset[2], p_e, p_n)
+            if told > most:
+                most, chosen = told, c
         if chosen < 0:
             continue
         row = values[i, chosen]
