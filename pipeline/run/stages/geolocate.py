@@ -291,7 +291,7 @@ def _inputs(drive: Drive) -> list[Path]:
 STAGE = Stage(
     name="geolocate",
     # 15: contrast of the faces, how often they were seen, backs
-    version=19,
+    version=20,
     run=run,
     inputs=_inputs,
     needs=(names.TRAJECTORY, names.DETECTIONS, names.SEARCHED, names.SYNC, names.IMU),
