@@ -130,12 +130,20 @@ def _aspect(
 
 @dataclass(frozen=True)
 class Pattern:
-    """Frames [k] that show a sign or should, in the order of time: seconds and which of them were
+    """Frames [k] that show a sign or should, in the order of time: seconds in motion and which were
     ``seen``; those that were ``due`` whether or not."""
 
     t_s: FloatArray
     seen: BoolArray
     due: BoolArray
+
+
+def in_motion_s(trajectory: Trajectory) -> FloatArray:
+    """Seconds [n] that the vehicle has moved until each row: while it stands nothing comes between
+    it and a sign that was not there."""
+    moves = np.linalg.norm(trajectory.vel_ned, axis=1) > limits.MOVING_SPEED
+    step = np.diff(trajectory.t_ns) * 1e-9
+    return np.concatenate([[0.0], np.cumsum(step * moves[1:])])
 
 
 def pattern_of(
@@ -146,17 +154,20 @@ def pattern_of(
     searched: Mapping[str, Searched],
     cameras: Mapping[str, Camera],
     usual: FloatArray,
+    moved_s: FloatArray,
 ) -> Pattern:
-    """Of a landmark, by the ``frame`` numbers [n] of all views and ``usual`` [c] heights."""
+    """Of a landmark, by the ``frame`` numbers [n] of all views, ``usual`` [c] heights and seconds
+    in motion at the trajectory's rows."""
     number = int(views.camera[mark.anchor])
     name = views.camera_names[number]
     looked = searched[name]
     due = due_frames(views, mark, trajectory, looked, cameras[name], float(usual[number]))
     shown, first = np.unique(frame[mark.rows], return_index=True)
     rest = due[~np.isin(looked.frame[due], shown)]
-    start = views.t_ns[mark.anchor]
-    t_s = np.concatenate([views.t_ns[mark.rows][first], looked.t_ns[rest]]) - start
-    order = np.argsort(t_s, kind="stable")
+    t_ns = np.concatenate([views.t_ns[mark.rows][first], looked.t_ns[rest]])
+    order = np.argsort(t_ns, kind="stable")
+    since = (t_ns[order] - trajectory.t_ns[0]) * 1.0
+    t_s = np.interp(since, (trajectory.t_ns - trajectory.t_ns[0]) * 1.0, moved_s)
     seen = np.arange(len(order)) < len(shown)
     should = np.concatenate([np.isin(shown, looked.frame[due]), np.ones(len(rest), np.bool_)])
-    return Pattern(t_s[order] * 1e-9, seen[order], should[order])
+    return Pattern(t_s, seen[order], should[order])

@@ -17,10 +17,16 @@ from collections.abc import Mapping, Sequence
 from functools import lru_cache
 
 import numpy as np
-from scipy.special import betaln, roots_jacobi
+from scipy.special import betaln
 
 from automap.geolocation import limits
-from automap.geolocation.due_frames import Pattern, pattern_of, searched_frames, usual_heights
+from automap.geolocation.due_frames import (
+    Pattern,
+    in_motion_s,
+    pattern_of,
+    searched_frames,
+    usual_heights,
+)
 from automap.geolocation.landmark import Landmark
 from automap.geolocation.views import Views
 from automap.jit import kernel
@@ -28,8 +34,9 @@ from automap.records import BoolArray, Camera, Detections, FloatArray, Trajector
 
 _BASE_RATE_ROUNDS = 20
 """Of the expectation maximisation."""
-_NODES = 16
-"""Of the quadrature over rates; with 64 patterns of 60 frames change by less than 0.01 nats."""
+_NODES = 32
+"""Of the quadrature over rates: a car that waits in sight of a sign finds it in thousands of
+frames, of which nodes that are exact for few say nothing."""
 
 
 def existence_probabilities(
@@ -50,8 +57,10 @@ def existence_probabilities(
     frame = np.concatenate([d.frame for d in detections] or [np.zeros(0, np.int64)])[views.row]
     often = [mark for mark in landmarks if len(mark.rows) >= limits.RATE_VIEWS]
     usual = usual_heights(views, often or landmarks)
+    moved = in_motion_s(trajectory)
     patterns = [
-        pattern_of(views, mark, frame, trajectory, searched, cameras, usual) for mark in landmarks
+        pattern_of(views, mark, frame, trajectory, searched, cameras, usual, moved)
+        for mark in landmarks
     ]
     rate = _found_rate([p for p in patterns if p.seen.sum() >= limits.RATE_VIEWS])
     there, alike = np.zeros(len(landmarks)), np.zeros(len(landmarks))
@@ -137,10 +146,14 @@ def sign_nats(pattern: Pattern, rate: float) -> float:
 
 @lru_cache(maxsize=64)
 def _rates(rate: float) -> tuple[FloatArray, FloatArray]:
-    """Nodes and weights [16] of the beta distribution of signs' own rates about ``rate``."""
+    """Nodes and weights [n] of the beta distribution of signs' own rates about ``rate``: even in
+    the power of the rate of misses that has a finite density at none."""
     a, b = limits.RATE_SPREAD * rate, limits.RATE_SPREAD * (1.0 - rate)
-    x, weight = roots_jacobi(_NODES, b - 1.0, a - 1.0)
-    return 0.5 * (1.0 + x), weight / weight.sum()
+    x, weight = np.polynomial.legendre.leggauss(_NODES)
+    power = min(b, 1.0)
+    missed = (0.5 * (1.0 + x)) ** (1.0 / power)
+    weight = weight * missed ** (b - power) * (1.0 - missed) ** (a - 1.0)
+    return 1.0 - missed, weight / weight.sum()
 
 
 @kernel

@@ -153,10 +153,10 @@ def _located(
     for mark, *likely in zip(landmarks, there.tolist(), real.tolist(), strict=True):
         if not mark.ok:
             continue
-        if likely[0] * likely[1] < rules.min_existence:
-            observations.note[views.row[mark.rows]] = "unconfirmed"
-        elif carried[mark.rows].mean() > 0.5:
+        if carried[mark.rows].mean() > 0.5:
             observations.note[views.row[mark.rows]] = "moving"
+        elif likely[0] * likely[1] < rules.min_existence:
+            observations.note[views.row[mark.rows]] = "unconfirmed"
         elif len(mark.rows) == 1 and mark.depth_m > rules.max_single_view_m:
             observations.note[views.row[mark.rows]] = "too_far"
         else:

@@ -238,7 +238,8 @@ def geolocation_existence() -> Any:
             "patterns": [
                 vars(
                     due_frames.pattern_of(
-                        views, m, frame, drive.path, searched, drive.cameras, usual
+                        *(views, m, frame, drive.path, searched, drive.cameras, usual),
+                        due_frames.in_motion_s(drive.path),
                     )
                 )
                 for m in marks

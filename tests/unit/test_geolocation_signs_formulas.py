@@ -180,13 +180,13 @@ def test_frames_that_should_show_a_sign_are_those_a_walk_along_the_frames_finds(
     monkeypatch.setattr(due_frames, "apparent_heights", heights)
     monkeypatch.setattr(limits, "AFTER_S", 1.0)
     found = due_frames.pattern_of(
-        *(views, mark, boxed, Any, {"front": searched}),
-        *({"front": camera(time_offset_s=offset_s)}, np.array([0.5])),
+        *(views, mark, boxed, SimpleNamespace(t_ns=np.arange(70) * step), {"front": searched}),
+        *({"front": camera(time_offset_s=offset_s)}, np.array([0.5]), 0.1 * np.arange(70)),
     )
     assert asked == list(range(10, 50))
     due = {k for k in asked if tall[k] < 0.6}
     order = sorted(due | set(boxed.tolist()))
-    assert found.t_s * 10.0 + 26.0 == pytest.approx(order)
+    assert (found.t_s - offset_s) * 10.0 == pytest.approx(order)
     assert found.seen.tolist() == [k in boxed for k in order]
     assert found.due.tolist() == [k in due for k in order]
 
