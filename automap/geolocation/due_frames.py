@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from automap.effects.camera import camera_poses
 from automap.effects.lens import focal_length, project
+from automap.effects.limits import MOVING_SPEED
 from automap.geolocation import limits
 from automap.geolocation.landmark import Landmark
 from automap.geolocation.views import Views
@@ -141,7 +142,7 @@ class Pattern:
 def in_motion_s(trajectory: Trajectory) -> FloatArray:
     """Seconds [n] that the vehicle has moved until each row: while it stands nothing comes between
     it and a sign that was not there."""
-    moves = np.linalg.norm(trajectory.vel_ned, axis=1) > limits.MOVING_SPEED
+    moves = np.linalg.norm(trajectory.vel_ned, axis=1) > MOVING_SPEED
     step = np.diff(trajectory.t_ns) * 1e-9
     return np.concatenate([[0.0], np.cumsum(step * moves[1:])])
 
