@@ -333,9 +333,9 @@ def _inputs(drive: Drive) -> list[Path]:
 STAGE = Stage(
     name="geolocate",
     # 15: contrast of the faces, how often they were seen, backs
-    # 20: stamps and pictures as the bends of the videos say, existence by frames that are due,
+    # 21: stamps and pictures as the bends of the videos say, existence by frames that are due,
     # a nose off its course
-    version=20,
+    version=21,
     run=run,
     inputs=_inputs,
     needs=(
