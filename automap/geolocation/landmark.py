@@ -121,7 +121,9 @@ def fit_landmark(views: Views, rows: IntArray, prior: SizePrior, robust: bool = 
     rows = np.asarray(rows, np.int64)
     anchor = int(rows[np.argmax(views.measured[rows, 2])])
     boxes = boxes_of(views, rows, anchor, prior)
-    starts = [boxes.prior_mean - views.measured[anchor, 2]]
+    # a box so large that its class's usual size would be at the lens is of something larger
+    nearest = float(np.log(2.0 * limits.MIN_FORWARD_M))
+    starts = [max(boxes.prior_mean - views.measured[anchor, 2], nearest)]
     if len(rows) > 1:
         starts += [starts[0] + np.log(2.0), starts[0] - np.log(2.0)]
         crossing = _crossing_depth(views, rows, anchor)
@@ -144,7 +146,8 @@ def fit_landmark(views: Views, rows: IntArray, prior: SizePrior, robust: bool = 
     information, A, _, residual, weight, chi2 = normal_equations(
         parameters, boxes, columns, np.zeros(N_COMMON), BY_CAUCHY if robust else PLAIN
     )
-    covariance = np.linalg.inv(information)
+    # of what no start explains nothing is known: a radian, a factor of e
+    covariance = np.linalg.inv(information if best is not None else np.eye(4))
     # the residuals, the size prior's among them, say whether the sigmas were too small
     dof = max(3 * len(rows) + 1 - 4, 1)
     covariance *= max(1.0, chi2 / dof)

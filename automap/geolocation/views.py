@@ -273,6 +273,8 @@ def _camera_views(
     height = _without_margin(bottom[:, 1] - top[:, 1], margin)
     width = _without_margin(right[:, 0] - left[:, 0], margin)
     has_ray = np.isfinite(centre_ray).all(axis=1) & (height > 0.0)
+    # the picture would have cut it off at both ends
+    has_ray &= (box[:, 2:] - box[:, :2] <= (camera.width, camera.height)).all(axis=1)
     measured = np.column_stack([centre_ray, np.log(np.where(has_ray, height, 1.0))])
 
     plausible = np.where(has_ray, height, 1.0)

@@ -26,6 +26,8 @@ from automap.geolocation.views import CameraCorrection, MeasurementNoise, build_
 from automap.records import Detections, Trajectory
 from automap.robust import BY_CAUCHY
 
+CENTRE = np.array([[0.0, 0.0, 640.0], [0.0, 0.0, 360.0], [0.0, 0.0, 0.0]])
+
 
 def positions(result: GeolocationResult) -> np.ndarray:
     """Signs [n, 3] in the tangent plane of the scene."""
@@ -280,9 +282,24 @@ def test_broken_boxes_are_left_out_not_fatal(world) -> None:
     box[0] = np.nan
     box[1, 3] = box[1, 1]
     box[2, 3] = box[2, 1] - 5.0
+    box[3, 1:4:2] = -1e3, 2e3  # taller than the picture
     result = locate_signs(path, [replace(found, box=box)], {"front": camera()})
-    assert (result.observations.note[:3] == "no_direction").all()
+    assert (result.observations.note[:4] == "no_direction").all()
     assert len(result.signs) > 5
+
+
+def test_a_front_of_a_house_as_large_as_the_picture_does_not_end_the_others() -> None:
+    """A sign of its class's size with such a box would touch the lens."""
+    path, wide = drive_path(), camera(matrix=np.diag([500.0, 500.0, 1.0]) + CENTRE)
+    scene = roadside(path)
+    found, owner = boxes(path, scene, wide, np.random.default_rng(3))
+    box = found.box.copy()
+    of_house = owner == owner[0]
+    centre = 0.5 * (box[of_house, :2] + box[of_house, 2:])
+    box[of_house] = np.hstack([centre - 350.0, centre + 350.0])
+    result = locate_signs(path, [replace(found, box=box)], {"front": wide})
+    others = replace(scene, position=scene.position[np.unique(owner[~of_house])])
+    assert nearest_errors(result, others).max() < 1.0
 
 
 def test_two_passes_of_one_street_are_one_sign() -> None:
