@@ -51,12 +51,11 @@ SURE = 1e-4
 JOINT_WEIGHTS = (0.0, 1.0, 0.5)
 """Bias and weights of the log-odds of detector and classifier of a model that states none; those of
 the one that comes along were fitted. Chosen: the detector decides."""
-UNKNOWN_DOUBT = 0.8
+UNKNOWN_DOUBT = 0.7
 """What is over even odds in the log-odds of a box counts for so much less where the face is none of
 the classes: of such boxes with 0.98 two in three are signs, of those with 0.5 one in two, while
-faces that are named keep what they have. Fitted on half of the street images, of which every such
-box was looked at (``tests/benchmarks/look_alikes.py --fit``), before the classifier's last layers
-were trained anew; 0.7 is the most likely since, by 0.2 of a log-likelihood of 121."""
+faces that are named keep what they have. The most likely on half of the street images, of which
+every such box was looked at (``tests/benchmarks/look_alikes.py --fit``)."""
 FINE_FROM = 1.5
 """From so many times the width that pictures are enlarged to, they are searched in a copy of that
 width, and their own pixels only in part. Less would save little."""
@@ -102,12 +101,11 @@ anything (``inventory_limits.FAINT_SHARE``)."""
 VIEW_CORRELATION = 0.25
 """Of the views of a pass, which count as four at most: the most likely of 0.1, 0.25, 0.5 and 1 on
 the half to fit of held tracks and drawn passes (``tests/benchmarks/sign_probability.py --fit``)."""
-POWERS_AT_HOME, POWERS_ELSEWHERE = (0.73, 0.76), (0.40, 0.45)
-"""Of the odds of class and group, where the country's set is known and where it is not. The most
-likely on that half of what the classifier told before its last layers were trained anew. Now 0.89,
-0.70 and 0.66, 0.60 are; kept, since with these 0.0037 of the half to check are wrong with over 0.9,
-and 0.0006 so. Without a set more faces are of no class, and what one of these is taken for all its
-views agree in."""
+POWERS_AT_HOME, POWERS_ELSEWHERE = (0.75, 0.70), (0.30, 0.60)
+"""Of the odds of class and group, where the country's set is known and where it is not: those of
+the group the most likely on that half, of the class those with which what is told is, or smaller
+ones that cost nothing there that can be told and leave 0.001 or less wrong with over 0.9. Without a
+set more faces are of no class, and what one of these is taken for all its views agree in."""
 SUREST = 1e-7
 """Nothing pooled is taken for surer than this: it is what the numbers of a view are rounded to."""
 NAMED = 2.0 / 3.0

@@ -49,7 +49,10 @@ COUNTRY = {"tracks": "DE", "AU": "AU", "all": None}
 COUNTS = {"AU": 1100, "": 500}
 """Passes of each kind of drawn faces."""
 CORRELATIONS = (0.1, 0.25, 0.5, 1.0)
+POWERS = tuple(np.round(np.arange(0.25, 1.25, 0.05), 2).tolist())
 SURE, BINS = 0.9, 10
+MOST_WRONG = 0.001
+"""Of all passes that may be wrong and sure, wherever that can be had."""
 CHANCES = 200
 
 
@@ -155,60 +158,71 @@ def rules_for(kind: str) -> PoolingRules:
 
 
 def fitted(passes: dict[str, list[Pass]], at_home: bool) -> dict[str, Any]:
-    """The correlation that makes the half to fit the most likely, of the kinds that had the
-    country's set, or that had none, and the powers, by their names among the rules: a standard
-    error below the most likely, since what is told too surely does more harm than a doubt."""
+    """The correlation and powers, by their names among the rules, for the kinds that had the
+    country's set, or that had none: those of the group that make the half to fit the most likely,
+    and of the class by ``class_power``."""
     best: tuple[float, dict[str, Any]] | None = None
     passes = {k: of for k, of in passes.items() if _at_home(k) == at_home}
-    plain: dict[str, Any] = {"class_power": 1.0, "group_power": 1.0, "named": 0.0}
+    place = "at home" if at_home else "elsewhere"
+
+    def told(**rules: float) -> Claims:
+        return pooled_mixes({
+            kind: claims([p for p in of if not p.check], replace(rules_for(kind), **rules))
+            for kind, of in passes.items()
+        })  # fmt: skip
+
     for correlation in CORRELATIONS:
         # everything is named, so that the class claimed does not hang on its own probability
-        parts = {
-            kind: claims(
-                [p for p in of if not p.check],
-                replace(rules_for(kind), correlation=correlation, **plain),
-            )
-            for kind, of in passes.items()
-        }
-        whole = pooled_mixes(parts)
-        by_class = _power(whole.probability, whole.right, whole)
-        by_group = _power(whole.group_probability, whole.group_right, whole)
-        loss = by_class[2] + by_group[2]
-        place = "at home" if at_home else "elsewhere"
-        print(f"{place}, correlation {correlation}: powers {by_class[0]:.2f} +- "
-              f"{by_class[1]:.2f}, {by_group[0]:.2f} +- {by_group[1]:.2f}, "
-              f"loss {by_class[2]:.4f} + {by_group[2]:.4f}", flush=True)  # fmt: skip
+        whole = told(correlation=correlation, class_power=1.0, group_power=1.0, named=0.0)
+        by_class = _power(whole.probability, whole.right, whole.weight)
+        by_group = _power(whole.group_probability, whole.group_right, whole.weight)
+        loss = by_class[1] + by_group[1]
+        print(f"{place}, correlation {correlation}: powers {by_class[0]:.2f}, {by_group[0]:.2f}, "
+              f"loss {by_class[1]:.4f} + {by_group[1]:.4f}", flush=True)  # fmt: skip
         if best is None or loss < best[0]:
-            found = {"class_power": by_class[0] - by_class[1],
-                     "group_power": by_group[0] - by_group[1]}  # fmt: skip
-            best = loss, {"correlation": correlation, **found}
+            best = loss, {"correlation": correlation, "group_power": by_group[0]}
     assert best is not None
-    return best[1]
+    power = class_power({k: told(class_power=k, **best[1]) for k in POWERS})
+    print(f"{place}: power of the class, as it is told, {power:.2f}", flush=True)
+    return {"class_power": power, **best[1]}
+
+
+def class_power(told: dict[float, Claims]) -> float:
+    """Of the powers, that with which what is ``told`` has the least logarithmic loss; or a smaller
+    one, the largest with which no more than ``MOST_WRONG`` are wrong and sure, where that costs
+    less than a standard error of the loss. The passes of one face count as one."""
+    losses = {}
+    for power, c in told.items():
+        p = np.clip(c.probability, 1e-7, 1 - 1e-7)
+        losses[power] = -c.weight * np.log(np.where(c.right > 0, p, 1 - p)) / c.weight.sum()
+    best = min(losses, key=lambda power: float(losses[power].sum()))
+    careful = max((k for k, c in told.items() if wrong_and_sure(c) <= MOST_WRONG), default=best)
+    more = losses[min(careful, best)] - losses[best]
+    by_face = np.bincount(np.unique(told[best].face, return_inverse=True)[1], more)
+    return min(careful, best) if more.sum() <= np.sqrt(by_face @ by_face) else best
+
+
+def wrong_and_sure(c: Claims) -> float:
+    """The share that has a wrong name with a probability over ``SURE``."""
+    wrong = c.named * (1.0 - c.right) * (c.probability > SURE)
+    return float(c.weight @ wrong / c.weight.sum())
 
 
 def _at_home(kind: str) -> bool:
     return COUNTRY[kind.split()[0]] is not None
 
 
-def _power(p: FloatArray, right: FloatArray, of: Claims) -> tuple[float, float, float]:
-    """The power of the odds with the least logarithmic loss, its standard error, and the loss.
-
-    The error has the passes of one face alike (Liang and Zeger 1986, Longitudinal data analysis
-    using generalized linear models).
-    """
+def _power(p: FloatArray, right: FloatArray, weight: FloatArray) -> tuple[float, float]:
+    """The power of the odds with the least logarithmic loss, and the loss."""
     clipped = np.clip(p, 1e-7, 1 - 1e-7)
     odds = np.log(clipped / (1 - clipped))
-    share = of.weight / of.weight.sum()
 
     def loss(power: float) -> float:
         z = power * odds
-        return float(share @ (np.logaddexp(0.0, z) - right * z))
+        return float(weight @ (np.logaddexp(0.0, z) - right * z) / weight.sum())
 
     found = minimize_scalar(loss, bounds=(0.05, 3.0), method="bounded")
-    told = 1.0 / (1.0 + np.exp(-found.x * odds))
-    pull = np.bincount(np.unique(of.face, return_inverse=True)[1], share * (told - right) * odds)
-    error = np.sqrt(pull @ pull) / (share @ (told * (1.0 - told) * odds**2))
-    return float(found.x), float(error), float(found.fun)
+    return float(found.x), float(found.fun)
 
 
 def pooled_mixes(parts: dict[str, Claims]) -> Claims:
@@ -267,13 +281,12 @@ def main() -> None:
               f"{SURE} {(wrong * (c.probability > SURE)).mean():.4f}")  # fmt: skip
     found = {name: mixed(parts, shares) for name, shares in MIXES.items()}
     for name, c in {**found, "all three": pooled_mixes(parts)}.items():
-        wrong_and_sure = c.named * (1.0 - c.right) * (c.probability > SURE)
         print(f"{name}: expected calibration error of the class "
               f"{calibration_error(c.probability, c.right, c.weight):.3f} (by chance "
               f"{by_chance(c.probability, c.weight):.3f}), of the group "
               f"{calibration_error(c.group_probability, c.group_right, c.weight):.3f} (by chance "
               f"{by_chance(c.group_probability, c.weight):.3f}); wrong and "
-              f"sure {c.weight @ wrong_and_sure / c.weight.sum():.4f}")  # fmt: skip
+              f"sure {wrong_and_sure(c):.4f}")  # fmt: skip
     if options.picture is not None:
         picture(options.picture, {**found, "all three": pooled_mixes(parts)})
 
