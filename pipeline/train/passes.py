@@ -39,13 +39,12 @@ VIEWS = (3, 16)
 
 @dataclass(frozen=True)
 class Pass:
-    """The ``views`` of one sign, its class or its group's name, whether it is to check (else to
-    fit) what is made of them, and the ``face`` (drawing or track) that it shows."""
+    """The ``views`` of one sign, its class or its group's name, and whether it is to check
+    (else to fit) what is made of them."""
 
     name: str
     views: tuple[View, ...]
     check: bool
-    face: str
 
 
 @dataclass(frozen=True)
@@ -71,7 +70,7 @@ def track_passes(folder: Path, part: Part, classifier: SignClassifier) -> list[P
         height = float(crop.box[3] - crop.box[1])
         tracks.setdefault((crop.class_id, crop.track), []).append(View(named.alternatives, height))
     return [
-        Pass(number[class_id], tuple(views), is_check(f"{class_id}/{track}"), f"{class_id}/{track}")
+        Pass(number[class_id], tuple(views), is_check(f"{class_id}/{track}"))
         for (class_id, track), views in tracks.items()
     ]
 
@@ -136,7 +135,7 @@ def drawn_passes(
             View(classifier.judge(row).alternatives, height)
             for row, height in zip(rows, heights, strict=True)
         )
-        made.append(Pass(face.name, views, is_check(face.drawing), face.drawing))
+        made.append(Pass(face.name, views, is_check(face.drawing)))
     return made
 
 

@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import argparse
 import pickle
-import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -49,17 +48,14 @@ COUNTRY = {"tracks": "DE", "AU": "AU", "all": None}
 COUNTS = {"AU": 1100, "": 500}
 """Passes of each kind of drawn faces."""
 CORRELATIONS = (0.1, 0.25, 0.5, 1.0)
-POWERS = tuple(np.round(np.arange(0.25, 1.25, 0.05), 2).tolist())
 SURE, BINS = 0.9, 10
-MOST_WRONG = 0.001
-"""Of all passes that may be wrong and sure, wherever that can be had."""
 CHANCES = 200
 
 
 @dataclass(frozen=True)
 class Claims:
     """What was told of passes [n] and whether it is right; ``named`` whether a class was named,
-    ``weight`` of each pass, and a number for its ``face``."""
+    and ``weight`` of each pass."""
 
     probability: FloatArray
     right: FloatArray
@@ -67,7 +63,6 @@ class Claims:
     group_right: FloatArray
     named: FloatArray
     weight: FloatArray
-    face: FloatArray
 
 
 def make_passes(data: Path, work: Path) -> dict[str, list[Pass]]:
@@ -108,8 +103,7 @@ def claims(passes: Sequence[Pass], rules: PoolingRules) -> Claims:
         of_group = (group_of(told.name) or told.name) == truth
         named = told.name in load_classes()
         right = told.name == one.name if named else of_group
-        face = float(zlib.crc32(one.face.encode()))
-        rows.append((told.probability, right, told.group_probability, of_group, named, 1.0, face))
+        rows.append((told.probability, right, told.group_probability, of_group, named, 1.0))
     return Claims(*np.array(rows, np.float64).T)
 
 
@@ -158,54 +152,32 @@ def rules_for(kind: str) -> PoolingRules:
 
 
 def fitted(passes: dict[str, list[Pass]], at_home: bool) -> dict[str, Any]:
-    """The correlation and powers, by their names among the rules, for the kinds that had the
-    country's set, or that had none: those of the group that make the half to fit the most likely,
-    and of the class by ``class_power``."""
+    """The correlation and powers, by their names among the rules, that make the half to fit the
+    most likely, of the kinds that had the country's set, or that had none."""
     best: tuple[float, dict[str, Any]] | None = None
     passes = {k: of for k, of in passes.items() if _at_home(k) == at_home}
-    place = "at home" if at_home else "elsewhere"
-
-    def told(**rules: float) -> Claims:
-        return pooled_mixes({
-            kind: claims([p for p in of if not p.check], replace(rules_for(kind), **rules))
-            for kind, of in passes.items()
-        })  # fmt: skip
-
+    plain: dict[str, Any] = {"class_power": 1.0, "group_power": 1.0, "named": 0.0}
     for correlation in CORRELATIONS:
         # everything is named, so that the class claimed does not hang on its own probability
-        whole = told(correlation=correlation, class_power=1.0, group_power=1.0, named=0.0)
+        parts = {
+            kind: claims(
+                [p for p in of if not p.check],
+                replace(rules_for(kind), correlation=correlation, **plain),
+            )
+            for kind, of in passes.items()
+        }
+        whole = pooled_mixes(parts)
         by_class = _power(whole.probability, whole.right, whole.weight)
         by_group = _power(whole.group_probability, whole.group_right, whole.weight)
         loss = by_class[1] + by_group[1]
+        place = "at home" if at_home else "elsewhere"
         print(f"{place}, correlation {correlation}: powers {by_class[0]:.2f}, {by_group[0]:.2f}, "
               f"loss {by_class[1]:.4f} + {by_group[1]:.4f}", flush=True)  # fmt: skip
         if best is None or loss < best[0]:
-            best = loss, {"correlation": correlation, "group_power": by_group[0]}
+            found = {"class_power": by_class[0], "group_power": by_group[0]}
+            best = loss, {"correlation": correlation, **found}
     assert best is not None
-    power = class_power({k: told(class_power=k, **best[1]) for k in POWERS})
-    print(f"{place}: power of the class, as it is told, {power:.2f}", flush=True)
-    return {"class_power": power, **best[1]}
-
-
-def class_power(told: dict[float, Claims]) -> float:
-    """Of the powers, that with which what is ``told`` has the least logarithmic loss; or a smaller
-    one, the largest with which no more than ``MOST_WRONG`` are wrong and sure, where that costs
-    less than a standard error of the loss. The passes of one face count as one."""
-    losses = {}
-    for power, c in told.items():
-        p = np.clip(c.probability, 1e-7, 1 - 1e-7)
-        losses[power] = -c.weight * np.log(np.where(c.right > 0, p, 1 - p)) / c.weight.sum()
-    best = min(losses, key=lambda power: float(losses[power].sum()))
-    careful = max((k for k, c in told.items() if wrong_and_sure(c) <= MOST_WRONG), default=best)
-    more = losses[min(careful, best)] - losses[best]
-    by_face = np.bincount(np.unique(told[best].face, return_inverse=True)[1], more)
-    return min(careful, best) if more.sum() <= np.sqrt(by_face @ by_face) else best
-
-
-def wrong_and_sure(c: Claims) -> float:
-    """The share that has a wrong name with a probability over ``SURE``."""
-    wrong = c.named * (1.0 - c.right) * (c.probability > SURE)
-    return float(c.weight @ wrong / c.weight.sum())
+    return best[1]
 
 
 def _at_home(kind: str) -> bool:
@@ -281,12 +253,13 @@ def main() -> None:
               f"{SURE} {(wrong * (c.probability > SURE)).mean():.4f}")  # fmt: skip
     found = {name: mixed(parts, shares) for name, shares in MIXES.items()}
     for name, c in {**found, "all three": pooled_mixes(parts)}.items():
+        wrong_and_sure = c.named * (1.0 - c.right) * (c.probability > SURE)
         print(f"{name}: expected calibration error of the class "
               f"{calibration_error(c.probability, c.right, c.weight):.3f} (by chance "
               f"{by_chance(c.probability, c.weight):.3f}), of the group "
               f"{calibration_error(c.group_probability, c.group_right, c.weight):.3f} (by chance "
               f"{by_chance(c.group_probability, c.weight):.3f}); wrong and "
-              f"sure {wrong_and_sure(c):.4f}")  # fmt: skip
+              f"sure {c.weight @ wrong_and_sure / c.weight.sum():.4f}")  # fmt: skip
     if options.picture is not None:
         picture(options.picture, {**found, "all three": pooled_mixes(parts)})
 
