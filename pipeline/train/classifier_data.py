@@ -88,11 +88,6 @@ class CropMaker:
         face, name = self._drawings.named(rng)
         return _perhaps_mirrored(self._set(face, rng), name, rng)
 
-    def figure(self, rng: Random) -> tuple[Image, str]:
-        """A drawn face with figures put together by rule."""
-        face, name = self._drawings.figure(rng)
-        return _perhaps_mirrored(self._set(face, rng), name, rng)
-
     def drawing(self, rng: Random) -> tuple[Image, str]:
         """A drawn face, BGRA, of a class or of none, and its name."""
         if rng.random() < 0.7:

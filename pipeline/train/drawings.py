@@ -24,7 +24,6 @@ from pipeline.train.pictograms import (
 from pipeline.train.recipes import (
     BOARDED,
     COMPOSED,
-    FIGURES,
     LIMIT_OF,
     SHOWS,
     other_prohibition,
@@ -169,13 +168,6 @@ class Drawings:
         if self._held:
             return _one(self.art[name], rng), name
         return self._drawn(name, rng), name
-
-    def figure(self, rng: Random) -> tuple[Image, str]:
-        """A face with a picture put together by rule, of a class whose pictures differ the most."""
-        name = FIGURES[int(rng.integers(len(FIGURES)))]
-        group, plain = load_classes()[name].group, _one(self.art[name], rng)
-        other = self._recipes.redrawn(name, plain, rng)
-        return self._perhaps_varied(plain if other is None else other, group, rng), name
 
     def _drawn(self, name: str, rng: Random) -> Image:
         """A drawing to train on of a class."""

@@ -65,8 +65,6 @@ SHOWS = {
     "warning--two-way-traffic--g2": "opposite arrows",
 }
 """Classes that show a subject as they are, by the subject."""
-FIGURES = tuple(name for name, shown in SHOWS.items() if shown in ("pedestrian", "children"))
-"""Classes that show people, whose pictures differ the most from country to country."""
 COMPOSED = frozenset({*_LETTERS, *_NO_WAY, *_NO_LETTER, *_NO_PICTURE, _CROSSING, *SHOWS})
 """Classes other than limits that are drawn by rule or with other pictures of their subject."""
 _RIDDEN, _BY_RULE = 0.35, 0.5

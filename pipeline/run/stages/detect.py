@@ -160,7 +160,7 @@ STAGE = Stage(
     # 3: the street around a box is hidden in the crops that are kept
     # 4: the contrast of each face, and the frames that were searched
     # 5: the classifier's last layers trained anew
-    # 7: how the pictures turn against the path, the last four layers trained anew
+    # 7: how the pictures turn against the path
     version=7,
     run=run,
     inputs=_inputs,
