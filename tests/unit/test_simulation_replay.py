@@ -47,7 +47,7 @@ def truth_of(motion: DriveMotion) -> Trajectory:
     t = np.arange(0.0, motion.duration_s, 0.05)
     m = motion.at(t)
     unknown = np.full((len(t), 3), np.nan)
-    rest = {n: unknown for n in Trajectory.__dataclass_fields__}
+    rest = {n: unknown for n in Trajectory.__dataclass_fields__ if n != "slip_sd"}
     known = {
         "t_ns": np.full(len(t), NO_TIME, np.int64),
         "gps_s": BEGIN + t,
