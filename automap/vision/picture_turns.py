@@ -150,11 +150,9 @@ def judged(camera: Camera, path_of: PathOf, bends: list[Steps]) -> PictureTurns:
     fits = [fit for fit in fits if fit.correlation > limits.ALIKE_TURNS]
     if len(fits) < limits.FEWEST_BENDS:
         return PictureTurns(len(fits))
-    found = _combined(camera, fits, names)
+    told = _combined(camera, fits, names)
     more = np.sum([fit.followed - fit.correlation for fit in fits], axis=0)
-    if more.max() > 0.0:
-        return _steadied(camera, found)
-    return found
+    return _steadied(camera, told) if more.max() > 0.0 else told
 
 
 def _bends(steps: Steps) -> bool:
