@@ -30,19 +30,23 @@ def hole_doubts(seen: Places, path: Trajectory, age_s: float, sd_m: float) -> It
     holes = np.flatnonzero(step > limits.GAP_STEPS * spacing)
     row = np.clip(np.searchsorted(path.gps_s, seen.t - age_s), 0, len(path.gps_s) - 1)
     velocity = path.vel_ned[row, :2]
+    usual: dict[int, FloatArray] = {}
     found = []
     for before in holes.tolist():
         left_out = max(round(step[before] / spacing) - 1, 1)
         half = max(left_out, round(limits.STEP_WINDOW_S / spacing), limits.STEP_FIXES)
         told = _jumps(seen, np.array([before]), half, 0, spacing, velocity)
-        usual = _jumps(
-            seen, np.arange(half - 1, len(seen.t), half), half, left_out, spacing, velocity
-        )
-        if len(told) and len(usual) >= limits.LEAST_USUAL and told[0, 2] > 0.0:
-            sd = np.array([sd_by_median(usual[:, k]) for k in (0, 1)])
+        if not len(told):
+            continue
+        if left_out not in usual:
+            ends = np.arange(half - 1, len(seen.t), half)
+            usual[left_out] = _jumps(seen, ends, half, left_out, spacing, velocity)
+        others = usual[left_out]
+        if len(others) >= limits.LEAST_USUAL:
+            sd = np.array([sd_by_median(others[:, k]) for k in (0, 1)])
             sd = np.hypot(sd, np.sqrt(2.0) * told[0, 3])
             # windows share half of their fixes with the next
-            freedom = 0.5 * len(usual)
+            freedom = 0.5 * len(others)
             square = (told[0, :2] / sd) ** 2
             # what is older lies behind, and aside by no more than chance makes
             older = bool(square[1] < gate(OUTSIDE_95, 1))
