@@ -56,7 +56,7 @@ def hole_doubts(seen: Places, path: Trajectory, age_s: float, sd_m: float) -> It
     if not found:
         return
     chance, before, older, (ahead, right, speed, _) = min(found, key=lambda one: one[0])
-    if chance > OUTSIDE_95:
+    if chance > limits.OVER_HOLE_PROBABILITY:
         return
     at_s = float(seen.t[before + 1] - path.gps_s[0])
     size = abs(ahead) if older else float(np.hypot(ahead, right))
