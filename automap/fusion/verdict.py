@@ -34,12 +34,13 @@ from automap.fusion.doubts.estimates import (
     unexpected_delay,
 )
 from automap.fusion.doubts.heights import height_doubts
+from automap.fusion.doubts.hole import hole_doubts
 from automap.fusion.doubts.offsets import offset_doubts
 from automap.fusion.doubts.path import fix_misses, off_the_fixes
 from automap.fusion.doubts.position_jump import (
     beside_readings,
-    exact_places,
     jump_doubts,
+    places_of,
     position_jumps,
 )
 from automap.fusion.doubts.readings import reading_doubts
@@ -139,13 +140,14 @@ def weigh(
     arm = arm_by_drive(found, lever_arm, STATED_ARM_SD_M, bends)
     arm = _of_axes(found, "gnss_lever_arm") if arm is None else arm
     steps: list[Reason] = []
-    places = exact_places(model_fixes(fixes, fixes.gps_s, options))
+    places = places_of(model_fixes(fixes, fixes.gps_s, options))
     if believed:
         wanted = np.concatenate([*told_times(fixes, path, found), places.t - path.gps_s[0]])
         free = _free(result, path, bridged, found, wanted, delay_is_clock)
         steps = _steps(result, path, free, found, fixes, options, arm)
         age = found.get(LATENCY_STATE, (0.0, 0.0))[0]
         places = beside_readings(places, free, path, arm, age)
+        of_receiver += hole_doubts(places, path, age, _level_sd(part for _, part in known()))
     try:
         dated = dated_velocities(fixes, receiver)
         levels = fix_levels(dated, options)
@@ -230,7 +232,7 @@ def weigh_alone(
     off, _ = off_the_fixes(misses, options.wander_tau_s)
     reasons = [*receiver_doubts(receiver, float(path.gps_s[0])), *off]
     reasons += accuracy_doubts(fixes, options)
-    places = exact_places(model_fixes(fixes, fixes.gps_s, options))
+    places = places_of(model_fixes(fixes, fixes.gps_s, options))
     reasons += jump_doubts(position_jumps(places), path)
     reasons += _offsets(_level_sd([path]), dated, alone, options, levels)
     return _alone(widen(path, reasons, misses, None), reasons)

@@ -83,8 +83,9 @@ class PictureTurns:
 
     ``offset_s`` and ``offset_sd_s`` are to be added to the stamps at ``at_ns`` beyond the camera's
     own offset, and ``rate`` of the time since; zeros where nothing contradicts the manifest.
-    ``pictures`` names what the picture then is, one of them. ``bends`` told it. So many as
-    ``unlike`` turn otherwise than the path does at any offset.
+    ``pictures`` names what the picture then is, one of them. ``bends`` told it. A sigma without an
+    offset is of a picture that follows the vehicle slowly. So many as ``unlike`` bend otherwise
+    than the path does at any offset.
     """
 
     bends: int
@@ -110,8 +111,9 @@ class PictureTurns:
         """What is wrong, in a sentence; empty where nothing is."""
         if self.unlike >= 2:
             return (
-                f"camera {camera}: in none of {self.unlike} bends does the picture turn as the "
-                "path does, nor within seconds of it: check that the video is of this drive and "
+                f"camera {camera}: in none of {self.unlike} bends that the picture shows does it "
+                "turn as the path does, nor within seconds of it: check that the video is of this "
+                "drive and "
                 "its frames' stamps. Places of its signs may be wrong by more than they say."
             )
         if self.as_stated:
@@ -124,6 +126,11 @@ class PictureTurns:
             )
         if self.rate:
             said.append(f"they take {1.0 + self.rate:.4f} of the time that their stamps say")
+        if self.offset_sd_s and not self.offset_s:
+            said.append(
+                f"it follows the vehicle slowly, by up to {self.offset_sd_s:.2f} s, as a gimbal or "
+                "steadied pictures do"
+            )
         if self.pictures:
             said.append(f"its picture is {' or '.join(self.pictures)}")
         return (

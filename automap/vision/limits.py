@@ -180,6 +180,9 @@ videos it is 0.999, in noise the best of all offsets 0.3; half of all turns expl
 STEPS_ALIKE, LEAST_LATE_SD_S = 5.0, 0.03
 """So many steps err alike (half a second of what is seen), and what the offset of one bend is good
 to at best: the exposure of a frame and half the way between two of them."""
+FOLLOWED_S = 0.1, 0.14, 0.2, 0.28, 0.4, 0.57, 0.8, 1.13, 1.6
+"""Times in which gimbals and steadied pictures may follow their vehicle, s, up to the 1.6 after
+which the least that is left in ``MOST_LATE_S`` is a seventh."""
 LATE_PROBABILITY = 1e-4
 """So rarely is a right video called late or quick."""
 

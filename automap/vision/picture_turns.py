@@ -11,12 +11,12 @@ Temporal Calibration of Multiple Proprioceptive and Exteroceptive Sensors, 2010)
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from automap.frames import matrix_to_rotation_vector, rpy_to_matrix
-from automap.gates import sigmas
+from automap.gates import exceeds_ratio, sigmas
 from automap.records import BoolArray, Camera, FloatArray, IntArray, PictureTurns, VideoFrame
 from automap.vision import limits
 from automap.vision.camera_motion import ImageMotion
@@ -46,9 +46,11 @@ class Steps:
 
 @dataclass(frozen=True)
 class _Bend:
-    """Where pictures and path of a bend agree best: correlation, offset s and its sigma, at ns."""
+    """Where pictures and path of a bend agree best: correlation, offset s and its sigma, at ns.
+    ``followed`` [f] the correlation with a path that is followed, as ``FOLLOWED_S`` says."""
 
     correlation: float
+    followed: FloatArray
     offset_s: float
     sd_s: float
     at_ns: float
@@ -108,14 +110,16 @@ def picture_turns(
 
 
 def _follow(camera: Camera, ahead: FloatArray, pictures: Iterable[VideoFrame]) -> Steps:
-    """Turns from picture to picture, without those of which nothing is known."""
+    """Turns from picture to picture, without those of which nothing is known, or that stand still:
+    what does not move in a bend is dirt, writing or a bus ahead, and no background."""
     motions = ImageMotion(camera, ahead)
     old, new, turn = [], [], []
     before: int | None = None
     for picture in pictures:
         seconds = 0.0 if before is None else (picture.t_ns - before) * 1e-9
         motion = motions.step(picture.image, seconds)
-        if before is not None and motion.turn_sd < limits.TURN_RATE_SD * seconds:
+        told = motion.turn_sd < limits.TURN_RATE_SD * seconds and motion.moved.any()
+        if before is not None and told:
             old.append(before)
             new.append(picture.t_ns)
             turn.append(matrix_to_rotation_vector(motion.C_new_old.T))
@@ -140,12 +144,34 @@ def judged(camera: Camera, path_of: PathOf, bends: list[Steps]) -> PictureTurns:
         total = sum(fit.correlation for fit in found)
         if total > most:
             most, fits, names = total, found, looked
-    # one bend may be of a lorry that crosses; none alike is a video of something else
-    unlike = not any(fit.correlation > limits.UNLIKE_TURNS for fit in fits)
+    # one bend may be of a lorry that crosses; none alike is a video of something else, if it bends
+    if not any(fit.correlation > limits.UNLIKE_TURNS for fit in fits):
+        return PictureTurns(0, unlike=sum(_bends(one) for one in bends))
     fits = [fit for fit in fits if fit.correlation > limits.ALIKE_TURNS]
     if len(fits) < limits.FEWEST_BENDS:
-        return PictureTurns(len(fits), unlike=len(bends) if unlike else 0)
-    return _combined(camera, fits, names)
+        return PictureTurns(len(fits))
+    told = _combined(camera, fits, names)
+    more = np.sum([fit.followed - fit.correlation for fit in fits], axis=0)
+    return _steadied(camera, told) if more.max() > 0.0 else told
+
+
+def _bends(steps: Steps) -> bool:
+    """Whether pictures show a bend of their own: turns that last, as those of noise do not."""
+    k, n = round(limits.STEPS_ALIKE), len(steps.turn) - len(steps.turn) % round(limits.STEPS_ALIKE)
+    lasting = np.mean(steps.turn[:n].reshape(-1, k, 3).sum(axis=1) ** 2, axis=0)
+    ratio = lasting / np.maximum(k * np.mean(steps.turn[:n] ** 2, axis=0), 1e-12)
+    turned = np.ptp(np.cumsum(steps.turn, axis=0), axis=0) > limits.LEAST_BEND_RAD
+    chance = [exceeds_ratio(float(one), n // k, n) for one in ratio]
+    return bool(np.any(turned & (np.array(chance) < limits.LATE_PROBABILITY)))
+
+
+def _steadied(camera: Camera, found: PictureTurns) -> PictureTurns:
+    """Of a picture that follows the vehicle, and is not of another time: as unsure as it seems
+    late."""
+    if not found.offset_s:
+        return found
+    sd = float(np.hypot(found.offset_s, camera.time_offset_sd))
+    return replace(found, offset_s=0.0, offset_sd_s=sd, rate=0.0)
 
 
 def _on_path(path_of: PathOf, steps: Steps, offsets: FloatArray) -> tuple[FloatArray, BoolArray]:
@@ -179,6 +205,12 @@ def _fit(steps: Steps, path: FloatArray, known: BoolArray, offsets: FloatArray) 
         shared = np.einsum("kc,mkc->m", steps.turn, path)
         size = np.einsum("mkc,mkc->m", path, path)
         correlation = shared / np.sqrt(size * np.sum(steps.turn**2))
+        # a low pass is a mean of what was before (a gimbal that follows its vehicle)
+        age = -offsets / np.array(limits.FOLLOWED_S)[:, None]
+        share = np.where(age >= 0.0, np.exp(-np.maximum(age, 0.0)), 0.0)
+        slow = np.tensordot(share / share.sum(axis=1, keepdims=True), path, 1)
+        followed = np.einsum("kc,fkc->f", steps.turn, slow)
+        followed /= np.sqrt(np.einsum("fkc,fkc->f", slow, slow) * np.sum(steps.turn**2))
     at = int(np.nanargmax(np.nan_to_num(correlation, nan=-1.0)))
     if not 0 < at < len(offsets) - 1:
         return None
@@ -191,7 +223,8 @@ def _fit(steps: Steps, path: FloatArray, known: BoolArray, offsets: FloatArray) 
     slope = scale * (path[at + 1] - path[at - 1]) / (2.0 * limits.LATE_STEP_S)
     noise = np.sum(residual**2) / residual.size * limits.STEPS_ALIKE
     sd = float(np.hypot(np.sqrt(noise / np.sum(slope**2)), limits.LEAST_LATE_SD_S))
-    return _Bend(float(top), float(offset), sd, float(np.mean(0.5 * (steps.old_ns + steps.new_ns))))
+    middle = float(np.mean(0.5 * (steps.old_ns + steps.new_ns)))
+    return _Bend(float(top), followed, float(offset), sd, middle)
 
 
 def _combined(camera: Camera, fits: list[_Bend], names: tuple[str, ...]) -> PictureTurns:

@@ -12,8 +12,8 @@ import pytest
 from automap.fusion.doubts.position_jump import (
     Jump,
     beside_readings,
-    exact_places,
     jump_doubts,
+    places_of,
     position_jumps,
 )
 from automap.fusion.nodes import model_fixes
@@ -47,7 +47,7 @@ def moved(fixes: Fixes, start: float, stop: float, by: FloatArray) -> Fixes:
 
 def jumps_of(fixes: Fixes, seed: int | None = 3) -> list[Jump]:
     """Beside the readings of the drive ``seed``, or by themselves."""
-    places = exact_places(model_fixes(fixes, fixes.gps_s, FusionOptions()))
+    places = places_of(model_fixes(fixes, fixes.gps_s, FusionOptions()))
     if seed is None:
         return position_jumps(places)
     motion, imu = drive(seed)

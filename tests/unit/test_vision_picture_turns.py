@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from automap.records import PictureTurns, Trajectory
+from automap.records import PictureTurns, Trajectory, VideoFrame
 from automap.vision.camera_path import camera_path
-from automap.vision.picture_turns import Steps, frames_to_follow, judged
+from automap.vision.picture_turns import Steps, frames_to_follow, judged, picture_turns
 from automap.vision.search import default_camera
 
 CAMERA = replace(default_camera(640, 360), time_offset_sd=0.1)
@@ -29,12 +30,20 @@ def path() -> Trajectory:
 
 
 def told(
-    late_s: float = 0.0, rate: float = 0.0, looks: tuple[float, ...] = (1, 1, 1), seed: int = 0
+    late_s: float = 0.0,
+    rate: float = 0.0,
+    looks: tuple[float, ...] = (1, 1, 1),
+    seed: int = 0,
+    noise: float = 0.004,
+    follows_s: float = 0.0,
+    own: bool = False,
 ) -> PictureTurns:
     """What is said of frames that show what was ``late_s`` and ``rate`` of the time before their
-    stamps, and whose turns look multiplied by ``looks``."""
+    stamps, whose turns look multiplied by ``looks``, of a camera that follows the vehicle in
+    ``follows_s``, or with bends of their ``own``."""
     rng = np.random.default_rng(seed)
     drive = path()
+    shown = followed(drive, follows_s) if follows_s else drive
 
     def path_of(t_ns: np.ndarray) -> object:
         return camera_path(drive, CAMERA, t_ns)
@@ -44,14 +53,25 @@ def told(
     for rows in frames_to_follow(path_of(stamps), stamps):  # type: ignore[arg-type]
         at = stamps[rows]
         true = at - np.round(1e9 * late_s + rate * at).astype(np.int64)
-        seen = camera_path(drive, CAMERA, true)
+        seen = camera_path(shown, CAMERA, true)
         turn = np.array(
             [vector(seen.C_cam_ref[k] @ seen.C_cam_ref[k + 1].T) for k in range(len(at) - 1)]
         )
         # leaks of what is near, which last, and noise
-        turn = 0.9 * turn * looks + rng.normal(0.0, 0.004, turn.shape)
+        turn = 0.9 * turn * looks + rng.normal(0.0, noise, turn.shape)
+        if own:
+            turn = rng.normal(0.0, noise, turn.shape)
+            turn[:, 2] += 0.05 * np.sign(np.sin(np.arange(len(turn)) / 8.0))
         bends.append(Steps(at[:-1], at[1:], turn))
     return judged(CAMERA, path_of, bends)  # type: ignore[arg-type]
+
+
+def followed(drive: Trajectory, tau_s: float) -> Trajectory:
+    """A path whose heading is a low pass of the vehicle's."""
+    yaw = drive.rpy[:, 2].copy()
+    for k in range(1, len(yaw)):
+        yaw[k] = yaw[k - 1] + (drive.rpy[k, 2] - yaw[k - 1]) * 0.02 / tau_s
+    return replace(drive, rpy=np.column_stack([drive.rpy[:, :2], yaw]))
 
 
 def vector(matrix: np.ndarray) -> np.ndarray:
@@ -101,8 +121,8 @@ def test_turned_and_late() -> None:
 
 
 def test_pictures_that_turn_by_themselves_say_nothing() -> None:
-    """Noise, or a video of another drive: no bend agrees."""
-    found = told(looks=(0, 0, 0))
+    """A video of another drive: no bend agrees."""
+    found = told(own=True)
     assert found == PictureTurns(0, unlike=4)
     assert "check that the video is of this drive" in found.told("front")
     assert PictureTurns(0, unlike=1).told("front") == PictureTurns(3).told("front") == ""
@@ -112,3 +132,33 @@ def test_a_straight_road_has_nothing_to_follow() -> None:
     drive = path()
     stamps = np.arange(60 * S, 80 * S, S // 10)
     assert frames_to_follow(camera_path(drive, CAMERA, stamps), stamps) == []
+
+
+def test_a_picture_that_follows_slowly_is_not_late() -> None:
+    """A gimbal's low pass of 0.6 s looks half a second late: then that is how unsure it is."""
+    found = told(follows_s=0.6)
+    assert found.offset_s == 0.0
+    assert 0.3 < found.offset_sd_s < 0.8
+    assert "gimbal" in found.told("front")
+
+
+def test_noise_and_what_does_not_move_are_no_other_video() -> None:
+    """Of a video of something else bends are asked for, elsewhere than on the path."""
+    assert told(looks=(0, 0, 0), noise=0.02) == PictureTurns(0)
+
+
+def test_still_pictures_show_no_background() -> None:
+    """Writing or dirt before the dark stays where it is while the path bends."""
+    rng = np.random.default_rng(5)
+    still = rng.integers(0, 255, (360, 640, 3)).astype(np.uint8)
+    stamps = np.arange(10 * S, 140 * S, S // 10)
+
+    def pictures(frames: np.ndarray) -> Iterator[VideoFrame]:
+        for frame in frames.tolist():
+            yield VideoFrame(frame, int(stamps[frame]), still)
+
+    drive = path()
+    found = picture_turns(
+        CAMERA, lambda t_ns: camera_path(drive, CAMERA, t_ns), stamps, np.arange(1300), pictures
+    )
+    assert found == PictureTurns(0)

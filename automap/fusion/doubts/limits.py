@@ -57,6 +57,13 @@ HELD_S = 5.0
 STEP_WINDOW_S, STEP_FIXES, STEP_BATCH = 3.0, 3, 2000
 """A velocity jumps against that of so long before and after, of so many fixes at least: receivers
 err for one to three seconds in a row and are right again. So many are looked at at once."""
+LEAST_USUAL = 8
+"""Jumps over holes are compared with those of so many stretches without one: by a sigma of four
+degrees of freedom, which makes a doubt of nothing that is less than 50 of it off."""
+OVER_HOLE_PROBABILITY = 1e-3
+"""A jump over a hole is rather a change than chance below this: where one hole in a hundred has
+one. Chosen; a slow vehicle's 4 m, which chance makes once in thirty times, would else count as
+half a second, and as 15 m where it drives fast."""
 SAME_FIX_S = 1e-3
 """Fixes no further apart are one that stands twice: no receiver tells more than a hundred a
 second."""

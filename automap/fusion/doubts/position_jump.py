@@ -10,7 +10,7 @@ Which side of a jump is right is not told: each place is so as probably as it la
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
@@ -57,11 +57,9 @@ class Jump:
     by: FloatArray
 
 
-def exact_places(model: FixModel) -> Places:
-    """Positions of fixes, timed in GPS seconds, that are good to decimetres, without a witness.
-    Others jump by as much as they err, which their sigmas hold."""
+def places_of(model: FixModel) -> Places:
+    """Positions of fixes, timed in GPS seconds, without a witness."""
     rows = np.flatnonzero((model.flags & HAS_POS_H) > 0)
-    rows = rows[model.stated_sd[rows, :2].max(axis=1, initial=0.0) < ARM_TOLD_SD_M]
     rows = rows[np.diff(model.t[rows], prepend=-np.inf) > limits.SAME_FIX_S]
     n, values = len(rows), model.values[rows]
     ref = (*values[0, :2], 0.0) if n else (0.0, 0.0, 0.0)
@@ -91,8 +89,11 @@ def beside_readings(
     return Places(t, places.at[inside], places.sd[inside], felt, turn, lost, slack)
 
 
-def position_jumps(seen: Places) -> list[Jump]:
-    """Jumps of positions beyond what they err by, in the order of time."""
+def position_jumps(places: Places) -> list[Jump]:
+    """Jumps, in the order of time, of positions that are good to decimetres. Others jump by as much
+    as they err, which their sigmas hold."""
+    exact = places.sd < ARM_TOLD_SD_M
+    seen = Places(*(getattr(places, field.name)[exact] for field in fields(Places)))
     if len(seen.t) < LEAST_JUDGED:
         return []
     before, jump, least, slack, sd = (
