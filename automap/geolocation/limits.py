@@ -184,14 +184,15 @@ WHOLLY_IN_VIEW = 0.7
 """Of its height, how far the middle of a sign must be from the edge of the picture: half of it, and
 as much again as its place is unsure."""
 RATE_SPREAD = 6.0
-"""Sum of the beta parameters of a sign's own rate of being found in frames. Chosen as between
-drives (``mapping.limits.SPREAD``): at 0.85 signs differ by 0.13."""
+"""Sum of the beta parameters of a sign's own rate of being found, in frames as by drives. Chosen:
+rates of 0.85 differ by 0.13 between signs."""
 HIDDEN, HIDDEN_S = 0.05, 1.0
 """Of the time something is in the way of a sign, and for how long as a rule, s. Chosen: a parked
 van or the crown of a tree, ten metres of a street; of 0.01 to 0.2 and of 0.25 to 4 s the likeliest
 for the signs of seven recorded drives, boxed by hand, are 0.05 and 1 or 2 s."""
 STRAY_FRAME = 1e-3
-"""A sign that is hidden is found so rarely."""
+"""A sign that is hidden is found so rarely: a false box lies at its place, of a tenth of one a
+frame in a hundredth of the picture. Chosen."""
 STANDING = 0.6
 """Of boxes that show no sign, those that show what stands there: 8 of 13 with scores over 0.9 on
 street images (``look_alikes.csv``)."""

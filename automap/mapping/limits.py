@@ -11,6 +11,7 @@ import math
 from automap.gates import gate_in_plane
 from automap.geolocation.limits import LASTING_ERROR as LASTING_ERROR
 from automap.geolocation.limits import PATH_CORRELATION_S as PATH_CORRELATION_S
+from automap.geolocation.limits import RATE_SPREAD
 
 # which sightings are one sign
 
@@ -133,9 +134,9 @@ some thirty years. Probability of that between any two drives at least, however 
 RATE_PRIOR, REAL_PRIOR = (8.0, 1.5), (9.0, 1.0)
 """Beta parameters of how often a real sign in view is seen, and of which share of map signs are
 real. Chosen: no more than ten drives or signs tell."""
-SPREAD, SPREAD_LOG_SD = 6.0, 1.0
+SPREAD, SPREAD_LOG_SD = RATE_SPREAD, 1.0
 """Sum of the beta parameters of a real sign's detection rate, how alike signs are, where the data
-do not tell; and the sigma of its logarithm. Chosen: rates of 0.85 differ by 0.13 between signs."""
+do not tell, as within a drive; and the sigma of its logarithm."""
 SPREADS = (2.0, 3.0, 4.5, 6.0, 9.0, 13.0, 20.0, 40.0)
 """Those that are tried, each half as large again as the last; at the largest all are alike."""
 FALSE_BETA = (1.0, 20.0)

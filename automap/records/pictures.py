@@ -113,8 +113,8 @@ class PictureTurns:
             return (
                 f"camera {camera}: in none of {self.unlike} bends that the picture shows does it "
                 "turn as the path does, nor within seconds of it: check that the video is of this "
-                "drive and "
-                "its frames' stamps. Places of its signs may be wrong by more than they say."
+                "drive and its frames' stamps. Places of its signs may be wrong by more than they "
+                "say."
             )
         if self.as_stated:
             return ""
