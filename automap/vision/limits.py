@@ -191,6 +191,15 @@ LATE_PROBABILITY = 1e-4
 STILL_GREYS, STILL_SHARE = 4.0, 0.002
 """A picture stands still in which no more than this share changed by more than so many grey levels.
 Chosen: at night little of a picture changes even in motion."""
+REPEATED_GREYS = 3.0
+"""Grey levels in a thumbnail by which a frame that is shown again differs at most: coding it again
+changes means of 25 pixels by up to 2. Noise of a sensor alone is less there, so that a covered lens
+counts as well; of what a lamp lights some part changes more."""
+DRIVEN_SPEED, REPEATED_M, UNSEEN_M = 2.0, 1.0, 20.0
+"""A vehicle drives that goes faster than this, m/s: at rest the paths of bad receivers wander with
+up to 1 m/s. A picture that is the same after ``REPEATED_M`` is not of where the vehicle is: half of
+a step to the next frame. It is told from ``UNSEEN_M`` on: nearly all signs are seen from further
+away, and a frame that is shown twice is no news (25 pictures a second told as 30)."""
 CUT_PX = 1.5
 """A box so near to an edge that is not the picture's is of a sign cut off."""
 AROUND_PX, MOVED_SHARE = 48.0, 0.04

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 
-import cv2
 import numpy as np
 import numpy.typing as npt
 
@@ -25,11 +24,12 @@ from automap.signs.class_shares import shares_text
 from automap.vision import limits
 from automap.vision.camera_motion import ImageMotion, Motion, motion_on_path
 from automap.vision.camera_path import CameraPath
+from automap.vision.candidates import Mark, Repeated, Repeats, candidates, driven_m
 from automap.vision.crops import BestCrops
 from automap.vision.detector import CalibratedDetector, Detector, FoundSigns
 from automap.vision.face_contrast import face_contrast
-from automap.vision.frame_choice import ChoiceRules, FramePlan, every_frame, plan_frames
-from automap.vision.parallel import Beside, Candidate, detections, prefetched, worker_count
+from automap.vision.frame_choice import ChoiceRules, every_frame, plan_frames
+from automap.vision.parallel import Beside, detections, prefetched, worker_count
 from automap.vision.searched_region import find_in, searched_region, some
 from automap.vision.tracking import Tracker, TrackingRules
 from automap.vision.voting import (
@@ -44,7 +44,6 @@ from automap.vision.voting import (
 
 Progress = Callable[[float, str], None]
 
-_THUMBNAIL = (128, 72)
 _REPORT_S = 0.1
 """From one report of progress to the next."""
 
@@ -76,13 +75,15 @@ class SearchResult:
     """What a camera's video shows.
 
     ``detections`` with tracks, each row with the class of its track; ``crops`` the best view of
-    each track; ``frames`` in the video and ``searched`` of them.
+    each track; ``frames`` in the video and ``searched`` of them; ``repeated`` stretches in which
+    the picture stays while the vehicle drives, whose frames were not searched.
     """
 
     detections: Detections
     crops: tuple[Crop, ...] = ()
     frames: int = 0
     searched: int = 0
+    repeated: tuple[Repeated, ...] = ()
 
 
 @dataclass
@@ -169,10 +170,11 @@ def search_frames(
         plan = plan_frames(times, path, rules.choice)
     tracker = Tracker(camera, rules.tracking)
     motions = _Motions(camera, path)
+    repeats = Repeats(driven_m(times, path))
     report = _Report(progress, len(plan))
     region: dict[int, FloatArray] = {}
 
-    def search(mark: _Mark, picture: VideoFrame, beside: Beside) -> FoundSigns:
+    def search(mark: Mark, picture: VideoFrame, beside: Beside) -> FoundSigns:
         region[picture.frame] = searched_region(
             picture.image, rules.height_share, beside if rules.windows else None, rules.hint
         )
@@ -180,7 +182,7 @@ def search_frames(
 
     frames: list[int] = []
     found_in = detections(
-        prefetched(_candidates(pictures(plan.frame), times, plan)),
+        prefetched(candidates(pictures(plan.frame), times, plan, repeats)),
         search,
         lambda found: bool((found.score >= rules.hint).any()),
         rules.workers or worker_count(),
@@ -208,6 +210,7 @@ def search_frames(
         tuple(best.crops({track: verdict.name for track, verdict in verdicts.items()})),
         len(times),
         len(frames),
+        tuple(repeats.told),
     )
 
 
@@ -221,43 +224,6 @@ def default_camera(width: int, height: int) -> Camera:
 def above(found: FoundSigns, min_score: float) -> FoundSigns:
     """The signs with at least this score."""
     return some(found, np.flatnonzero(found.score >= min_score))
-
-
-@dataclass(frozen=True)
-class _Mark:
-    """``row`` of the frame among all frames, ``number`` among those that are planned."""
-
-    row: int
-    number: int
-
-
-def _candidates(
-    pictures: Iterable[VideoFrame], times: FrameTimes, plan: FramePlan
-) -> Iterator[Candidate[_Mark]]:
-    """The planned frames as they are decoded, without those in which nothing has changed."""
-    seen: npt.NDArray[np.float32] | None = None
-    seen_ns = 0
-    for picture in pictures:
-        number = int(np.searchsorted(plan.frame, picture.frame))
-        if plan.still[number]:
-            small = cv2.resize(picture.image, _THUMBNAIL, interpolation=cv2.INTER_AREA)
-            now = cv2.cvtColor(small, cv2.COLOR_BGR2GRAY).astype(np.float32)
-            waited = (picture.t_ns - seen_ns) * 1e-9
-            if seen is not None and waited < ChoiceRules().idle_s and _alike(seen, now):
-                continue
-            seen, seen_ns = now, picture.t_ns
-        row = int(np.searchsorted(times.frame, picture.frame))
-        yield Candidate(picture, bool(plan.coarse[number]), _Mark(row, number))
-
-
-def _alike(one: npt.NDArray[np.float32], other: npt.NDArray[np.float32]) -> bool:
-    """Whether next to nothing differs; light that changes everywhere is no motion.
-
-    At night little of the picture changes even in motion, so that little is enough.
-    """
-    change = other - one
-    change -= np.median(change)
-    return float(np.mean(np.abs(change) > limits.STILL_GREYS)) < limits.STILL_SHARE
 
 
 class _Motions:

@@ -40,7 +40,7 @@ def search_video(
         warn(text)
     if not chapters or not len(times):
         return nothing_found(video.name)
-    return search_frames(
+    result = search_frames(
         video.name,
         times,
         lambda numbers: decode_frames(chapters, times, numbers, warn),
@@ -50,3 +50,11 @@ def search_video(
         path_of(times.t_ns),
         progress,
     )
+    for one in result.repeated:
+        first, last = ((t_ns - int(times.t_ns[0])) * 1e-9 for t_ns in (one.first_ns, one.last_ns))
+        warn(
+            f"The camera {video.name} shows the same picture from {first:.1f} to {last:.1f} s of "
+            f"its video while the vehicle drives {one.metres:.0f} m: it hung, or saw nothing. "
+            "Signs there are not found, and count as not looked for."
+        )
+    return result
