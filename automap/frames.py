@@ -112,21 +112,6 @@ def matrix_to_rotation_vector(matrix: npt.ArrayLike) -> FloatArray:
     return np.asarray(vectors.reshape(*m.shape[:-2], 3))
 
 
-def slerp(t: npt.ArrayLike, times: FloatArray, rpy: FloatArray) -> FloatArray:
-    """Attitude matrices [k, 3, 3] at times ``t`` [k] between samples ``rpy`` [n, 3] at ``times``.
-
-    Outside the samples the end attitude is held. K. Shoemake, "Animating rotation with quaternion
-    curves", SIGGRAPH 1985.
-    """
-    from scipy.spatial.transform import Rotation, Slerp
-
-    rotations = Rotation.from_matrix(rpy_to_matrix(rpy))
-    clipped = np.clip(np.asarray(t, np.float64), times[0], times[-1])
-    if len(times) == 1:
-        return np.repeat(rpy_to_matrix(rpy), len(clipped), axis=0)
-    return np.asarray(Slerp(times, rotations)(clipped).as_matrix())
-
-
 def wrap_pi(angle: npt.ArrayLike) -> FloatArray:
     """Angle in rad wrapped to (-pi, pi]."""
     a = np.asarray(angle, dtype=np.float64)

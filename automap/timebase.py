@@ -150,13 +150,6 @@ def nearest_in_period(
     return np.asarray(part + turns * period, np.float64)
 
 
-def resolve_week(week: npt.ArrayLike, reference_week: npt.ArrayLike, bits: int = 10) -> IntArray:
-    """Full GPS weeks [n] of week numbers that were cut to ``bits``, nearest to a reference."""
-    modulus = 1 << bits
-    cut = np.asarray(week, np.int64) % modulus
-    return nearest_in_period(cut, modulus, reference_week).astype(np.int64)
-
-
 def undo_rollover(gps_s: npt.ArrayLike, not_before_s: float) -> FloatArray:
     """GPS seconds [n] moved on by whole 1024-week eras until none is before ``not_before_s``.
 

@@ -82,14 +82,6 @@ def _compiled(pattern: str) -> re.Pattern[str]:
     return re.compile(rf"\s*{text}\s*$")
 
 
-def is_pattern(pattern: str) -> bool:
-    """Whether a pattern has parts of a date or time that this module reads, each at most once."""
-    try:
-        return bool(_compiled(pattern).groupindex)
-    except re.error:
-        return False
-
-
 def pattern_of(cells: Sequence[str], share: float = 0.8) -> str | None:
     """The pattern that most of some cells follow: a date, a time of day or both; None for none."""
     filled = [cell for cell in cells if cell]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 from automap.records import Trajectory
@@ -35,10 +35,6 @@ class DriveRecord:
     truth: dict[str, float] = field(default_factory=dict)
     inputs: dict[str, str] = field(default_factory=dict)
     settings: dict[str, Any] = field(default_factory=dict)
-
-    def with_timing(self, timing: Mapping[str, float]) -> DriveRecord:
-        """The same with other times."""
-        return replace(self, timing=dict(timing))
 
 
 def compare(

@@ -76,13 +76,6 @@ def test_wrapped_angles_lie_in_one_turn(angle: float) -> None:
     assert np.sin(wrapped) == pytest.approx(np.sin(angle), abs=1e-9)
 
 
-def test_interpolated_attitude_takes_the_short_way_and_holds_the_ends() -> None:
-    times = np.array([0.0, 1.0])
-    rpy = np.radians([[0.0, 0.0, 170.0], [0.0, 0.0, -170.0]])
-    yaw = frames.matrix_to_rpy(frames.slerp([-1.0, 0.5, 2.0], times, rpy))[:, 2]
-    assert np.degrees(yaw) % 360.0 == pytest.approx([170.0, 180.0, 190.0])
-
-
 def test_sd_of_angles_is_the_spread_of_turned_attitudes() -> None:
     rng = np.random.default_rng(5)
     rpy = np.array([[0.1, -0.3, 2.0]])
