@@ -217,15 +217,15 @@ def linear_fit(y: FloatArray, design: FloatArray, p: int) -> tuple[FloatArray, F
     if not (np.isfinite(y).all() and np.isfinite(design).all()):
         return None
     scale = np.sqrt((design**2).sum(axis=0)) + 1e-9
-    design = design / scale
-    weight = np.ones(len(y))
-    value, rest = np.zeros(design.shape[1]), y
-    normal: FloatArray = np.eye(design.shape[1])
+    scaled = np.asarray(design / scale)
+    weight, value = np.ones(len(y)), np.zeros(scaled.shape[1])
+    rest: FloatArray = y
+    normal: FloatArray = np.eye(scaled.shape[1])
     for _ in range(SLOPE_ROUNDS):
-        weighed = design * weight[:, None]
-        normal = np.linalg.pinv(weighed.T @ design)
+        weighed = scaled * weight[:, None]
+        normal = np.linalg.pinv(weighed.T @ scaled)
         value = normal @ (weighed.T @ y)
-        rest = y - design @ value
+        rest = y - scaled @ value
         weight = cauchy_weight((rest / max(sd_by_median(rest), 1e-9)) ** 2)
     # a filter that is less sure than it might be proves nothing
     spread = max(float((weight * rest**2).sum() / weight.sum()), 1.0)

@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 import numpy as np
 
@@ -53,23 +54,29 @@ def pattern_doubts(
     levels: Mapping[str, float],
     sd_m: float,
     told: Sequence[Reason],
+    by_imu: Mapping[str, float] = MappingProxyType({}),
 ) -> tuple[list[Reason], list[Drift]]:
     """The reasons that offsets of the positions give, and their drifts where neither those nor any
     that were ``told`` make them; ``alone`` the path of ``fixes``, ``sd_m`` m an axis what the path
-    that is judged is good to."""
+    that is judged is good to; ``levels`` as fixes alone tell them, ``by_imu`` as an IMU does."""
     at = usable_epochs(fixes, options)
     found = list(offset_doubts(at, alone, options, levels, sd_m))
     if any(reason.error_m or reason.late_s for reason in (*told, *found)):
         return found, []
-    drifts = slow_drifts(at, alone, options, levels)
+    kinds = [levels]
+    if by_imu:
+        # a slow error that shows less than was stated leaves the rest to what lasts
+        kinds += [{**by_imu, **{name: max(by_imu[name], 1.0) for name in ("wander", "multipath")}}]
+    drifts = slow_drifts(at, alone, options, *kinds)
     return [*found, *drift_doubts(drifts, float(alone.gps_s[0]), sd_m)], drifts
 
 
 def slow_drifts(
-    at: Epochs, alone: Trajectory, options: FusionOptions, levels: Mapping[str, float]
+    at: Epochs, alone: Trajectory, options: FusionOptions, *levels: Mapping[str, float]
 ) -> list[Drift]:
     """Drifts of the epochs ``at`` [k], in windows of some minutes, by the smoothed path ``alone``
-    [k] of them and the ``levels`` of their errors; none where a drive shows no more than those."""
+    [k] of them and each of the ``levels`` of their errors that were found, of which the largest
+    counts; none where a drive shows no more than those."""
     span = float(at.t[-1] - at.t[0])
     count = max(math.ceil(span / DRIFT_WINDOW_S), 1)
     waves = int(2.0 * span / count / DRIFT_WAVE_S)
@@ -91,7 +98,7 @@ def slow_drifts(
             white=at.white[:, rows],
             row=at.row[rows],
         )
-        sd, gain = _size(part, alone.vel_ned[rows, :2], waves, options, levels)
+        sd, gain = max(_size(part, alone.vel_ned[rows, :2], waves, options, one) for one in levels)
         if sd > 0.0:
             gps_s = alone.gps_s[rows]
             found.append(Drift(float(gps_s[0]), float(gps_s[-1]), sd, gain - math.log(count)))
@@ -128,9 +135,7 @@ def _size(
     x = options.wander_tau_s / t[-1]
     shape = np.tile(4.0 * x / (1.0 + (np.pi * order * x) ** 2), 2)
     factors = np.geomspace(1.0, COARSE.limit, DRIFT_STEPS)
-    scores = [
-        _score(value, cov + np.diag((f**2 - 1.0) * taken**2 * shape), f) for f in factors
-    ]
+    scores = [_score(value, cov + np.diag((f**2 - 1.0) * taken**2 * shape), f) for f in factors]
     best = int(np.argmax(scores))
     return taken * math.sqrt(factors[best] ** 2 - 1.0), scores[best] - scores[0]
 
