@@ -11,6 +11,7 @@ from automap.earth import local_ned
 from automap.errors import InputError
 from automap.fusion.kernels.axis import smooth_axis
 from automap.fusion.kernels.whiten import whiten_axis
+from automap.fusion.levels import VELOCITY_WANDER
 from automap.fusion.limits import LEAST_FIXES, ROAD_ACCELERATION_PSD
 from automap.fusion.measurements.position import lasting_share
 from automap.fusion.nodes import model_fixes
@@ -102,8 +103,11 @@ def _noise(
     """What kernels want to know of one axis."""
     position, velocity = (factors.get(level, 1.0) for level in _WHITE_LEVELS[axis])
     white = at.white[axis] * [position, velocity]
-    # what a receiver's own filter leaves in a velocity is as large as what it says, and lasts
+    # what a receiver's own filter leaves in a velocity is as large as what it says, and lasts,
+    # where no IMU has told how large
     lasting = np.maximum(white[:, 1], velocity * options.velocity_wander_sd)
+    if VELOCITY_WANDER in factors:
+        lasting = np.full_like(lasting, factors[VELOCITY_WANDER] * options.velocity_wander_sd)
     share = lasting_share(options, factors)[axis]
     return (
         np.ascontiguousarray(at.used[axis]),

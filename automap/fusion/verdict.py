@@ -8,7 +8,7 @@ than the fixes alone, the path is that of the fixes alone.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -35,7 +35,6 @@ from automap.fusion.doubts.estimates import (
 )
 from automap.fusion.doubts.heights import height_doubts
 from automap.fusion.doubts.hole import hole_doubts
-from automap.fusion.doubts.offsets import offset_doubts
 from automap.fusion.doubts.path import fix_misses, off_the_fixes
 from automap.fusion.doubts.position_jump import (
     beside_readings,
@@ -47,10 +46,10 @@ from automap.fusion.doubts.readings import reading_doubts
 from automap.fusion.doubts.reason import Reason, Verdict, verdict_of
 from automap.fusion.doubts.receiver import accuracy_doubts, dated_velocities, receiver_doubts
 from automap.fusion.doubts.sideways import sideways
+from automap.fusion.doubts.slow_drift import Drift, drifting, pattern_doubts
 from automap.fusion.doubts.triads import triad_doubts
 from automap.fusion.doubts.turns import turn_doubts
 from automap.fusion.doubts.velocity_step import compare, step_doubts, told_times, velocity_steps
-from automap.fusion.fix_axes import usable_epochs
 from automap.fusion.fix_levels import fix_levels
 from automap.fusion.free_inertial import FreeInertial, free_inertial
 from automap.fusion.gnss_only import smooth_fixes, unaveraged, uncorrected
@@ -148,12 +147,15 @@ def weigh(
         age = found.get(LATENCY_STATE, (0.0, 0.0))[0]
         places = beside_readings(places, free, path, arm, age)
         of_receiver += hole_doubts(places, path, age, _level_sd(part for _, part in known()))
+    drifts: list[Drift] = []
     try:
         dated = dated_velocities(fixes, receiver)
         levels = fix_levels(dated, options)
         alone = smooth_fixes(dated, clock, options, levels)
         sd = _level_sd(stretch for _, stretch in known())
-        of_receiver += _offsets(sd, dated, alone, options, levels)
+        by_imu = result.noise_factors if believed else {}
+        more, drifts = pattern_doubts(dated, alone, options, levels, sd, of_receiver, by_imu)
+        of_receiver += more
     except InputError:
         alone = None
     scaled = any(reason.code == "height_scale" for reason in of_receiver)
@@ -193,12 +195,13 @@ def weigh(
             reasons = [outcome.inertial_worse(share), *reasons]
             # what speaks against the IMU's path leaves that of the fixes as it is
             path = uncorrected(unaveraged(alone, fixes, options, levels), fixes, options)
-            return _alone(widen(path, [*of_receiver, *own], beside, None), reasons)
+            path = widen(path, [*of_receiver, *own], beside, None)
+            return _alone(drifting(path, drifts), reasons)
     widened = widening(path, reasons, misses, alone)
 
     def run() -> Iterator[Trajectory]:
         for rows, stretch in known():
-            yield widened(stretch, rows)
+            yield drifting(widened(stretch, rows), drifts)
 
     return _weighed(run, reasons, False)
 
@@ -234,8 +237,10 @@ def weigh_alone(
     reasons += accuracy_doubts(fixes, options)
     places = places_of(model_fixes(fixes, fixes.gps_s, options))
     reasons += jump_doubts(position_jumps(places), path)
-    reasons += _offsets(_level_sd([path]), dated, alone, options, levels)
-    return _alone(widen(path, reasons, misses, None), reasons)
+    sd = _level_sd([path])
+    more, drifts = pattern_doubts(dated, alone, options, levels, sd, reasons)
+    reasons += more
+    return _alone(drifting(widen(path, reasons, misses, None), drifts), reasons)
 
 
 def _level_sd(stretches: Iterable[Trajectory]) -> float:
@@ -243,18 +248,6 @@ def _level_sd(stretches: Iterable[Trajectory]) -> float:
     return float(
         np.sqrt(np.median(np.concatenate([(p.sd_pos_ned[:, :2] ** 2).mean(1) for p in stretches])))
     )
-
-
-def _offsets(
-    sd: float,
-    fixes: Fixes,
-    alone: Trajectory,
-    options: FusionOptions,
-    levels: Mapping[str, float],
-) -> list[Reason]:
-    """The reasons that offsets of the positions give; ``alone`` the path of ``fixes``, ``sd`` m an
-    axis what the path that is judged is good to."""
-    return list(offset_doubts(usable_epochs(fixes, options), alone, options, levels, sd))
 
 
 def _of_axes(found: Estimates, effect: str) -> FloatArray:

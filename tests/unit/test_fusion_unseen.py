@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -29,15 +31,24 @@ def _factors(**given: float) -> dict[str, float]:
 
 @pytest.mark.parametrize("factor", [0.0, 0.1, 0.5, 1.0])
 def test_where_a_drive_shows_less_than_was_stated_the_rest_is_unseen(factor: float) -> None:
-    """White, quick, slow and unseen parts together are never less than the statement."""
+    """White, quick, slow and unseen parts together are never less than all shares of a statement."""
     levels = ("wander", "wander_v", "multipath", "position_h", "position_v")
     unseen = unseen_errors(STATED, OPTIONS, _factors(**dict.fromkeys(levels, factor)))
     shares = (OPTIONS.wander_share, OPTIONS.multipath_share, OPTIONS.white_share)
     seen = STATED * factor * np.linalg.norm(shares)
-    assert (np.hypot(unseen, seen) >= STATED * (1.0 - 1e-12)).all()
+    whole = STATED * np.linalg.norm((*shares, OPTIONS.bias_share))
+    assert whole == pytest.approx(STATED, rel=0.005)
+    assert np.hypot(unseen, seen) == pytest.approx(whole)
     if factor < 1.0:
-        assert np.hypot(unseen, seen) == pytest.approx(STATED)
         assert (unseen > OPTIONS.bias_share * STATED).all()
+
+
+@pytest.mark.parametrize("share", [0.0, 0.2, 0.9])
+def test_a_receiver_has_the_lasting_part_that_is_stated_of_it(share: float) -> None:
+    """What the other shares leave of a statement lasts where that is said: not of a receiver of
+    which nothing does."""
+    unseen = unseen_errors(STATED, replace(OPTIONS, bias_share=share), _factors())
+    assert unseen == pytest.approx(share * STATED, abs=1e-6)
 
 
 def test_what_is_unseen_grows_with_what_is_seen() -> None:

@@ -96,6 +96,10 @@ the power at so many rates next to half of theirs, down to three tenths."""
 OFFSET_INSTANTS = 16
 """So many instants are tried for an offset that begins within a drive, spread over it, and as many
 at which positions jump most. Chosen: minutes of a usual drive."""
+DRIFT_WAVE_S, DRIFT_WINDOW_S, DRIFT_STEPS = 120.0, 600.0, 40
+"""Errors of minutes are waves of two time constants of a receiver's slow error and longer, which it
+has less of than of shorter ones; in windows of five such, as levels are refined on. Sizes are tried
+to a step of 7 %."""
 CLIMB_WAY_M = 200.0
 """Heights are compared with the climb over so much road: a hill's length, some ten seconds."""
 LEAST_HEIGHT_SD_M = 0.1

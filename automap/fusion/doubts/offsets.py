@@ -134,7 +134,7 @@ def offsets(
     forward = np.column_stack([np.cos(course), np.sin(course)])
     sides = np.stack([forward, np.column_stack([-forward[:, 1], forward[:, 0]])], axis=2)
 
-    own = _receivers_own(at.t, velocity)
+    own = receivers_own(at.t, velocity)
     aside_or_older = np.zeros((len(at.t), 2, 2, 3))
     aside_or_older[:, 0, :, :2] = sides
     # what was some seconds before, of positions and velocities
@@ -167,7 +167,7 @@ def offsets(
     return change, aside if aside.square > gate(limits.DOUBT_PROBABILITY, 2) else None
 
 
-def _receivers_own(t: FloatArray, velocity: FloatArray) -> FloatArray:
+def receivers_own(t: FloatArray, velocity: FloatArray) -> FloatArray:
     """Errors [k, 2, 2, 5] that a sound receiver's filter makes of ``velocity`` [k, 2] m/s at ``t``
     [k] s: positions that lag, to the second order, velocities that do, their scale and turn."""
     change, none = np.gradient(velocity, t, axis=0), np.zeros_like(velocity)
@@ -203,22 +203,31 @@ def _instants(at: Epochs, velocity: FloatArray, told: BoolArray) -> FloatArray:
 def _fitted(y: FloatArray, of: FloatArray, beside: FloatArray) -> tuple[tuple[float, ...], float]:
     """Coefficients of the columns ``of`` [m, p], beside those of ``beside`` [m, c], in ``y`` [m],
     and their squared distance from none in sigmas; robustly, as fixes have tails."""
-    p, design = of.shape[1], np.hstack([of, beside])
-    if not (np.isfinite(y).all() and np.isfinite(design).all()):
+    p = of.shape[1]
+    fit = linear_fit(y, np.hstack([of, beside]), p)
+    if fit is None:
         return (0.0,) * p, 0.0
+    value, cov = fit
+    return tuple(float(v) for v in value), float(value @ np.linalg.pinv(cov) @ value)
+
+
+def linear_fit(y: FloatArray, design: FloatArray, p: int) -> tuple[FloatArray, FloatArray] | None:
+    """Coefficients of the first ``p`` columns of ``design`` [m, c] in ``y`` [m] and their
+    covariance, robustly; None of what is not finite."""
+    if not (np.isfinite(y).all() and np.isfinite(design).all()):
+        return None
     scale = np.sqrt((design**2).sum(axis=0)) + 1e-9
-    design = design / scale
-    weight = np.ones(len(y))
-    value, rest = np.zeros(design.shape[1]), y
-    normal: FloatArray = np.eye(design.shape[1])
+    scaled = np.asarray(design / scale)
+    weight, value = np.ones(len(y)), np.zeros(scaled.shape[1])
+    rest: FloatArray = y
+    normal: FloatArray = np.eye(scaled.shape[1])
     for _ in range(SLOPE_ROUNDS):
-        weighed = design * weight[:, None]
-        normal = np.linalg.pinv(weighed.T @ design)
+        weighed = scaled * weight[:, None]
+        normal = np.linalg.pinv(weighed.T @ scaled)
         value = normal @ (weighed.T @ y)
-        rest = y - design @ value
+        rest = y - scaled @ value
         weight = cauchy_weight((rest / max(sd_by_median(rest), 1e-9)) ** 2)
     # a filter that is less sure than it might be proves nothing
     spread = max(float((weight * rest**2).sum() / weight.sum()), 1.0)
-    a = value[:p]
-    square = float(a @ np.linalg.pinv(normal[:p, :p]) @ a) / spread
-    return tuple(float(v) for v in a / scale[:p]), square
+    cov = spread * normal[:p, :p] / np.outer(scale[:p], scale[:p])
+    return value[:p] / scale[:p], cov
