@@ -16,12 +16,15 @@ import numpy as np
 from scipy.special import expit, logit
 
 from automap.mapping import inventory_limits as limits
-from automap.mapping.inventory_hidden import gaps, gone_by_gaps
+from automap.mapping.inventory_hidden import gaps, gone_by_gaps, hidden_for_good
 from automap.mapping.inventory_missing import counts, standing
 from automap.mapping.limits import ALTERNATIVES, CLASS_RIGHT
 from automap.mapping.sightings import DriveSigns
 from automap.mapping.visibility import Opportunities, head_on, opportunities
 from automap.records import FloatArray, IntArray, Sign
+
+_NODES = 8
+"""Of the quadrature over how many signs something hides."""
 
 
 @dataclass(frozen=True)
@@ -119,16 +122,20 @@ def not_found(
         # a map of one drive names it or not; where views of many are one, all saw it
         seen_by.append(all_of_them if named is not None and not named else named)
     tries, hits = counts(views, len(inventory), seen_by)
-    known = standing(tries, hits, group, (*[limits.DETECTION_PRIOR] * 3, limits.GLIMPSE_PRIOR))
     looked = np.array([sign.n_looked for sign in signs], np.int64)
-    if looked.any() and tries.max(initial=0) == 1:
+    share = np.nan_to_num([sign.seen_share for sign in signs])
+    found = None
+    if looked.any() and tries.max(initial=0) > 0:
+        n_drives = np.array([len(sign.drives) for sign in signs], np.int64)
+        found = gaps(np.rint(share * looked).astype(np.int64), looked, n_drives)
+    hidden = (0.0,) if found is None else hidden_for_good(found, _NODES).tolist()
+    priors = (*[limits.DETECTION_PRIOR] * 3, limits.GLIMPSE_PRIOR)
+    known = standing(tries, hits, group, priors, hidden)
+    if found is not None and tries.max() == 1:
         # counts of drives say nothing then, but frames do
-        share = np.nan_to_num([sign.seen_share for sign in signs])
         whole = (group == 0) & (tries == 1)
         unseen = whole & (hits == 0)
-        seen = np.rint(share * looked).astype(np.int64)
-        gone_ones = gone_by_gaps(gaps(seen, looked), int(whole.sum()), int(unseen.sum()))
-        known.gone[unseen] = gone_ones
+        known.gone[unseen] = gone_by_gaps(found, int(whole.sum()), int(unseen.sum()))
     result = []
     for j in np.flatnonzero(partner < 0).tolist():
         gone = float(known.gone[j])

@@ -5,7 +5,8 @@ it at a rate that differs from sign to sign (a tree, a parked van): the counts o
 are beta-binomial (J. G. Skellam, Journal of the Royal Statistical Society B 10, 1948). The share of
 gone ones, rate and spread come from the counts of all by expectation maximisation (Dempster, Laird,
 Rubin, Journal of the Royal Statistical Society B 39, 1977). With one drive share and rate cannot be
-told apart, and priors decide; with several, one that each of them missed is nearly surely gone.
+told apart, and priors decide; with several, one that each of them missed is gone, or something
+that stays there hides it from all of them: the counts do not tell the one from the other.
 """
 
 from __future__ import annotations
@@ -34,9 +35,14 @@ class Standing:
 
 
 def standing(
-    tries: IntArray, hits: IntArray, group: IntArray, priors: Sequence[tuple[float, float]] = ()
+    tries: IntArray,
+    hits: IntArray,
+    group: IntArray,
+    priors: Sequence[tuple[float, float]] = (),
+    hidden: Sequence[float] = (0.0,),
 ) -> Standing:
-    """Listed signs [m] that ``tries`` drives had in view and ``hits`` of them saw.
+    """Listed signs [m] that ``tries`` drives had in view and ``hits`` of them saw; ``hidden``
+    shares, each as probable, of those that stand that no drive can see.
 
     Each ``group`` [m] has a rate of its own, with its beta parameters of ``priors`` (default: the
     usual ones): signs of unknown facing may look away from every drive. How alike the signs of a
@@ -47,7 +53,12 @@ def standing(
     seen = tries > 0
     # of signs that one drive had in view the spread tells nothing
     spreads = SPREADS if (tries > 1).any() else (SPREAD,)
-    fits = [_fitted(hits, np.maximum(tries - hits, 0), group, seen, prior, s) for s in spreads]
+    misses = np.maximum(tries - hits, 0)
+    fits = [
+        _fitted(hits, misses, group, seen, prior, spread, share)
+        for spread in spreads
+        for share in hidden
+    ]
     likely = np.array([log_likely for _, _, log_likely in fits])
     weight = np.exp(likely - likely.max())
     weight /= weight.sum()
@@ -64,7 +75,7 @@ def standing(
 
 def _fitted(
     hits: IntArray, misses: IntArray, group: IntArray, seen: BoolArray, prior: FloatArray,
-    spread: float,
+    spread: float, hidden: float,
 ) -> tuple[FloatArray, float, float]:  # fmt: skip
     """Share of gone signs and the groups' rates, ``prior`` [g, 2], by expectation maximisation:
     how probably each is gone after so many more drives [1 + more drives, m], the rate of all, and
@@ -74,9 +85,11 @@ def _fitted(
     total = float(seen.sum())
     none = (hits == 0) & seen
     for _ in range(limits.ROUNDS):
-        told = _log_counts(hits, misses, rate[group], spread)
-        gone = np.where(none, share / (share + (1.0 - share) * np.exp(told)), 0.0)
-        stands = np.where(seen, 1.0 - gone, 0.0)
+        open_ = (1.0 - hidden) * np.exp(_log_counts(hits, misses, rate[group], spread))
+        unseen = np.where(none, hidden + open_, 1.0)
+        gone = np.where(none, share / (share + (1.0 - share) * unseen), 0.0)
+        # what no drive can see tells nothing of rates
+        stands = np.where(seen, (1.0 - gone) * np.where(none, open_ / unseen, 1.0), 0.0)
         right = np.bincount(group, stands * hits, len(rate)) + prior[:, 0]
         tried = np.bincount(group, stands * (hits + misses), len(rate)) + prior.sum(axis=1)
         rate = np.minimum(right / tried, limits.HIGHEST_RATE)
@@ -84,10 +97,11 @@ def _fitted(
             total + limits.STALE_WEIGHT
         )
     further = misses + np.arange(limits.MOST_DRIVES + 1)[:, None]
-    told_more = _log_counts(hits, further, rate[group], spread)
-    by_more = np.where(none, share / (share + (1.0 - share) * np.exp(told_more)), 0.0)
-    mixed = np.logaddexp(np.where(none, np.log(share), -np.inf), np.log1p(-share) + told)
-    log_likely = float(mixed[seen].sum()) - 0.5 * (np.log(spread / SPREAD) / SPREAD_LOG_SD) ** 2
+    unseen = hidden + (1.0 - hidden) * np.exp(_log_counts(hits, further, rate[group], spread))
+    by_more = np.where(none, share / (share + (1.0 - share) * unseen), 0.0)
+    likely = (1.0 - share) * np.where(none, hidden + open_, open_) + np.where(none, share, 0.0)
+    log_likely = float(np.log(likely[seen]).sum())
+    log_likely -= 0.5 * (np.log(spread / SPREAD) / SPREAD_LOG_SD) ** 2
     usual = sum(limits.DETECTION_PRIOR)
     overall = float((stands * hits).sum()) + limits.DETECTION_PRIOR[0]
     overall /= float((stands * (hits + misses)).sum()) + usual

@@ -296,7 +296,7 @@ def mapping_kernels() -> Any:
 
 
 @scenario
-def mapping_lists() -> Any:
+def compare_lists() -> Any:
     """A list of signs against a map, part by part."""
     from automap.mapping import inventory as of
     from automap.mapping import inventory_findings as findings
@@ -363,8 +363,9 @@ def mapping_lists() -> Any:
     tries, hits = np.array([3, 1, 0, 4, 2, 2, 5, 1]), np.array([2, 0, 0, 0, 0, 2, 1, 1])
     group = np.array([0, 1, 0, 1, 0, 1, 0, 0])
     looked = np.array([12, 9, 20, 2, 7, 30, 1, 15])
+    drives_of = np.array([1, 1, 2, 1, 3, 2, 1, 9])
     gaps = [
-        hidden.gaps(part, looked[:k])
+        hidden.gaps(part, looked[:k], drives_of[:k])
         for part, k in (
             (np.array([10, 9, 11, 2, 3, 28, 1, 6]), 8),
             (np.array([12, 9]), 2),
@@ -406,11 +407,16 @@ def mapping_lists() -> Any:
                 findings.judge_classes([replace(f, kind="class") for f in paired[::2]] + paired)
             ),
             "standing": [
-                missing.standing(tries[:k], hits[:k], group[:k], p)
-                for k, p in ((8, ()), (8, ((5.0, 2.0),)), (3, ()))
+                missing.standing(tries[:k], hits[:k], group[:k], p, some)
+                for k, p, some in (
+                    (8, (), (0.0,)),
+                    (8, ((5.0, 2.0),), (0.01, 0.1)),
+                    (3, (), (0.0,)),
+                )
             ],
             "counts": missing.counts(views, m, seen_by),
             "gaps": gaps,
+            "for good": [hidden.hidden_for_good(g, 4) for g in gaps],
             "gone": [hidden.gone_by_gaps(g, a, b) for g in gaps for a, b in ((20, 2), (9, 5))],
             "whole": (table(whole.findings), whole.shift_m, whole.sd_m, whole.detection),
         }
