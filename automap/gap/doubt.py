@@ -18,6 +18,14 @@ from automap.gap.selection import Chosen, Selection
 from automap.gates import exceeds
 
 
+def doubt(selection: Selection, chosen: Chosen, name: str) -> str:
+    """What speaks for something like a named effect, but not for it, in words; nothing mostly."""
+    share = uneven(selection, chosen, name)
+    if share > 0.0:
+        return f"something of another form, for its size differs by {share:.0%} along the drive"
+    return formula_in_place(selection, chosen, name)
+
+
 def formula_in_place(selection: Selection, chosen: Chosen, name: str) -> str:
     """The formula that explains most in the place of a named effect, and more than that one does,
     where the two are not told apart; nothing where none does."""
