@@ -65,9 +65,9 @@ REMEMBERED = (
     # an axis that hangs behind what it measures by a play: hysteresis
     *((f"accel_{a}", f"(force_{a} - play(force_{a}, 0.5))") for a in "xy"),
     ("gyro_z", "(rate_z - play(rate_z, 0.05))"),
-    # receivers that run on, and give way slowly
-    *((f"{on}_along", "lag(acceleration, 2)") for on in ("position", "velocity")),
-    *((f"{on}_across", "lag(lateral_acceleration, 2)") for on in ("position", "velocity")),
+    # receivers that run on; of velocities that is what a low-pass does, which has a name
+    ("position_along", "lag(acceleration, 2)"),
+    ("position_across", "lag(lateral_acceleration, 2)"),
 )
 """Formulas of what has been: channel and text. Widths and times are refined where one is found."""
 ON_VEHICLE = (
