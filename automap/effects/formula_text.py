@@ -8,12 +8,14 @@ from __future__ import annotations
 
 import ast
 import difflib
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from automap.effects.memory_kernels import lag, play
 from automap.effects.signals import VOCABULARY, Signals
 from automap.errors import ConfigError
 from automap.records import FloatArray
@@ -46,6 +48,10 @@ FUNCTIONS: Mapping[str, tuple[Callable[..., Any], int]] = {
     "min": (np.minimum, 2),
 }
 """Functions with their number of arguments; ``step`` is one above zero, else zero."""
+REMEMBERING = ("lag", "play")
+"""Functions of what has been: ``lag(x, s)`` follows x in s seconds, ``play(x, w)`` hangs behind it
+by w. Their second argument is a number."""
+KNOWN = (*FUNCTIONS, *REMEMBERING)
 
 
 @dataclass(frozen=True)
@@ -98,20 +104,29 @@ def _check(node: ast.expr, text: str) -> None:
         )
     if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and not node.keywords:
         name = node.func.id
-        if name not in FUNCTIONS:
+        if name not in KNOWN:
             raise ConfigError(
-                f"the formula '{text}' has the function '{name}'; " + _hint(name, tuple(FUNCTIONS))
+                f"the formula '{text}' has the function '{name}'; " + _hint(name, KNOWN)
             )
-        wanted = FUNCTIONS[name][1]
+        wanted = FUNCTIONS[name][1] if name in FUNCTIONS else 2
         if len(node.args) != wanted:
             raise ConfigError(f"the formula '{text}' gives {name}() {len(node.args)} of {wanted}")
         for argument in node.args:
             _check(argument, text)
+        if name in REMEMBERING and not _is_amount(node.args[1]):
+            raise ConfigError(
+                f"the formula '{text}' gives {name}() '{ast.unparse(node.args[1])}' where a number "
+                "above 0 is wanted"
+            )
         return
     raise ConfigError(
         f"the formula '{text}' has '{ast.unparse(node)}', which is not understood; numbers, "
         "quantities, + - * / ^ and functions are"
     )
+
+
+def _is_amount(node: ast.expr) -> bool:
+    return isinstance(node, ast.Constant) and 0.0 < float(str(node.value)) < math.inf
 
 
 def _hint(word: str, known: tuple[str, ...]) -> str:
@@ -132,5 +147,10 @@ def _value(node: ast.expr, signals: Signals) -> Any:
         return np.pi if node.id == "pi" else getattr(signals, node.id)
     assert isinstance(node, ast.Call)
     assert isinstance(node.func, ast.Name)
-    function = FUNCTIONS[node.func.id][0]
-    return function(*(_value(a, signals) for a in node.args))
+    arguments = [_value(a, signals) for a in node.args]
+    if node.func.id in REMEMBERING:
+        of = np.array(np.broadcast_to(arguments[0], signals.time.shape), np.float64)
+        if node.func.id == "lag":
+            return lag(of, np.ascontiguousarray(signals.time), arguments[1])
+        return play(of, arguments[1])
+    return FUNCTIONS[node.func.id][0](*arguments)

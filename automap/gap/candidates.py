@@ -17,11 +17,12 @@ import numpy as np
 from automap.earth import RATE
 from automap.effects import CATALOGUE
 from automap.effects.catalogue import alike_to_first_order, pairs_of_sign
+from automap.effects.formula_text import parse_formula
 from automap.effects.imu import ACCEL, BASIS_EXTRA, BASIS_FORCE, BASIS_ONE, imu_terms
 from automap.effects.measured import MEASURED, measured_terms
 from automap.effects.measured_kernels import rows_along
 from automap.effects.terms import ELAPSED, POSITION, VEHICLE, VELOCITY, Kind
-from automap.effects.user import is_users, user_signal
+from automap.effects.user import INERTIAL, is_users, towards, turned, user_signal
 from automap.fusion.layout import CH_NHC, CH_ODOMETER, CH_POS, CH_VEL, MAX_SCALARS, N_NAV
 from automap.fusion.problem import node_signals
 from automap.gap import limits
@@ -217,7 +218,9 @@ def _direct(effect: str, fit: Fit, motion: Motion, at: NodeMotion) -> dict[str, 
     terms, names = measured_terms(places)
     of_model = node_signals(fit.last.problem, fit.last.nodes).T
     known = dict(zip(model.signals, of_model, strict=True))
-    columns = [user_signal(name, at.signals) if is_users(name) else known[name] for name in names]
+    columns = [
+        at.there(user_signal(name, at.along)) if is_users(name) else known[name] for name in names
+    ]
     rows = np.zeros((len(at.t), len(MEASURED), 3, len(params)))
     rows_along(
         at.vel,
@@ -267,14 +270,22 @@ def size_of(channel: str) -> float:
 
 
 def formula_column(
-    term: tuple[str, str], signal: FloatArray, name: str = "", parameter: str = "k"
+    term: tuple[str, str], at: NodeMotion, name: str = "", parameter: str = "k"
 ) -> Column:
-    """A term of a formula on one axis of a sensor as a column; ``signal`` [n] what its text gives
-    along the drive, ``name`` of the formula, where that has more terms."""
-    channel, _ = term
+    """A term of a formula, channel and text, as a column along one drive; ``name`` of the formula,
+    where that has more terms."""
+    channel, text = term
+    signal = parse_formula(text)(at.along)
     sd = size_of(channel) / max(float(np.std(signal)), 1e-12)
-    acts = (Inertial.on(channel, signal),)
-    return Column(name or equation([term]), parameter, sd, acts, term=term)
+    name = name or equation([term])
+    if channel in INERTIAL:
+        return Column(name, parameter, sd, (Inertial.on(channel, signal),), term=term)
+    amount = at.there(signal)
+    by_channel = np.zeros((len(amount), MAX_SCALARS))
+    for part in towards(channel):
+        place = _CHANNELS[part.on][part.axis]
+        by_channel[:, place] = part.weight * turned(amount, part.turned, at.signals)
+    return Column(name, parameter, sd, direct=Direct(by_channel), term=term)
 
 
 def is_course(terms: Sequence[tuple[str, str]]) -> bool:

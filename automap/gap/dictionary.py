@@ -13,20 +13,16 @@ from automap.effects import CATALOGUE, Signals, UserEffect, extra_basis, imu_ter
 from automap.effects.formula_text import parse_formula
 from automap.effects.imu import BASIS_EXTRA, BASIS_FORCE, BASIS_ONE, ImuTerm
 from automap.effects.inertial_signals import formula_of
-from automap.effects.terms import VELOCITY, WARM_UP
+from automap.effects.terms import WARM_UP
 from automap.effects.user import (
     INERTIAL,
-    OF_FIXES,
     UserTerm,
     add_user_effect,
     is_users,
     set_user_effects,
-    towards,
-    turned,
     user_effect,
     user_effects,
 )
-from automap.fusion.layout import CH_POS, CH_VEL, MAX_SCALARS
 from automap.gap.candidates import (
     Candidate,
     effect_columns,
@@ -34,72 +30,19 @@ from automap.gap.candidates import (
     size_of,
 )
 from automap.gap.fit import Fit
+from automap.gap.formulas import ALONE
 from automap.gap.limits import SAME_SIGNAL
-from automap.gap.linear import Column, Direct, Linear, NodeMotion
+from automap.gap.linear import Column, Linear, NodeMotion
 from automap.gap.motion import Motion
 from automap.gap.result import coefficient_names, equation
 from automap.records import FloatArray
 
-QUANTITIES = (
-    "speed",
-    "speed^3",
-    "sin(heading)",
-    "cos(heading)",
-    "sin(2 * heading)",
-    "cos(2 * heading)",
-    "abs(rate_z)",
-    "rate_z^2",
-    "rate_z * speed",
-    "force_x^2",
-    "force_y^2",
-    "force_x * force_y",
-    "force_x * rate_z",
-    "force_y * rate_z",
-    "force_x * speed",
-    "force_y * speed",
-    "force_x^3",
-    "force_y^3",
-    "rate_z^3",
-    "max(force_x, 0)",
-    "min(force_x, 0)",
-    "max(force_y, 0)",
-    "max(rate_z, 0)",
-    "abs(force_x)",
-    "abs(force_y)",
-    "rate^2",
-    "rate_y^2",
-    "tanh(acceleration / 0.1)",
-    "tanh(rate_z / 0.01)",
-    # one axis late by itself, and where inside the housing an axis is
-    "angular_acceleration_x",
-    "angular_acceleration_y",
-    "angular_acceleration_z",
-    "jerk_x",
-    "jerk_y",
-    "jerk_z",
-    "time",
-    "time^2",
-)
-ON_FIXES = ("speed", "speed^2", "acceleration", "lateral_acceleration", "abs(rate_z)")
 PREFIX = "formula_"
 """Names of effects that were made of a formula begin with it."""
+LEAST_SPREAD = 1e-9
+"""Of a quantity that a drive has at all."""
 LEAST_OWN = 1e-6
 """Share of a signal's variance below which the others make it up."""
-
-
-def warm(fit: Fit) -> bool:
-    """Whether a drive has temperatures."""
-    temperature = fit.opened.drive.imu.temp_c
-    return temperature is not None and bool(np.isfinite(temperature).any())
-
-
-def formula_texts(signals: Signals, has_temperature: bool) -> list[str]:
-    """The dictionary for drives like one of these signals."""
-    out = list(QUANTITIES)
-    if has_temperature:
-        rise = f"(temperature - {float(np.median(signals.temperature)):.1f})"
-        out += [f"{rise}^2", "temperature_rate", f"{rise} * speed"]
-    return out
 
 
 def formula_columns(
@@ -122,8 +65,10 @@ def formula_columns(
                 and np.sum((known[channel] @ unit / len(unit)) ** 2) > SAME_SIGNAL**2
             ):
                 continue
-            out.append(formula_column((channel, text), signal))
-    out += _fix_columns(at.signals)
+            out.append(formula_column((channel, text), at))
+    columns = [formula_column(term, at) for term in ALONE]
+    # a car that never turns has no bend to remember
+    out += [c for c in columns if c.prior_sd < size_of(c.term[0]) / LEAST_SPREAD]
     for effect in exclude:
         if effect in CATALOGUE and CATALOGUE[effect].family in ("imu", "gnss", "vehicle", "clock"):
             sds = {p.name: p.prior_sd for p in CATALOGUE[effect].parameters}
@@ -212,31 +157,6 @@ def _at_right_angles(rows: Sequence[FloatArray]) -> FloatArray:
         if size > LEAST_OWN:
             out.append(own / np.sqrt(size))
     return np.array(out)
-
-
-def _fix_columns(signals: Signals) -> list[Column]:
-    """Formulas on the fixes, ``signals`` at the nodes."""
-    # a latency, a lever arm and a factor on velocities say these already
-    known = {
-        ("velocity_along", "speed"),
-        ("position_along", "speed"),
-        ("velocity_along", "acceleration"),
-        ("velocity_across", "lateral_acceleration"),
-    }
-    out = []
-    for on in OF_FIXES:
-        for text in ON_FIXES:
-            if (on, text) in known:
-                continue
-            amount = parse_formula(text)(signals)
-            by_channel = np.zeros((len(amount), MAX_SCALARS))
-            for part in towards(on):
-                channel = (CH_VEL if part.on == VELOCITY else CH_POS) + part.axis
-                by_channel[:, channel] = part.weight * turned(amount, part.turned, signals)
-            sd = size_of(on) / max(float(amount.std()), 1e-9)
-            acts = Direct(by_channel)
-            out.append(Column(equation([(on, text)]), "k", sd, direct=acts, term=(on, text)))
-    return out
 
 
 def effect_for(candidate: Candidate, linear: Linear) -> str:

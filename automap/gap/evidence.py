@@ -179,6 +179,19 @@ def shown_by(known: Conditional, part: Part) -> tuple[int, float]:
     return int(np.argmax(gain)), float(weight @ rows.w[at] ** 2 / max(float(weight.sum()), 1e-300))
 
 
+def by_stretch(known: Conditional, part: Part) -> tuple[FloatArray, FloatArray]:
+    """Scores [b] along a part's estimate from short stretches of the drives, and what each should
+    be and vary by [b], where the estimate is right; stretches that show something of it."""
+    rows = _stacked(known, part)
+    sd = plain_nats(known, part)[1] * known.linear.prior_sd[list(part)]
+    precision = known.info(part) + np.diag(sd**-2.0)
+    along = rows.phi @ np.linalg.solve(precision, known.score[list(part)])
+    edges = _stretches(rows.t, rows.drive, limits.BLOCKS_S[0])
+    sizes = np.add.reduceat(along**2, edges)
+    shown = sizes > limits.LEAST_OWN * float(sizes.max())
+    return np.add.reduceat(along * rows.w, edges)[shown], sizes[shown]
+
+
 def apart(known: Conditional, one: Part, other: Part) -> float:
     """Sigmas by which ``one`` part explains more than ``other`` in its place, by the scatter of the
     difference from stretch to stretch (Vuong, Econometrica 57 (1989), 307-333)."""

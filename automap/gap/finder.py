@@ -11,10 +11,11 @@ from automap.fusion.options import FusionOptions
 from automap.gap import limits
 from automap.gap.camera.search import CameraGap
 from automap.gap.candidates import library
-from automap.gap.confirm import Confirmed, costs
+from automap.gap.confirm import costs
 from automap.gap.dictionary import forget_formulas
 from automap.gap.drive import GapDrive, OpenDrive, in_vehicle_axes, open_drive
 from automap.gap.fit import Fit, GapModel, base_model, fit_drive, without_course_distance
+from automap.gap.leftover import given_up, in_noise
 from automap.gap.misfit import Misfit, Place, misfits, places, worst_by_channel
 from automap.gap.naming import (
     Identifiability,
@@ -44,7 +45,7 @@ from automap.gap.scoring import (
     total_score,
     whitener_of,
 )
-from automap.gap.screening import Found
+from automap.gap.screening import Found, Screening
 from automap.gap.search import Search
 from automap.gap.stochastic import (
     course_distance_finding,
@@ -122,10 +123,11 @@ def find_gaps(
     if sum(fit.last.totals().get(COURSE_DISTANCE_STATE, 0.0) for fit in base.fits) < 0.0:
         # no course is that of a place ahead: the antenna is
         base = open_fits(opened, without_course_distance(model), log)
-    found = Search(base, kept, model.factors, exclude, log).run()
+    search = Search(base, kept, model.factors, exclude, log)
+    found = search.run()
     log("measuring the gap on held-out data")
     forget_formulas(found.fitted.estimate)
-    return _result(found, found.stands, kept, model, exclude)
+    return _result(found, search.screening, kept, model, exclude)
 
 
 def _head(drive: GapDrive, seconds: float) -> GapDrive:
@@ -150,13 +152,14 @@ def _split(drives: Sequence[GapDrive]) -> tuple[list[GapDrive], list[GapDrive]]:
 
 def _result(
     found: Found,
-    stands: Confirmed,
+    screening: Screening,
     held_out: Sequence[OpenDrive],
     stated: GapModel,
     exclude: Collection[str],
 ) -> GapResult:
-    """Everything that is told of a search of which ``stands`` is confirmed."""
-    model, base, values = found.fitted.model, found.base.model, stands.values
+    """Everything that is told of a search with its ``screening``."""
+    model, base, stands = found.fitted.model, found.base.model, found.stands
+    values = stands.values
     maxima = chance(found)
     told = describe(found, values, maxima)
     final = fit_held_out(held_out, model, values)
@@ -186,7 +189,10 @@ def _result(
     claims = noise_claims(fits, stated.factors)
     refused = strongest_refused(found)
     kept_out = _by_formula(found, stands.kept_out)
-    left = (*misfits(fits), *suspected(refused))
+    hidden = given_up(found, maxima)
+    hidden = hidden or in_noise(found, screening, claims, stated.factors, maxima)
+    likened = {m.where: m for m in (*suspected(refused), *hidden)}
+    left = (*misfits(fits), *likened.values())
     noisy = {n: noise_levels(n) for n in (*(f.effect for f in noise), *(c.level for c in claims))}
     paid = costs(held_out, final, values, noisy, stated.factors, stands.without)
     shown = places(first, final)

@@ -87,6 +87,11 @@ class NodeMotion:
     signals: Signals
     along: Signals
 
+    def there(self, values: FloatArray) -> FloatArray:
+        """What is known along the drive [n] at the nodes [k], as the filter takes it: a formula may
+        remember what was in between."""
+        return np.interp(self.signals.time, self.along.time, values)
+
 
 def node_motion(fit: Fit, motion: Motion) -> NodeMotion:
     """The smoothed motion at the nodes of a fit."""

@@ -12,6 +12,7 @@ from automap.fusion.layout import CHANNELS
 from automap.gap import limits
 from automap.gap.candidates import named_columns
 from automap.gap.chance import null_maxima, p_value, strongest_by_chance
+from automap.gap.doubt import doubt
 from automap.gap.evidence import shown_by
 from automap.gap.fit import ORIGIN, Fit, Values
 from automap.gap.limits import ALIKE, SHOWS
@@ -70,7 +71,8 @@ def describe(found: Found, values: Values, maxima: FloatArray) -> list[Finding |
             (
                 odds,
                 Finding(
-                    effect, parameters, nats, p, 0.0, 0.0, confusable, advice(effect, confusable)
+                    *(effect, parameters, nats, p, 0.0, 0.0, confusable),
+                    *(advice(effect, confusable), doubt(selection, chosen, name)),
                 ),
             )
         )
@@ -200,7 +202,8 @@ def verdict(
     """What is missing, in a sentence; what only the fitted data show is no silence."""
     parts = []
     if findings:
-        parts.append(f"missing from the model: {', '.join(f.effect for f in findings)}")
+        names = [f.effect + (f" (or {f.resembles})" if f.resembles else "") for f in findings]
+        parts.append(f"missing from the model: {', '.join(names)}")
     for one in formulas:
         like = f", which resembles {one.resembles}" if one.resembles else ""
         parts.append(

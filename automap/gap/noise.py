@@ -17,7 +17,7 @@ import numpy as np
 from automap.fusion.adapt import scale_nodes, scale_problem
 from automap.fusion.kernel_runs import SmoothRun, empty_store, run_forward
 from automap.fusion.kernels import ForwardStore
-from automap.fusion.level_climb import GAIN, climb
+from automap.fusion.level_climb import GAIN, Maximum, climb
 from automap.fusion.level_likelihood import LevelLikelihood, level_likelihood
 from automap.fusion.levels import ALL_LEVELS, TIME_LEVELS
 from automap.fusion.nodes import Nodes
@@ -114,9 +114,12 @@ def with_noise(fitted: Fitted, stated: Mapping[str, float]) -> Fitted:
     starts = [dict(fitted.model.factors), dict(stated)]
     if not fitted.estimate:
         starts = [fit_noise(fits, levels, initial=stated) for levels in (INERTIAL_LEVELS, others)]
-    tops = [_likeliest(fits, ALL_LEVELS, start) for start in starts]
-    _, factors = max(tops, key=lambda top: top[0])
-    model = replace(fitted.model, factors=factors)
+    top: Maximum | None = None
+    for start in starts:
+        other = _likeliest(fits, ALL_LEVELS, start, top)
+        top = other if top is None or other.score > top.score else top
+    assert top is not None
+    model = replace(fitted.model, factors=top.factors)
     return fitted_about(model, fitted.estimate, fits)
 
 
@@ -164,13 +167,16 @@ def fit_noise(
     factors; it is linearised about the fits' smoothed states. No sensor is taken for quieter on
     the road than it is at rest.
     """
-    return _likeliest(fits, levels, initial or fits[0].model.factors)[1]
+    return _likeliest(fits, levels, initial or fits[0].model.factors).factors
 
 
 def _likeliest(
-    fits: Sequence[Fit], levels: Collection[str], initial: Mapping[str, float]
-) -> tuple[float, dict[str, float]]:
-    """Log-likelihood at the top of the climb, nats, and the factors there."""
+    fits: Sequence[Fit],
+    levels: Collection[str],
+    initial: Mapping[str, float],
+    known: Maximum | None = None,
+) -> Maximum:
+    """The top of the climb, or that which is ``known`` where it comes to its shoulder."""
     least = rest_factors(fits)
 
     def limits_of(level: str) -> tuple[float, float]:
@@ -187,15 +193,20 @@ def _likeliest(
     rooms = [empty_store(f.last.nodes.first(most), f.last.problem.model.size) for f in fits]
     for _ in range(2):
         top = climb(
-            lambda trial: noise_slopes(fits, trial, rooms), factors, smooth, limits_of, inverse
+            lambda trial: noise_slopes(fits, trial, rooms),
+            *(factors, smooth, limits_of, inverse, known),
         )
+        if top is known:
+            break
         inverse = top.inverse
-        best, factors = top.score, top.factors
+        score = best = top.score
+        factors = top.factors
         for level in (level for level in TIME_LEVELS if level in levels):
             best, factors = _time_constant(level, fits, best, factors)
-        if best - top.score < GAIN:
+        top = replace(top, score=best, factors=factors)
+        if best - score < GAIN:
             break
-    return best, factors
+    return top
 
 
 def rest_factors(fits: Sequence[Fit]) -> dict[str, float]:

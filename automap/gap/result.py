@@ -26,7 +26,8 @@ class Finding:
     ``evidence_nats`` log Bayes factor against the model without it; ``p_value`` chance that the
     strongest of all candidates reaches as much where nothing is missing; gaps before and after
     it was added, nats an epoch on held-out data; ``confusable_with`` effects that this data
-    cannot tell from it; ``advice`` the manoeuvre that would.
+    cannot tell from it; ``advice`` the manoeuvre that would; ``resembles`` what speaks for
+    something like it, but not for it: a formula that explains more, or how uneven it is.
     """
 
     effect: str
@@ -37,6 +38,7 @@ class Finding:
     gap_after: float
     confusable_with: tuple[str, ...] = ()
     advice: str = ""
+    resembles: str = ""
 
 
 @dataclass(frozen=True)

@@ -24,6 +24,10 @@ from automap.gap.motion import Motion
 from automap.gap.result import coefficient_names, equation
 from automap.records import FloatArray, IntArray
 
+AMOUNT = re.compile(r"((?:lag|play)\([^,()]+, )([\d.e+-]+)(?=\))")
+"""How long something that remembers does so, or how wide its play is, in its text."""
+WIDER = 4.0
+"""Factor by which that may be off what was tried: of a play of that width half is left."""
 BOX = "box"
 PLATEAU = "(step(time - {:.5g}) - step(time - {:.5g}))"
 OVERSAMPLED = 2.0
@@ -189,9 +193,9 @@ def _time_signals(time: FloatArray) -> Signals:
 
 
 def term_columns(at: NodeMotion, terms: Sequence[tuple[str, str]]) -> list[Column]:
-    """The columns of one formula of inertial channels along one drive."""
+    """The columns of one formula along one drive."""
     return [
-        formula_column(term, parse_formula(term[1])(at.along), equation(terms), name)
+        formula_column(term, at, equation(terms), name)
         for name, term in zip(coefficient_names(len(terms)), terms, strict=True)
     ]
 
@@ -207,8 +211,13 @@ def lasts(terms: Sequence[tuple[str, str]], length_s: float) -> bool:
 def variants(
     terms: Sequence[tuple[str, str]], length_s: float
 ) -> list[tuple[tuple[str, str], ...]]:
-    """A course of time with its period, time constant or instant moved in small steps, nothing
-    for other formulas: those that were tried stand a box apart."""
+    """A course of time with its period, time constant or instant moved in small steps, what
+    remembers with other widths and times, nothing for other formulas."""
+    if len(terms) == 1 and AMOUNT.search(terms[0][1]):
+        ((on, text),) = terms
+        value = float(AMOUNT.findall(text)[0][1])
+        moved = value * np.geomspace(1.0 / WIDER, WIDER, FINER)
+        return [((on, AMOUNT.sub(rf"\g<1>{v:.3g}", text)),) for v in moved]
     if not is_course(terms):
         return []
     width = box_s(length_s)

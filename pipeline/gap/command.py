@@ -202,6 +202,7 @@ def _finding_json(f: Finding) -> dict[str, Any]:
         "gap_after": f.gap_after,
         "confusable_with": list(f.confusable_with),
         "advice": f.advice,
+        "resembles": f.resembles or None,
     }
 
 
@@ -237,6 +238,8 @@ def _line(f: Finding, instead: Sequence[str] = ()) -> str:
     line = f"  {f.effect}: {numbers} ({f.evidence_nats:.0f} nats, p {p_text(f.p_value)})"
     if f.confusable_with:
         line += f"; not to be told from {', '.join(f.confusable_with)}"
+    if f.resembles:
+        line += f"; it may be {f.resembles}"
     if instead:
         line += f"; left out of the model, since a run estimates {', '.join(instead)} anyhow"
     return line

@@ -72,6 +72,8 @@ def finding_words(finding: Finding, cost: Cost | None, to_do: str = "") -> Parag
             "What is not sure is that it is this and nothing else: these data cannot tell it from "
             f"{listed(shown)}."
         )
+    if finding.resembles:
+        parts.append(f"Nor is it sure that its form is right: it may be {finding.resembles}.")
     if cost is not None:
         parts.append(cost_words(cost, noise=known is not None and _is_noise(known)))
     elif known is not None and known.family == "camera":

@@ -166,11 +166,14 @@ def mount(angles: Callable[[Signals], Array]) -> Callable[[float], Extras]:
 
 
 def all_makers() -> Mapping[str, Maker]:
-    """Every kind's maker, sensors, receivers and cars in turns."""
+    """Every kind's maker, sensors, receivers and cars in turns, then those that came later: cases
+    of the others stay as they are."""
     from tests.hidden_effects.outside_car import CAR
     from tests.hidden_effects.outside_imu import SENSOR
+    from tests.hidden_effects.outside_more import MORE
     from tests.hidden_effects.outside_receiver import RECEIVER
 
     lists = [list(part.items()) for part in (SENSOR, RECEIVER, CAR)]
     placed = [((i + 0.5) / len(part), item) for part in lists for i, item in enumerate(part)]
-    return dict(item for _, item in sorted(placed, key=lambda p: (p[0], p[1][0])))
+    first = dict(item for _, item in sorted(placed, key=lambda p: (p[0], p[1][0])))
+    return {**first, **MORE}

@@ -18,7 +18,7 @@ from tests.hidden_effects.extras import Extras
 from tests.hidden_effects.geodesy import Array
 from tests.hidden_effects.imu import Signals
 from tests.hidden_effects.motion import Motion
-from tests.hidden_effects.outside import to_north
+from tests.hidden_effects.outside import lagged, to_north
 
 FUNCTIONS: Mapping[str, Callable[..., Any]] = {
     "sin": np.sin,
@@ -89,6 +89,14 @@ def evaluate(text: str, quantities: Mapping[str, Array]) -> Array:
         if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub | ast.UAdd):
             return -value(node.operand) if isinstance(node.op, ast.USub) else value(node.operand)
         if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and not node.keywords:
+            if node.func.id in ("lag", "play"):
+                of = np.broadcast_to(value(node.args[0]), (size,))
+                amount = float(value(node.args[1]))
+                return (
+                    _late(of, quantities["time"], amount)
+                    if node.func.id == "lag"
+                    else _hung(of, amount)
+                )
             function = FUNCTIONS.get(node.func.id)
             if function is not None:
                 return function(*[value(a) for a in node.args])
@@ -102,6 +110,22 @@ def evaluate(text: str, quantities: Mapping[str, Array]) -> Array:
     with np.errstate(all="ignore"):
         out = np.broadcast_to(np.asarray(value(tree.body), np.float64), (size,))
     return np.nan_to_num(out)
+
+
+def _late(values: Array, t: Array, seconds: float) -> Array:
+    """A first-order low-pass of values [n], at rest where they begin."""
+    fine = np.arange(t[0], t[-1] + 0.01, 0.01)
+    moved = lagged(np.interp(fine, t, values), seconds, 0.01)
+    return np.asarray(np.interp(t, fine, moved))
+
+
+def _hung(values: Array, width: float) -> Array:
+    """What a joint with a play passes on of values [n]."""
+    out, at = np.empty(len(values)), 0.0
+    for i, value in enumerate(np.asarray(values).tolist()):
+        at = min(max(at, value - width), value + width)
+        out[i] = at
+    return out
 
 
 def _of_signals(s: Signals) -> dict[str, Array]:

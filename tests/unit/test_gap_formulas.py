@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from automap.effects import CATALOGUE
+from automap.effects.memory_kernels import play
 from automap.effects.user import set_user_effects, user_effects
 from automap.effects.user_tables import effects_of_formulas
 from automap.gap import GapDrive, base_model, limits
@@ -72,6 +73,21 @@ def test_the_instant_of_a_step_is_found_between_boxes() -> None:
     # it is a candidate of its own then, and stays one
     assert selection.candidates[finer].terms == search.courses[finer]
     assert finer in search.selection(search.base, False).candidates
+
+
+def test_an_axis_that_hangs_behind_is_told_with_its_play() -> None:
+    drive = simulated({})
+    accel = drive.imu.accel.copy()
+    accel[:, 1] -= 0.1 * (accel[:, 1] - play(np.ascontiguousarray(accel[:, 1]), 0.8))
+    search = search_on(replace(drive, imu=replace(drive.imu, accel=accel)))
+    selection = search.selection(search.base, False)
+    chosen = select(selection, Chosen(), 1)
+    assert chosen.names == ("accel_y += k * (force_y - play(force_y, 0.5))",)
+    finer, brief = search.refined(search.base, selection, chosen)
+    assert brief == []
+    (name,) = finer.names
+    (width,) = re.findall(r", ([\d.]+)\)", name)
+    assert float(width) == pytest.approx(0.8, rel=0.2)
 
 
 def test_what_lasts_for_a_moment_is_no_plateau() -> None:

@@ -53,12 +53,14 @@ def some_signals(n: int = 50) -> Signals:
         ("exp(-time / 30) * pi", lambda s: np.exp(-s.time / 30.0) * np.pi),
         ("rate + force", lambda s: s.rate + s.force),
         ("1", lambda s: np.ones(len(s.time))),
+        ("lag(time, 2)", lambda s: s.time - 2.0 * (1.0 - np.exp(-s.time / 2.0))),
+        ("play(time, 1)", lambda s: np.maximum(s.time - 1.0, 0.0)),
     ],
 )
 def test_a_formula_means_what_it_says(text: str, value: object) -> None:
     signals = some_signals()
     assert callable(value)
-    np.testing.assert_allclose(parse_formula(text)(signals), value(signals), rtol=1e-12)
+    np.testing.assert_allclose(parse_formula(text)(signals), value(signals), rtol=1e-10)
 
 
 @pytest.mark.parametrize(
@@ -71,6 +73,8 @@ def test_a_formula_means_what_it_says(text: str, value: object) -> None:
         ("__import__('os')", "function '__import__'"),
         ("speed.real", "speed.real"),
         ("'a'", "not understood"),
+        ("lag(speed, speed)", "a number above 0"),
+        ("play(speed, 0)", "a number above 0"),
         ("[x for x in speed]", "not understood"),
     ],
 )

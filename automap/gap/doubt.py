@@ -1,0 +1,73 @@
+"""Whether a name is all that there is: what speaks for something like it, but not for it.
+
+The likeliest of the names that are known is told though none may be the truth. It is in doubt where
+a formula that is not told apart from it explains more, or where what it explains is of another size
+in some stretches than in others: one number is then not what the drive shows.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from automap.gap import limits
+from automap.gap.evidence import by_stretch
+from automap.gap.linear import Part
+from automap.gap.selection import Chosen, Selection
+from automap.gates import exceeds
+
+
+def doubt(selection: Selection, chosen: Chosen, name: str) -> str:
+    """What speaks for something like a named effect, but not for it, in words; nothing mostly."""
+    share = uneven(selection, chosen, name)
+    if share > 0.0:
+        return f"something of another form, for its size differs by {share:.0%} along the drive"
+    return formula_in_place(selection, chosen, name)
+
+
+def formula_in_place(selection: Selection, chosen: Chosen, name: str) -> str:
+    """The formula that explains most in the place of a named effect, and more than that one does,
+    where the two are not told apart; nothing where none does."""
+    formulas = [c.name for c in selection.candidates.values() if c.terms]
+    best, instead = 0.0, ""
+    for rival in selection.rivals(chosen, name, formulas, frozenset()):
+        if rival.name in chosen.names:
+            continue
+        # evidence alone: that formulas are seldom the truth is what is asked here
+        ahead = rival.ahead - selection.log_prior(rival.chosen) + selection.log_prior(chosen)
+        if ahead > best and not selection.told_apart(rival, chosen, name):
+            best, instead = ahead, rival.name
+    return instead
+
+
+def uneven(selection: Selection, chosen: Chosen, name: str) -> float:
+    """Share of its size by which a chosen effect differs from stretch to stretch (one sigma);
+    nothing where that may be chance, or little.
+
+    Between-stretch variance by moments (DerSimonian and Laird, Controlled Clinical Trials 7 (1986),
+    177-188), of the part that explains most.
+    """
+    part = max(
+        (p for n, p, _ in chosen.parts if n == name),
+        key=lambda p: _nats(selection, chosen, name, p),
+    )
+    rest = Chosen(tuple(p for p in chosen.parts if p[:2] != (name, part)))
+    known = selection.given(rest)
+    if not known.shows(part):
+        return 0.0
+    scores, sizes = by_stretch(known, part)
+    noise = selection.inflated.get(False, 1.0)
+    total, count = float(sizes.sum()), len(sizes)
+    slope = float(scores.sum()) / total
+    q = float(np.sum((scores - slope * sizes) ** 2 / sizes))
+    between = (q - noise * (count - 1)) / (total - float(np.sum(sizes**2)) / total)
+    if slope <= 0.0 or between <= limits.CHALLENGE * slope**2:
+        return 0.0
+    sure = exceeds(q / noise, count - 1) < math.exp(-limits.LEAST_ODDS)
+    return math.sqrt(between) / slope if sure else 0.0
+
+
+def _nats(selection: Selection, chosen: Chosen, name: str, part: Part) -> float:
+    rest = Chosen(tuple(p for p in chosen.parts if p[:2] != (name, part)))
+    return selection.evidence(selection.given(rest), name, part).nats

@@ -1,0 +1,76 @@
+"""What speaks for something like a name, but not for it, and what stands in no name."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from automap.gap import limits
+from automap.gap.candidates import Candidate
+from automap.gap.chance import p_value
+from automap.gap.doubt import doubt, formula_in_place, uneven
+from automap.gap.leftover import given_up
+from automap.gap.linear import Column
+from automap.gap.naming import chance
+from automap.gap.screening import Found
+from automap.gap.selection import Chosen, Selection
+from automap.records import FloatArray
+from tests.unit.gap_linear import PRIOR_SD, linear_of
+from tests.unit.test_gap_naming import found_with
+
+ROWS, STRETCH = 2400, 80
+FORMULA = "accel_x += k * force_x^3"
+
+
+def selection_of(phi: FloatArray, w: FloatArray) -> Selection:
+    """A name, then a formula."""
+    layout = [
+        Column("accel_scale", "x", PRIOR_SD),
+        Column(FORMULA, "k", PRIOR_SD, term=("accel_x", "force_x^3")),
+    ]
+    candidates = [
+        Candidate("accel_scale", ((0,),), math.log(0.02)),
+        Candidate(FORMULA, ((1,),), math.log(4e-4), terms=(("accel_x", "force_x^3"),)),
+    ]
+    return Selection(linear_of(phi, w, layout), {c.name: c for c in candidates})
+
+
+NAMED = Chosen((("accel_scale", (0,), 1.0),))
+
+
+@pytest.mark.parametrize("true", [0, 1])
+def test_a_formula_that_explains_more_casts_doubt_on_a_name(true: int) -> None:
+    rng = np.random.default_rng(4)
+    phi = rng.standard_normal((ROWS, 2))
+    # they share nine tenths
+    phi[:, 1] = 0.95 * phi[:, 0] + 0.3 * phi[:, 1]
+    selection = selection_of(phi, 0.15 * phi[:, true] + rng.standard_normal(ROWS))
+    assert formula_in_place(selection, NAMED, "accel_scale") == (FORMULA if true else "")
+
+
+@pytest.mark.parametrize(("seed", "varying"), [(s, v) for s in range(4) for v in (0.0, 1.0)])
+def test_an_effect_of_another_size_in_each_stretch_is_uneven(seed: int, varying: float) -> None:
+    rng = np.random.default_rng(seed)
+    phi = rng.standard_normal((ROWS, 2))
+    size = 0.3 * (1.0 + varying * np.repeat(rng.standard_normal(ROWS // STRETCH), STRETCH))
+    selection = selection_of(phi, size * phi[:, 0] + rng.standard_normal(ROWS))
+    share = uneven(selection, NAMED, "accel_scale")
+    if varying:
+        assert share == pytest.approx(1.0, abs=0.5)
+        assert "differs by" in doubt(selection, NAMED, "accel_scale")
+    else:
+        assert share == 0.0
+        assert doubt(selection, NAMED, "accel_scale") == ""
+
+
+def test_what_the_filter_gave_up_is_told_without_a_name() -> None:
+    missing = found_with({0: 0.3})
+    maxima = chance(missing)
+    nothing = Found(**{**vars(missing), "chosen": Chosen()})
+    (told,) = given_up(nothing, maxima)
+    assert (told.kind, told.where) == ("like", "gyro_scale")
+    assert told.p_value < math.exp(-limits.LEAST_ODDS)
+    assert p_value(0.0, maxima) > told.p_value
+    assert given_up(missing, maxima) == ()
