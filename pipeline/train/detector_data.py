@@ -9,9 +9,12 @@ import numpy as np
 import numpy.typing as npt
 
 from automap.records import FloatArray
+from automap.signs.classes import load_classes
+from automap.vision.dark import brightened
 from pipeline.train import scenes
 from pipeline.train.art import Face
-from pipeline.train.degrade import at_random
+from pipeline.train.degrade import at_random, motion_blur, night
+from pipeline.train.drawings import Drawings, group_of_kind
 from pipeline.train.drawn_streets import PREFIX
 from pipeline.train.numbers import limit_face, other_number
 from pipeline.train.street_data import Street
@@ -30,6 +33,12 @@ _ZOOMS = (1.2, 2.0)
 _VARIED = 0.5
 _LEAST_CONTRAST = 4.0
 _LIMITS = 0.06
+_NIGHT, _BLURRED = 0.14, 0.1
+"""Shares of the pictures that are spoilt by darkness or by motion more than chance has it."""
+_COMPOSED = 0.35
+"""Share of the faces that are drawn as for the classifier: composed by rule, on other grounds."""
+_LABELLED_GROUPS = ("red-circle", "blue-circle", "white-circle", "red-triangle-up",
+                    "red-triangle-down", "red-octagon")  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -63,6 +72,13 @@ def kind_of(face: Face) -> int:
     return 0 if "priority-road" in face.name else 1
 
 
+def kind_of_name(name: str) -> int:
+    """The same for a class, or a kind of faces that are none."""
+    classes = load_classes()
+    group = classes[name].group if name in classes else group_of_kind(name)
+    return 0 if group in _LABELLED_GROUPS or "priority-road" in name else 1
+
+
 class FaceChooser:
     """Draws faces so that every shape and colour comes up, Australian ones more often."""
 
@@ -78,11 +94,16 @@ class FaceChooser:
         self._groups = list(groups.values())
         share = np.array([len(group) ** 0.6 for group in self._groups])
         self._share = share / share.sum()
+        self._drawings = Drawings(faces)
 
     def draw(self, rng: Random) -> tuple[Image, int]:
         """One face, BGRA, and its kind."""
         if rng.random() < _LIMITS:
             return limit_face(other_number(rng), rng), 0
+        if rng.random() < _COMPOSED:
+            draw = self._drawings.named if rng.random() < 0.5 else self._drawings.other
+            composed, name = draw(rng)
+            return composed, kind_of_name(name)
         group = self._groups[int(rng.choice(len(self._groups), p=self._share))]
         face = group[int(rng.integers(len(group)))]
         image = varied(face.image, rng) if rng.random() < _VARIED else face.image
@@ -114,7 +135,7 @@ class SampleMaker:
         if rng.random() < 0.8:
             boxes, kinds = self._set_faces(image, boxes, kinds, rng)
         # light, optics and compression come before the enlargement
-        image = at_random(image, rng)
+        image = _spoilt(image, rng)
         if side < SIZE:
             image, boxes = _enlarged(image, boxes)
         if rng.random() < 0.5:
@@ -160,7 +181,7 @@ class SampleMaker:
     ) -> tuple[list[FloatArray], list[int]]:
         boxes, kinds = list(boxes), list(kinds)
         for _ in range(int(rng.integers(1, 4))):
-            size = float(np.exp(rng.uniform(np.log(8), np.log(100))))
+            size = float(np.exp(rng.uniform(np.log(8), np.log(140))))
             x, y = rng.uniform(0, image.shape[1]), rng.uniform(0, image.shape[0])
             first = True
             for _ in range(1 if rng.random() < 0.75 else 2):
@@ -194,6 +215,18 @@ class SampleMaker:
                         kinds.append(-1)
                     break
         return boxes, kinds
+
+
+def _spoilt(image: Image, rng: Random) -> Image:
+    """A picture as another camera might have taken it, as it is searched when it is dark."""
+    chance = rng.random()
+    if chance < _NIGHT:
+        image = night(image, rng, rng.uniform(0.12, 0.4), rng.uniform(3.0, 14.0))
+    elif chance < _NIGHT + _BLURRED:
+        image = motion_blur(image, rng.uniform(4.0, 11.0), rng.normal(0.0, 30.0))
+    else:
+        image = at_random(image, rng)
+    return brightened(image)
 
 
 def _clutter(image: Image, boxes: list[FloatArray], rng: Random) -> None:

@@ -12,7 +12,14 @@ from automap.signs.classes import load_classes
 from pipeline.train.art import Face
 from pipeline.train.composed import on_board, prohibition
 from pipeline.train.layouts import bars, road_layout, words
-from pipeline.train.numbers import letter_face, limit_face, on_plate, other_number
+from pipeline.train.numbers import (
+    end_face,
+    letter_face,
+    limit_face,
+    on_plate,
+    other_end,
+    other_number,
+)
 from pipeline.train.pictograms import (
     ground_of,
     picture_of,
@@ -42,15 +49,24 @@ _CIRCLES = {"red": "red-circle", "blue": "blue-circle", "green": "green-circle",
 
 
 _OTHER_NUMBER, _OTHER_LETTER = "red-circle/number", "blue-square/letter"
+_OTHER_END = "white-circle/number"
 """Kinds of unknown faces drawn by rule; letters in red rings are among the numbers."""
 _STRANGE_GROUPS = ("yellow-diamond", "red-triangle-up", "red-circle", "blue-circle", "blue-square")
 _GENERATED_KINDS = (
-    _OTHER_NUMBER, _OTHER_LETTER, *(f"{group}/strange" for group in _STRANGE_GROUPS)
+    _OTHER_NUMBER, _OTHER_LETTER, _OTHER_END, *(f"{group}/strange" for group in _STRANGE_GROUPS)
 )  # fmt: skip
 _STRANGE, _OTHERWISE = 0.25, (0.45, 0.25, 0.2, 0.1)
 """Share of the unknown faces of these groups whose picture is one that no class shows; of these a
 picture that no sign shows, words, on warnings roads with side roads, and bars."""
 _GENERATED, _GENERATED_LIMIT = 0.6, 0.85
+_FOREIGN = 0.35
+"""Share of these whose picture is that of a face of another subject than any class of the group."""
+_OF_MANNER = frozenset({"ahead", "left", "right", "end", "zone", "road", "crossing", "only"})
+"""Words of names that tell no subject."""
+_OF_WAYS = frozenset({"turn", "curve", "winding", "direction", "lane", "keep", "pas", "straight",
+                      "merge", "junction", "intersection", "roundabout", "narrow", "way", "go",
+                      "reverse", "hairpin", "side", "traffic", "arrow", "through"})  # fmt: skip
+"""Words of pictures of ways, which are alike whatever they are called."""
 _TRANSPLANTED = 0.45
 _VARIANT = 0.25
 """Shares of a class's drawings: generated; with a picture from elsewhere; of another variant."""
@@ -150,6 +166,7 @@ class Drawings:
         grounded = self._of_group.get(_MANY_GROUNDS, []) if not held else []
         grounds = [ground_of(face.image) for face in grounded]
         self._grounds = [colour for colour in grounds if colour.max() > _BRIGHT]
+        self._foreign = {} if held else _foreign(by_base)
         self._prohibited = {
             kind: pictures
             for kind in self.kinds
@@ -194,6 +211,8 @@ class Drawings:
     def _strange(self, group: str, rng: Random) -> Image | None:
         """A face of a class or of none with a picture that no sign shows; None if it has none."""
         symbol = _of_no_class(group, rng)
+        if self._foreign[group] and rng.random() < _FOREIGN:
+            symbol = self._foreign[group][int(rng.integers(len(self._foreign[group])))]
         if group == "red-circle":
             return prohibition(symbol, bool(rng.random() < 0.5), rng)
         return redrawn(_one(self._of_group[group], rng), symbol, rng)
@@ -233,6 +252,8 @@ class Drawings:
                 letters = "ABCDEFGIJKLMNOQRSTUVWXYZ123456789"
                 letter = letters[int(rng.integers(len(letters)))]
                 return letter_face(letter, rng), _OTHER_LETTER
+            if group == "white-circle":
+                return end_face(other_end(rng), rng), _OTHER_END
         if group in _STRANGE_GROUPS and rng.random() < _STRANGE:
             strange = self._strange(group, rng)
             if strange is not None:
@@ -274,9 +295,29 @@ def _of_same_meaning(
     return result
 
 
-def _silhouettes(faces: list[Face]) -> list[Image]:
-    circles = [face.image for face in faces if face.shape == "circle"]
-    return [picture for picture in map(silhouette_of, circles) if picture is not None]
+def _words(name: str) -> set[str]:
+    """What a name speaks of: its words without those of manner, in the singular."""
+    words = re.split(r"[-\s]+", name.split("/")[-1].split("--", 1)[-1])
+    return {word.rstrip("s") for word in words if len(word) > 2} - _OF_MANNER
+
+
+def _foreign(by_base: dict[str, list[Face]]) -> dict[str, list[Image]]:
+    """For some groups the pictures of faces whose subject no class of the group has."""
+    spoken: dict[str, set[str]] = {group: set() for group in _STRANGE_GROUPS}
+    for name, entry in load_classes().items():
+        if entry.group in spoken:
+            spoken[entry.group] |= _words(name)
+    pictures = [(_words(base), _silhouettes(of, None)) for base, of in sorted(by_base.items())]
+    return {
+        group: [p for words, of in pictures if words and not words & (taken | _OF_WAYS) for p in of]
+        for group, taken in spoken.items()
+    }
+
+
+def _silhouettes(faces: list[Face], shape: str | None = "circle") -> list[Image]:
+    """The pictures, white on black, of faces of one shape, or of any but plates."""
+    chosen = [f.image for f in faces if (f.shape == shape if shape else not f.plate)]
+    return [picture for picture in map(silhouette_of, chosen) if picture is not None]
 
 
 def _one(faces: list[Face], rng: Random) -> Image:

@@ -20,6 +20,8 @@ Random = np.random.Generator
 
 LIMITS = (5, 10, 15, 20, 25, 30, 40, 50, 60, 70, 80, 90, 100, 110, 120, 130)
 """The limits that are classes."""
+END_OF = 80
+"""The limit whose end is a class."""
 _STROKES = "strokes"
 _TYPES = ("DejaVuSans-Bold", "DejaVuSans", "DejaVuSansMono-Bold", "STIXGeneralBol", "cmss10",
           _STROKES, _STROKES)  # fmt: skip
@@ -136,6 +138,32 @@ def limit_face(number: int, rng: Random) -> Image:
     return face
 
 
+def end_face(number: int, rng: Random) -> Image:
+    """The end of a limit: a number crossed by one bar or by thin ones, on a white disc; BGRA."""
+    face = np.zeros((_SIDE, _SIDE, 4), np.uint8)
+    white, ink = rng.uniform(225, 255, 3), np.full(3, rng.uniform(5, 60))
+    middle = (_SIDE - 1) / 2
+    y, x = np.mgrid[0:_SIDE, 0:_SIDE] - middle
+    away = np.hypot(x, y)
+    disc = np.clip(middle + 0.5 - away, 0.0, 1.0)
+    rim = rng.uniform(0.0, 0.04) * _SIDE
+    paint = np.clip(away - (middle - rim) + 0.5, 0.0, 1.0)[:, :, None] if rim > 1.0 else 0.0
+    face[:, :, :3] = white + paint * (ink - white)
+    face[:, :, 3] = 255 * disc
+    grey = ink + rng.uniform(0.0, 0.7) * (white - ink)
+    text = text_cover(str(number), rng, _SIDE * 0.74, _SIDE * rng.uniform(0.42, 0.6))
+    _print(face, text, (middle, middle), grey)
+    angle = np.radians(rng.normal(45.0, 5.0))
+    beside = np.sin(angle) * x + np.cos(angle) * y
+    thin = rng.random() < 0.6
+    count, half = (int(rng.integers(3, 6)), 0.018) if thin else (1, rng.uniform(0.03, 0.08))
+    places = (np.arange(count) - (count - 1) / 2) * rng.uniform(0.05, 0.075) * _SIDE
+    near = np.abs(beside[:, :, None] - places).min(axis=2)
+    bar = np.clip(half * _SIDE - near + 0.5, 0.0, 1.0) * np.clip(middle - away, 0.0, 1.0)
+    face[:, :, :3] = face[:, :, :3] * (1 - bar[:, :, None]) + ink * bar[:, :, None]
+    return face
+
+
 def on_plate(face: Image, rng: Random, words: str = "") -> Image:
     """A face on a white plate, as prohibitions stand in Australia, at times above words; BGRA.
 
@@ -207,3 +235,10 @@ def other_number(rng: Random) -> int:
         number = int(rng.integers(2, 36)) * 5 if rng.random() < 0.7 else int(rng.integers(1, 100))
         if number not in LIMITS:
             return number
+
+
+def other_end(rng: Random) -> int:
+    """A limit whose end is no class."""
+    while (number := 5 * int(rng.integers(1, 27))) == END_OF:
+        pass
+    return number

@@ -33,8 +33,7 @@ def follow(mean: torch.nn.Module, net: torch.nn.Module, share: float) -> None:
     """Move the running mean of the weights towards the current ones."""
     with torch.no_grad():
         ours, theirs = mean.state_dict(), net.state_dict()
-        for key, value in ours.items():
-            if value.dtype.is_floating_point:
-                value.lerp_(theirs[key], share)
-            else:
-                value.copy_(theirs[key])
+        moving = [key for key, value in ours.items() if value.dtype.is_floating_point]
+        torch._foreach_lerp_([ours[k] for k in moving], [theirs[k] for k in moving], share)
+        for key in ours.keys() - set(moving):
+            ours[key].copy_(theirs[key])

@@ -12,7 +12,9 @@ from automap.signs.classes import load_classes
 from pipeline.train.art import Face
 from pipeline.train.composed import crossing_face, prohibition
 from pipeline.train.numbers import (
+    END_OF,
     LIMITS,
+    end_face,
     letter_face,
     letter_symbol,
     limit_face,
@@ -27,6 +29,7 @@ Random = np.random.Generator
 
 LIMIT_OF = {limit_name(number): number for number in LIMITS}
 _LETTERS = {"information--parking--g1": "P", "information--hospital--g1": "H"}
+_END = f"regulatory--end-of-maximum-speed-limit-{END_OF}--g1"
 _NO_WAY = {
     "regulatory--no-left-turn--g1": "left",
     "regulatory--no-right-turn--g1": "right",
@@ -65,7 +68,7 @@ SHOWS = {
     "warning--two-way-traffic--g2": "opposite arrows",
 }
 """Classes that show a subject as they are, by the subject."""
-COMPOSED = frozenset({*_LETTERS, *_NO_WAY, *_NO_LETTER, *_NO_PICTURE, _CROSSING, *SHOWS})
+COMPOSED = frozenset({*_LETTERS, _END, *_NO_WAY, *_NO_LETTER, *_NO_PICTURE, _CROSSING, *SHOWS})
 """Classes other than limits that are drawn by rule or with other pictures of their subject."""
 _RIDDEN, _BY_RULE = 0.35, 0.5
 """Shares of the bicycles with a rider, and of people put together of strokes."""
@@ -84,6 +87,8 @@ class Recipes:
             return limit_face(LIMIT_OF[name], rng)
         if name in _LETTERS:
             return letter_face(_LETTERS[name], rng)
+        if name == _END:
+            return end_face(END_OF, rng)
         if name in _NO_WAY:
             return prohibition(turn_arrow(_NO_WAY[name], rng), bool(rng.random() < 0.9), rng)
         if name in _NO_LETTER:

@@ -7,6 +7,8 @@ With ``--ranks N`` as many processes, started with ``--rank`` 0 to N - 1, share 
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import torch
 from torch import Tensor, nn
@@ -16,19 +18,29 @@ from pipeline.train.art import load_faces
 from pipeline.train.cache import training_streets
 from pipeline.train.detector_data import Sample, SampleMaker, mirrored
 from pipeline.train.detector_net import SignNet, detection_loss
-from pipeline.train.loop import Recipe, fit, prepare, read_options
+from pipeline.train.loop import Recipe, fit, mixed, prepare, read_options
+from pipeline.train.moved import relit
+from pipeline.train.served import Serving
 
 RECIPE = Recipe(
     "detector", rate=2e-3, weight_decay=1e-3, warm_up=150, mean_steps=400.0, batch=8, norm=5.0
 )
+TIMED = replace(
+    RECIPE, rate=2.5e-3, weight_decay=5e-3, warm_up=300, mean_steps=1000.0,
+    serving=Serving(size=128, kept=60_000, fresh=32),
+)  # fmt: skip
 _WAITING = 96
+
+
+Batch = tuple[Tensor, ...]
+"""Pictures, then heat, weight, boxes and nearness."""
 
 
 class _Stream(IterableDataset[Sample]):
     """Endless samples; every worker and every resumption draws its own."""
 
-    def __init__(self, maker: SampleMaker, seed: int) -> None:
-        self.maker, self.seed = maker, seed
+    def __init__(self, maker: SampleMaker, seed: int, fresh: bool) -> None:
+        self.maker, self.seed, self.fresh = maker, seed, fresh
 
     def __iter__(self):  # type: ignore[no-untyped-def]
         info = get_worker_info()
@@ -36,6 +48,9 @@ class _Stream(IterableDataset[Sample]):
         waiting: list[Sample] = []
         while True:
             sample = self.maker.make(rng)
+            if self.fresh:
+                yield sample
+                continue
             # every picture serves twice, the second time later and mirrored
             waiting.append(mirrored(sample))
             yield sample
@@ -43,7 +58,7 @@ class _Stream(IterableDataset[Sample]):
                 yield waiting.pop(int(rng.integers(len(waiting))))
 
 
-def _batch(samples: list[Sample]) -> tuple[torch.Tensor, ...]:
+def _batch(samples: list[Sample]) -> Batch:
     images = np.stack([s.image for s in samples]).transpose(0, 3, 1, 2)
     parts = [np.stack([getattr(s, k) for s in samples]) for k in ("heat", "weight", "box", "near")]
     tensors = [torch.from_numpy(np.ascontiguousarray(p)) for p in (images, *parts)]
@@ -51,9 +66,24 @@ def _batch(samples: list[Sample]) -> tuple[torch.Tensor, ...]:
     return tuple(tensors)
 
 
-def _judge(net: nn.Module, batch: tuple[torch.Tensor, ...]) -> tuple[Tensor, dict[str, float]]:
+def _judge(net: nn.Module, batch: Batch) -> tuple[Tensor, dict[str, Tensor]]:
     image, heat, weight, box, near = batch
-    return detection_loss(net(image.float()), heat, weight, box, near), {}
+    if image.is_cuda:
+        image, heat, weight, box, near = _again(image.float(), heat, weight, box, near)
+    maps = mixed(net, image.float().contiguous(memory_format=torch.channels_last))
+    return detection_loss(maps, heat, weight, box, near), {}
+
+
+def _again(image: Tensor, *targets: Tensor) -> Batch:
+    """A batch in other light, half of it mirrored; ``targets`` heat, weight, box and near."""
+    turned = torch.rand(len(image), device=image.device) < 0.5
+
+    def flipped(x: Tensor) -> Tensor:
+        return torch.where(turned.reshape(-1, *[1] * (x.dim() - 1)), x.flip(-1), x)
+
+    heat, weight, box, near = (flipped(x) for x in targets)
+    box = torch.where(turned[:, None, None, None], box[:, [2, 1, 0, 3]], box)
+    return relit(flipped(image), 0.2, 0.2), heat, weight, box, near
 
 
 def main() -> None:
@@ -62,7 +92,9 @@ def main() -> None:
     prepare(options, seed=1)
     faces = load_faces(options.data / "sign-art", options.work / "faces.pkl")
     maker = SampleMaker(training_streets(options.data, options.work), faces)
-    fit(SignNet(), RECIPE, options, lambda seed: _Stream(maker, 1000 + seed), _batch, _judge)
+    timed = options.seconds > 0.0
+    recipe = TIMED if timed else RECIPE
+    fit(SignNet(), recipe, options, lambda seed: _Stream(maker, 1000 + seed, timed), _batch, _judge)
 
 
 if __name__ == "__main__":
