@@ -110,8 +110,8 @@ def _scaled(found: _Found, height: FloatArray) -> Reason:
     return Reason(
         "height_scale",
         f"the receiver's heights rise {slope:.2f} times as far as the vehicle climbs (sigma "
-        f"{found.sd:.2f}){unit}: the heights of the path and of the signs are as wrong; check the unit "
-        "of the heights in the receiver's log",
+        f"{found.sd:.2f}){unit}: the heights of the path and of the signs are as wrong; check the "
+        "unit of the heights in the receiver's log",
         height_m=off,
     )
 
