@@ -9,9 +9,11 @@ import numpy as np
 import pytest
 
 from automap.fusion.doubts import heights, limits
+from automap.fusion.doubts.reason import Reason
 from automap.fusion.doubts.triads import _left, lateness
 from automap.fusion.doubts.turns import _fit, slope_of
 from automap.records import ImuData
+from tests.unit.fusion_receiver import gauss_markov
 
 
 def test_a_slope_scatters_by_its_sigma_whatever_bias_there_is() -> None:
@@ -76,12 +78,12 @@ def test_heights_rise_by_a_units_factor_of_the_climb(factor: float) -> None:
     assert changes is not None
     found = heights._slope(changes)
     assert found is not None
-    assert abs(found[0] - factor) < 4.0 * found[1]
-    assert found[1] < 0.03
+    assert abs(found.value - factor) < 4.0 * found.sd
+    assert found.sd < 0.03
     # as many windows as there is way, each with the noise of both its ends
     climbs = np.diff(np.interp(np.arange(0.0, at[-1], limits.CLIMB_WAY_M / speed), at, level))
     climbs -= climbs.mean()
-    assert found[1] == pytest.approx(np.sqrt(2.0) * 0.5 / np.linalg.norm(climbs), rel=0.4)
+    assert found.sd == pytest.approx(np.sqrt(2.0) * 0.5 / np.linalg.norm(climbs), rel=0.4)
     # on a road that never climbs, or climbs all the way alike, nothing is told
     for pitch in (0.0, 0.02):
         even = np.tile([0.0, pitch, 0.0], (n, 1))
@@ -89,6 +91,45 @@ def test_heights_rise_by_a_units_factor_of_the_climb(factor: float) -> None:
         changes = heights._changes(flat, t, rng.normal(size=len(t)))
         assert changes is not None
         assert heights._slope(changes) is None
+
+
+def _low_hills(seed: int, unit: float, by_speed: float) -> list[Reason]:
+    """Two kilometres with stops on low hills, heights off by some metres, in a ``unit`` per metre,
+    and falling with the square of the speed."""
+    at = 0.1 * np.arange(2_400)
+    speed = 9.0 + 8.0 * np.sin(0.06 * at)
+    pitch = 0.022 * np.sin(0.045 * at)
+    velocity = np.column_stack([speed, np.zeros(len(at)), np.zeros(len(at))])
+    rpy = np.column_stack([np.zeros(len(at)), np.arctan(pitch), np.zeros(len(at))])
+    path: Any = SimpleNamespace(gps_s=1e9 + at, vel_ned=velocity, rpy=rpy)
+    level = np.cumsum(speed * pitch * 0.1)[::10]
+    rng = np.random.default_rng(seed)
+    wander = gauss_markov(len(level), 1.0, 60.0, np.ones(3), rng)[:, 0]
+    height = unit * (300.0 + level + wander - by_speed * speed[::10] ** 2)
+    fixes: Any = SimpleNamespace(
+        gps_s=path.gps_s[::10], lat_rad=np.zeros(len(level)), lon_rad=np.zeros(len(level)),
+        height_m=height,
+    )  # fmt: skip
+    return list(heights.height_doubts(path, fixes))
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_feet_are_told_where_metres_are_far_less_likely(seed: int) -> None:
+    (found,) = _low_hills(seed, 1.0 / 0.3048, 0.0)
+    assert (found.code, found.state) == ("height_scale", "doubtful")
+    assert "as feet where metres belong" in found.text
+
+
+def test_heights_that_chance_may_make_fall_with_the_speed_are_as_unsure() -> None:
+    """By pressure they are 4 m off at 17 m/s; by none they seldom seem to be."""
+    by_pressure = [_low_hills(seed, 1.0, 0.015) for seed in range(12)]
+    told = [reason for found in by_pressure for reason in found]
+    assert len(told) >= 9
+    assert {reason.code for reason in told} == {"height_by_pressure"}
+    assert all(reason.height_m > 2.0 for reason in told)
+    assert any(reason.state == "good" for reason in told)
+    clean = [_low_hills(seed, 1.0, 0.0) for seed in range(40)]
+    assert sum(map(len, clean)) <= 4
 
 
 def test_what_bends_leave_of_a_force_is_that_of_a_line_and_a_delay_is_worth_what_is_new_of_it() -> (

@@ -31,7 +31,7 @@ def _factors(**given: float) -> dict[str, float]:
 
 @pytest.mark.parametrize("factor", [0.0, 0.1, 0.5, 1.0])
 def test_where_a_drive_shows_less_than_was_stated_the_rest_is_unseen(factor: float) -> None:
-    """White, quick, slow and unseen parts together are never less than all shares of a statement."""
+    """White, quick, slow and unseen parts together are never less than all shares of it."""
     levels = ("wander", "wander_v", "multipath", "position_h", "position_v")
     unseen = unseen_errors(STATED, OPTIONS, _factors(**dict.fromkeys(levels, factor)))
     shares = (OPTIONS.wander_share, OPTIONS.multipath_share, OPTIONS.white_share)

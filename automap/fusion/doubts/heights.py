@@ -10,7 +10,7 @@ import numpy as np
 from automap.fusion.doubts import limits
 from automap.fusion.doubts.reason import Reason
 from automap.fusion.limits import DOUBT_PROBABILITY, UNKNOWN_HEIGHT_SD_M
-from automap.gates import sigmas
+from automap.gates import OUTSIDE_95, exceeds_ratio, sigmas
 from automap.records import Fixes, FloatArray, Trajectory
 from automap.robust import cauchy_weight
 
@@ -34,43 +34,84 @@ def height_doubts(path: Trajectory, fixes: Fixes) -> Iterator[Reason]:
     if changes is None:
         return
     found = _slope(changes)
-    if found is not None and _beyond(found[0] - 1.0, found[1], limits.SLOPE_OFF):
-        yield _scaled(*found, height)
+    if found is not None and (_in_another_unit(found) or _known_otherwise(found)):
+        yield _scaled(found, height)
         return
-    by_speed, sd = _fit(changes.square, changes.length, changes.height - changes.climb)
-    if _beyond(by_speed, sd, limits.SQUAT):
+    by_speed = _fit(changes.square, changes.length, changes.height - changes.climb)
+    chance = 1.0 if by_speed is None else by_speed.chance(0.0, limits.SQUAT)
+    if by_speed is not None and chance < OUTSIDE_95:
         speed = float(np.percentile(np.hypot(path.vel_ned[:, 0], path.vel_ned[:, 1]), 95.0))
-        off = by_speed * speed**2
+        off = by_speed.value * speed**2
+        steady = chance > DOUBT_PROBABILITY
         yield Reason(
             "height_by_pressure",
             f"the receiver's heights are {off:+.0f} m at {speed:.0f} m/s beside where the vehicle "
-            f"climbs (sigma {sd * speed**2:.1f} m), and right at rest: they are of a barometer in "
-            "the vehicle, whose pressure changes with the speed; log the heights of its satellites",
+            f"climbs (sigma {by_speed.sd * speed**2:.1f} m), and right at rest: "
+            + (
+                "chance may still make as much, and the sigmas hold it"
+                if steady
+                else "they are of a barometer in the vehicle, whose pressure changes with the "
+                "speed; log the heights of its satellites"
+            ),
             height_m=abs(off),
+            state="good" if steady else "doubtful",
         )
 
 
-def _beyond(off: float, sd: float, usual: float) -> bool:
-    return abs(off) > usual + sigmas(DOUBT_PROBABILITY) * sd
+@dataclass(frozen=True)
+class _Found:
+    """A slope with its sigma, of so many degrees of ``freedom``."""
+
+    value: float
+    sd: float
+    freedom: int
+
+    def chance(self, right: float, usual: float) -> float:
+        """How likely chance makes it so far from the ``right`` one, which varies by what is
+        ``usual`` (Student)."""
+        beyond = max(abs(self.value - right) - usual, 0.0) / self.sd
+        return exceeds_ratio(beyond**2, 1, self.freedom)
+
+    def within(self, right: float) -> bool:
+        """Whether chance may make it from the ``right`` one."""
+        return self.chance(right, 0.0) > DOUBT_PROBABILITY
+
+    def odds(self, other: float, right: float, usual: float) -> float:
+        """How many times likelier an ``other`` one makes it than the ``right`` one does."""
+        far = max(abs(self.value - right) - usual, 0.0) / self.sd
+        near = (self.value - other) / self.sd
+        ratio = (self.freedom + far**2) / (self.freedom + near**2)
+        return float(ratio ** (0.5 * (self.freedom + 1.0)))
 
 
-def _scaled(slope: float, sd: float, height: FloatArray) -> Reason:
-    unit = next(
-        (
-            text
-            for factor, text in limits.HEIGHT_UNITS
-            if abs(slope / factor - 1.0) < sigmas(DOUBT_PROBABILITY) * sd / factor
-        ),
-        "",
-    )
+def _in_another_unit(found: _Found) -> bool:
+    """Whether feet, or metres taken for feet, make the slope far likelier than metres."""
+    odds = (found.odds(factor, 1.0, limits.SLOPE_OFF) for factor, _ in limits.HEIGHT_UNITS)
+    return max(odds) > limits.UNIT_ODDS
+
+
+def _known_otherwise(found: _Found) -> bool:
+    """Whether the slope is known, and is not that of metres."""
+    # of few windows the scatter is little known
+    from scipy.special import stdtrit
+
+    wide = -float(stdtrit(found.freedom, 0.5 * DOUBT_PROBABILITY)) / sigmas(DOUBT_PROBABILITY)
+    if wide * found.sd > limits.KNOWN_CLIMB_SD * max(abs(found.value), 1.0):
+        return False
+    return found.chance(1.0, limits.SLOPE_OFF) < DOUBT_PROBABILITY
+
+
+def _scaled(found: _Found, height: FloatArray) -> Reason:
+    slope = found.value
+    unit = next((text for factor, text in limits.HEIGHT_UNITS if found.within(factor)), "")
     off = UNKNOWN_HEIGHT_SD_M
     if slope > 0.0:
         off = float(np.abs(height).max()) * abs(1.0 - 1.0 / slope)
     return Reason(
         "height_scale",
         f"the receiver's heights rise {slope:.2f} times as far as the vehicle climbs (sigma "
-        f"{sd:.2f}){unit}: the heights of the path and of the signs are as wrong; check the unit "
-        "of the heights in the receiver's log",
+        f"{found.sd:.2f}){unit}: the heights of the path and of the signs are as wrong; check the "
+        "unit of the heights in the receiver's log",
         height_m=off,
     )
 
@@ -105,22 +146,18 @@ def _changes(path: Trajectory, t: FloatArray, height: FloatArray) -> _Changes | 
     return _Changes(*(np.diff(np.interp(t[rows], t, v)) for v in values))
 
 
-def _slope(changes: _Changes) -> tuple[float, float] | None:
-    """How many times the climb the height changes, and its sigma; None on a road too level to
-    say."""
-    x, length = changes.climb, changes.length
-    # beside what rises evenly, which the body's pitch does; less is the pseudo-inverse's rounding
-    hills = x - length * float(x @ length) / float(length @ length)
-    if float(hills @ hills) < _EVEN * float(length @ length):
+def _slope(changes: _Changes) -> _Found | None:
+    """How many times the climb the height changes; None on a road without any hill."""
+    return _fit(changes.climb, changes.length, changes.height)
+
+
+def _fit(x: FloatArray, length: FloatArray, y: FloatArray) -> _Found | None:
+    """How many times ``x`` [k] ``y`` [k] is, beside what goes with ``length``; None where ``x``
+    goes with it."""
+    # less is the pseudo-inverse's rounding
+    rest = x - length * float(x @ length) / float(length @ length)
+    if float(rest @ rest) < _EVEN * float(length @ length):
         return None
-    slope, sd = _fit(x, length, changes.height)
-    return (slope, sd) if sd < limits.KNOWN_CLIMB_SD * max(abs(slope), 1.0) else None
-
-
-def _fit(x: FloatArray, length: FloatArray, y: FloatArray) -> tuple[float, float]:
-    """How many times ``x`` [k] ``y`` [k] is, beside what goes with ``length``, and its sigma."""
-    from scipy.special import stdtrit
-
     design: FloatArray = np.asarray(np.column_stack([x, length]), np.float64)
     weight = np.ones(len(y))
     normal: FloatArray = np.eye(2)
@@ -132,6 +169,4 @@ def _fit(x: FloatArray, length: FloatArray, y: FloatArray) -> tuple[float, float
         weight = cauchy_weight((rest / (1.4826 * float(np.median(np.abs(rest))) + 1e-9)) ** 2)
     # no less than heights are told to: a level that never changes is no certainty
     variance = max(float(weight @ rest**2 / weight.sum()), limits.LEAST_HEIGHT_SD_M**2)
-    # of few windows the scatter is little known (Student)
-    wide = -float(stdtrit(len(y) - 2, 0.5 * DOUBT_PROBABILITY)) / sigmas(DOUBT_PROBABILITY)
-    return slope, wide * float(np.sqrt(normal[0, 0] * variance))
+    return _Found(slope, float(np.sqrt(normal[0, 0] * variance)), len(y) - 2)

@@ -130,6 +130,9 @@ LEAN_S = 60.0
 """A road leans or climbs all the same for no longer than this where it does so most."""
 ASKEW_PROBABILITY = 2.7e-3
 """A drive of a right mounting leans so much in its mean so rarely: three sigmas of roads."""
+UNIT_ODDS = 1000.0
+"""Heights in metres seem to be in feet, or the other way round, with such odds in less than one
+drive of a thousand (Markov's inequality)."""
 MOST_LEAN, MOST_CLIMB = 0.2, 0.35
 """Roads fall to the side by 12 % at most in a bend (AASHTO, A Policy on Geometric Design of
 Highways and Streets), the steepest climb by 35 %; a body leans by some degrees besides, rad."""
