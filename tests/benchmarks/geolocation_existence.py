@@ -10,9 +10,9 @@ signs a lorry drives for half a second to four seconds. Scores are probabilities
 sign, as those of the shipped detector are: of all boxes with a score s the part s does, and the
 boxes of one thing have nearly the same; or, ``apart``, evenly spread from 0.6 to 1 for signs and
 from 0.3 to 0.8 for all else, anew for each box, which is no probability. Everything that boxes were
-joined to is asked, also what the map leaves out: how often things of a probability are signs, and the expected
-calibration error (Naeini, Cooper and Hauskrecht, AAAI 2015) over eight bins; and by itself of the
-things that stay and of the signs behind lorries.
+joined to is asked, also what the map leaves out: how often things of a probability are signs, and
+the expected calibration error (Naeini, Cooper and Hauskrecht, AAAI 2015) over eight bins; and by
+itself of the things that stay and of the signs behind lorries.
 """
 
 from __future__ import annotations
