@@ -65,11 +65,13 @@ def existence_probabilities(
     rate = _found_rate([p for p in patterns if p.seen.sum() >= limits.RATE_VIEWS])
     there, alike = np.zeros(len(landmarks)), np.zeros(len(landmarks))
     for k, (mark, pattern) in enumerate(zip(landmarks, patterns, strict=True)):
-        score = float(views.score[mark.rows].max())
+        scores = views.score[mark.rows]
         as_sign, as_thing = sign_nats(pattern, rate), thing_nats(pattern.seen)
         further = limits.FITTING_BOX_NATS * (len(mark.rows) - 1)
-        there[k] = _log_odds(score, limits.SCORE_LIMITS) + further + as_sign
-        alike[k] = math.log(limits.STANDING) - _log_odds(score, limits.BOX_LIMITS)
+        there[k] = _log_odds(float(scores.max()), limits.SCORE_LIMITS) + further + as_sign
+        # boxes of one thing err alike: of all that there are, the mean of their scores show signs,
+        # and the best of many is high of anything
+        alike[k] = math.log(limits.STANDING) - _log_odds(float(scores.mean()), limits.BOX_LIMITS)
         alike[k] += as_thing - as_sign
     single = np.array([len(mark.rows) == 1 for mark in landmarks], np.bool_)
     there[single] += _base_rate(there[single])

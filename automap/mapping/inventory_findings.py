@@ -124,14 +124,14 @@ def not_found(
     tries, hits = counts(views, len(inventory), seen_by)
     looked = np.array([sign.n_looked for sign in signs], np.int64)
     share = np.nan_to_num([sign.seen_share for sign in signs])
-    found = None
-    if looked.any() and tries.max(initial=0) > 0:
-        n_drives = np.array([len(sign.drives) for sign in signs], np.int64)
-        found = gaps(np.rint(share * looked).astype(np.int64), looked, n_drives)
-    hidden = (0.0,) if found is None else hidden_for_good(found, _NODES).tolist()
+    n_drives = np.array([len(sign.drives) for sign in signs], np.int64)
+    found = gaps(np.rint(share * looked).astype(np.int64), looked, n_drives)
     priors = (*[limits.DETECTION_PRIOR] * 3, limits.GLIMPSE_PRIOR)
+    several = tries.max(initial=0) > 1
+    # without frames every share is as likely: that none saw a sign says little then
+    hidden = hidden_for_good(found, _NODES).tolist() if several else [0.0]
     known = standing(tries, hits, group, priors, hidden)
-    if found is not None and tries.max() == 1:
+    if looked.any() and not several:
         # counts of drives say nothing then, but frames do
         whole = (group == 0) & (tries == 1)
         unseen = whole & (hits == 0)

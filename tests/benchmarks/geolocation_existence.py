@@ -1,14 +1,18 @@
 """Whether the probabilities of existence are what happens: simulated drives with much clutter.
 
     python tests/benchmarks/geolocation_existence.py [--drives N] [--first SEED] [--seconds S]
+        [--scores calibrated|apart]
 
 Besides single false boxes there are things that stay: a part of what is boxed in every frame is
 made a thing of a sign's size, found at a rate q of which each is 1 / q times as likely, from 0.03
 on, with the scores of false boxes; another part a wall of three to eight metres. Before some of the
-signs a lorry drives for half a second to four seconds. Everything that boxes were joined to is
-asked, also what the map leaves out: how often things of a probability are signs, and the expected
-calibration error (Naeini, Cooper and Hauskrecht, AAAI 2015) over eight bins; and by itself of the
-things that stay and of the signs behind lorries.
+signs a lorry drives for half a second to four seconds. Scores are probabilities that a box shows a
+sign, as those of the shipped detector are: of all boxes with a score s the part s does, and the
+boxes of one thing have nearly the same; or, ``apart``, evenly spread from 0.6 to 1 for signs and
+from 0.3 to 0.8 for all else, anew for each box, which is no probability. Everything that boxes were
+joined to is asked, also what the map leaves out: how often things of a probability are signs, and
+the expected calibration error (Naeini, Cooper and Hauskrecht, AAAI 2015) over eight bins; and by
+itself of the things that stay and of the signs behind lorries.
 """
 
 from __future__ import annotations
@@ -18,12 +22,13 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from scipy.special import expit, logit
 
 from automap.geolocation import locate
 from automap.geolocation.landmark import Landmark, SizePrior
 from automap.geolocation.rules import GeolocationRules
 from automap.geolocation.views import Views
-from automap.records import FloatArray, IntArray, Looked
+from automap.records import BoolArray, FloatArray, IntArray, Looked
 from tests.benchmarks.geolocation_facing import ROUND
 from tests.benchmarks.geolocation_world import Difficulty, World, make_world
 
@@ -31,6 +36,9 @@ EDGES = np.array([0.0, 0.05, 0.2, 0.4, 0.6, 0.8, 0.95, 0.99, 1.0])
 CLUTTER, SIGN, BEHIND, THING, WALL = range(5)
 """What a box shows: nothing that stays, a sign, a sign that a lorry hides for a while, a thing of a
 sign's size, a wall."""
+SHARPNESS, JITTER = 1.0, 0.5
+"""Sum of the beta parameters of all boxes' scores, which is the less the more a detector knows; and
+by how much the log odds of one thing's boxes differ. Chosen."""
 LEAST_RATE, THINGS, WALLS, LORRIES = 0.03, 0.2, 0.05, 0.15
 
 
@@ -42,7 +50,7 @@ class Street:
     kind: IntArray
 
 
-def street(seed: int, d: Difficulty) -> Street:
+def street(seed: int, d: Difficulty, apart: bool = False) -> Street:
     """A drive of ``geolocation_world.py`` with things, walls and lorries."""
     world = make_world(seed, d)
     rng = np.random.default_rng([seed, 11])
@@ -78,8 +86,26 @@ def street(seed: int, d: Difficulty) -> Street:
         box=box[keep], score=score[keep], track=found.track[keep],
         looked=Looked(frame, np.tile(whole, (len(frame), 1))),
     )  # fmt: skip
-    kind = np.where(owner >= 0, of_sign[np.maximum(owner, 0)], CLUTTER)
-    return Street(replace(world, detections=found, owner=owner[keep]), kind[keep])
+    kind = np.where(owner >= 0, of_sign[np.maximum(owner, 0)], CLUTTER)[keep]
+    owner = owner[keep]
+    if not apart:
+        found = replace(found, score=_scores(rng, (kind == SIGN) | (kind == BEHIND), owner))
+    return Street(replace(world, detections=found, owner=owner), kind)
+
+
+def _scores(rng: np.random.Generator, sign: BoolArray, owner: IntArray) -> FloatArray:
+    """Scores [n] of boxes of which ``sign`` ones show a sign: what has the score s is a sign with
+    the probability s, as with a beta distribution of which signs are picked by s, all else by
+    1 - s."""
+    share = float(sign.mean())
+    a, b = SHARPNESS * share, SHARPNESS * (1.0 - share)
+    thing = np.where(owner >= 0, owner, owner.max() + 1 + np.arange(len(owner)))
+    _, first, place = np.unique(thing, return_index=True, return_inverse=True)
+    level = np.where(
+        sign[first], rng.beta(a + 1.0, b, len(first)), rng.beta(a, b + 1.0, len(first))
+    )
+    odds = logit(np.clip(level, 1e-6, 1.0 - 1e-6))[place]
+    return np.asarray(expit(odds + JITTER * rng.standard_normal(len(owner))))
 
 
 def told(one: Street) -> FloatArray:
@@ -96,6 +122,8 @@ def told(one: Street) -> FloatArray:
 
     def sizes_tell(views: Views, landmarks: list[Landmark], prior: SizePrior) -> FloatArray:
         face = by_size(views, landmarks, prior)
+        # what is asked before the camera is found does not count
+        rows.clear()
         for mark, p in zip(landmarks, (exists * face).tolist(), strict=True):
             if mark.ok:
                 rows.append((p, float(np.bincount(one.kind[views.row[mark.rows]]).argmax())))
@@ -117,11 +145,13 @@ def main() -> None:
     parser.add_argument("--drives", type=int, default=4)
     parser.add_argument("--first", type=int, default=0, help="seed of the first drive")
     parser.add_argument("--seconds", type=float, default=600.0, help="length of a drive")
+    parser.add_argument("--scores", choices=("calibrated", "apart"), default="calibrated")
     arguments = parser.parse_args()
+    apart = arguments.scores == "apart"
     for clutter in (0.1, 0.4):
         d = Difficulty(twice=False, clutter=clutter, faces=ROUND, duration_s=arguments.seconds)
         seeds = range(arguments.first, arguments.first + arguments.drives)
-        p, kind = np.concatenate([told(street(seed, d)) for seed in seeds]).T
+        p, kind = np.concatenate([told(street(seed, d, apart)) for seed in seeds]).T
         sign = (kind == SIGN) | (kind == BEHIND)
         print(f"{clutter} false boxes a frame: {len(p)} things, {sign.mean():.3f} of them signs")
         print(f"  expected calibration error {_by_bins(p, sign):.4f}")

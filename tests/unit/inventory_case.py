@@ -55,6 +55,10 @@ def signs_of(drive: DriveSigns, exists: FloatArray, confidence: FloatArray) -> l
     ]  # fmt: skip
 
 
+LOOKED, SEEN = 20, 0.95
+"""Frames that should show a sign, and the part that does: nothing stands before signs."""
+
+
 @dataclass
 class Faulty:
     """An inventory, the true sign of each row (-1: stands nowhere), and the faults put in."""
@@ -165,7 +169,11 @@ def merged_town(
         path = there_and_back(length_m)
         drive, truth = drive_through(rng, town, path, 12.0, name, start, errors)
         exists, confidence = beliefs(rng, drive, truth, town, errors)
-        parts.append(replace(drive, confidence=confidence, existence=exists))
+        frames = np.full(len(exists), SEEN), np.full(len(exists), float(LOOKED))
+        parts.append(replace(
+            drive, confidence=confidence, existence=exists,
+            seen_share=frames[0], n_looked=frames[1],
+        ))  # fmt: skip
         known[name] = truth
     merged = merge_drives(parts)
     origin = [

@@ -35,7 +35,7 @@ def mapping_crowded() -> Any:
 
 
 @scenario
-def mapping_inventory() -> Any:
+def compare_inventories() -> Any:
     """A map against an inventory with faults."""
     from automap.mapping.inventory import compare_inventory
     from tests.unit.inventory_case import faulty, merged_town, town_and_drive

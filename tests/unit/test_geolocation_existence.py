@@ -106,3 +106,18 @@ def test_sizes_tell_faces_from_other_things() -> None:
     assert max(nats[3:]) < -8.0
     # nothing is told by a size that nobody measured
     assert abs(size_nats(0.0, 1e4, usual, 2.4)) < 0.05
+
+
+def test_the_best_of_many_scores_says_no_more_than_the_scores_do() -> None:
+    """Each box of a thing that is no sign has some score, and the best of many is high."""
+    path, found, owner = drive()
+    rows = np.flatnonzero(owner == 4)
+    existence = []
+    for scores in (np.full(len(rows), 0.5), np.linspace(0.1, 0.9, len(rows))):
+        score = found.score.copy()
+        score[rows] = scores
+        every = np.ones(len(found), np.bool_)
+        signs = located(path, replace(found, score=score), every).signs
+        existence.append(sorted(sign.existence for sign in signs)[0])
+    assert existence[0] < 0.985
+    assert existence[1] == pytest.approx(existence[0], abs=0.003)
