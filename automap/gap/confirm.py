@@ -44,7 +44,8 @@ class Confirmed:
     """Effects that held-out data let stand, with their values, and a sentence on each other.
 
     ``kept_out`` these others; ``positions`` how well positions are predicted; ``without`` effect ->
-    held-out paths of the model that lacks it alone, where they were fitted anyhow.
+    held-out paths of the model that lacks it alone, where they were fitted anyhow; ``gains`` nats
+    by which held-out data are likelier with each.
     """
 
     values: dict[str, Mapping[str, float]]
@@ -52,6 +53,7 @@ class Confirmed:
     kept_out: tuple[KeptOut, ...] = ()
     positions: HeldPositions | None = None
     without: Mapping[str, Sequence[HeldPath]] = field(default_factory=dict)
+    gains: Mapping[str, float] = field(default_factory=dict)
 
     def after(self, earlier: Sequence[Confirmed]) -> Confirmed:
         """The same with what was spoken against before."""
@@ -68,6 +70,7 @@ def confirmed(held_out: Sequence[OpenDrive], model: GapModel, values: Values) ->
     warnings: list[str] = []
     kept_out: list[KeptOut] = []
     paths: dict[str, tuple[frozenset[str], list[HeldPath]]] = {}
+    gains: dict[str, float] = {}
     if not held_out:
         return Confirmed(kept, ())
     fits = fit_held_out(held_out, model, kept)
@@ -84,6 +87,7 @@ def confirmed(held_out: Sequence[OpenDrive], model: GapModel, values: Values) ->
             )
             kept_out.append(KeptOut(effect, False, -gain))
         else:
+            gains[effect] = gain
             paths[effect] = frozenset(fewer), [held_path(fit) for fit in without]
         del without
     # under the same noise: a filter that follows its fixes more closely predicts the next one well
@@ -102,7 +106,8 @@ def confirmed(held_out: Sequence[OpenDrive], model: GapModel, values: Values) ->
         kept_out.append(KeptOut(effect, True))
     # those that were fitted beside one that has gone since are of another model
     alone = {e: p for e, (rest, p) in paths.items() if e in kept and rest == set(kept) - {e}}
-    return Confirmed(kept, tuple(warnings), tuple(kept_out), _positions(plain, fits), alone)
+    positions = _positions(plain, fits)
+    return Confirmed(kept, tuple(warnings), tuple(kept_out), positions, alone, gains)
 
 
 def _positions(before: Sequence[Fit], after: Sequence[Fit]) -> HeldPositions | None:

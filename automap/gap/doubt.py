@@ -1,8 +1,9 @@
 """Whether a name is all that there is: what speaks for something like it, but not for it.
 
 The likeliest of the names that are known is told though none may be the truth. It is in doubt where
-a formula that is not told apart from it explains more, or where what it explains is of another size
-in some stretches than in others: one number is then not what the drive shows.
+a formula that is not told apart from it explains more, where held-out data are no likelier with it,
+or where what it explains is of another size in some stretches than in others: one number is then
+not what the drive shows.
 """
 
 from __future__ import annotations
@@ -18,11 +19,14 @@ from automap.gap.selection import Chosen, Selection
 from automap.gates import exceeds
 
 
-def doubt(selection: Selection, chosen: Chosen, name: str) -> str:
-    """What speaks for something like a named effect, but not for it, in words; nothing mostly."""
+def doubt(selection: Selection, chosen: Chosen, name: str, gain: float) -> str:
+    """What speaks for something like a named effect, but not for it, in words; nothing mostly.
+    ``gain`` nats by which held-out data are likelier with it."""
     share = uneven(selection, chosen, name)
     if share > 0.0:
         return f"something of another form, for its size differs by {share:.0%} along the drive"
+    if gain <= 0.0:
+        return "something else, for held-out data are no likelier with it"
     return formula_in_place(selection, chosen, name)
 
 

@@ -14,7 +14,7 @@ from automap.gap.candidates import library
 from automap.gap.confirm import costs
 from automap.gap.dictionary import forget_formulas
 from automap.gap.drive import GapDrive, OpenDrive, in_vehicle_axes, open_drive
-from automap.gap.fit import Fit, GapModel, base_model, fit_drive, without_course_distance
+from automap.gap.fit import Fit, GapModel, base_model, fit_drive, without
 from automap.gap.leftover import given_up, in_noise
 from automap.gap.misfit import Misfit, Place, misfits, places, worst_by_channel
 from automap.gap.naming import (
@@ -48,10 +48,12 @@ from automap.gap.scoring import (
 from automap.gap.screening import Found, Screening
 from automap.gap.search import Search
 from automap.gap.stochastic import (
-    course_distance_finding,
+    BEHIND,
+    USUAL,
     noise_claims,
     noise_levels,
     stochastic_findings,
+    usual_finding,
 )
 
 
@@ -122,7 +124,7 @@ def find_gaps(
     base = open_fits(opened, model, log)
     if sum(fit.last.totals().get(COURSE_DISTANCE_STATE, 0.0) for fit in base.fits) < 0.0:
         # no course is that of a place ahead: the antenna is
-        base = open_fits(opened, without_course_distance(model), log)
+        base = open_fits(opened, without(model, BEHIND), log)
     search = Search(base, kept, model.factors, exclude, log)
     found = search.run()
     log("measuring the gap on held-out data")
@@ -180,10 +182,13 @@ def _result(
         else:
             formulas.append(replace(one, gap_before=before, gap_after=after))
     fits = found.fitted.fits
-    lagging = None
-    if "gnss_course_distance" not in exclude:
-        lagging = course_distance_finding(found, values, held_out, final, stated.factors, rest)
-    findings += [lagging] if lagging is not None else []
+    every = (
+        usual_finding(effect, found, values, held_out, final, stated.factors, rest)
+        for effect in USUAL
+        if effect not in exclude
+    )
+    usual = [one for one in every if one is not None]
+    findings += usual
     noise = stochastic_findings(fits, stated.factors, rest, frozenset(exclude))
     findings += noise
     claims = noise_claims(fits, stated.factors)
@@ -196,7 +201,7 @@ def _result(
     noisy = {n: noise_levels(n) for n in (*(f.effect for f in noise), *(c.level for c in claims))}
     paid = costs(held_out, final, values, noisy, stated.factors, stands.without)
     shown = places(first, final)
-    carried = replace(model, values={**model.values, **values, **_values_of(lagging)})
+    carried = replace(model, values={**model.values, **values, **_values_of(usual)})
     return GapResult(
         gaps[0],
         rest,
@@ -220,11 +225,14 @@ def _result(
     )
 
 
-def _values_of(finding: Finding | None) -> dict[str, dict[str, float]]:
-    """What a finding says of an effect that every model estimates, for runs that do not."""
-    if finding is None:
-        return {}
-    return {finding.effect: {p: known.value for p, known in finding.parameters.items()}}
+def _values_of(usual: Sequence[Finding]) -> dict[str, dict[str, float]]:
+    """What findings say of effects that every model estimates, for runs that do not: but for how
+    speeds are cut off, which is a receiver's way and not worth a value."""
+    return {
+        one.effect: {p: known.value for p, known in one.parameters.items()}
+        for one in usual
+        if one.effect == BEHIND
+    }
 
 
 def _by_formula(found: Found, kept_out: Sequence[KeptOut]) -> tuple[KeptOut, ...]:

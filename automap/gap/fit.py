@@ -83,9 +83,9 @@ def usual_options(options: FusionOptions) -> FusionOptions:
     return replace(options, effects=(*options.effects, *more))
 
 
-def without_course_distance(model: GapModel) -> GapModel:
-    """A model in which no course lags with the distance."""
-    effects = tuple(e for e in model.options.effects if e != "gnss_course_distance")
+def without(model: GapModel, effect: str) -> GapModel:
+    """A model that does not estimate an effect."""
+    effects = tuple(e for e in model.options.effects if e != effect)
     return replace(model, options=replace(model.options, effects=effects))
 
 

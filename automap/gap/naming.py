@@ -62,6 +62,8 @@ def describe(found: Found, values: Values, maxima: FloatArray) -> list[Finding |
             continue
         twins = [t for t in sorted(twins_of((name,))) if t in selection.candidates]
         confusable = tuple(dict.fromkeys([*close, *twins]))
+        # without held-out data these have said nothing
+        gain = found.stands.gains.get(effect, np.inf)
         units = {q.name: q.unit for q in CATALOGUE[effect].parameters}
         parameters = {
             q: ParameterValue(v, _honest_sd(found, name, q, sd), units[q])
@@ -72,7 +74,7 @@ def describe(found: Found, values: Values, maxima: FloatArray) -> list[Finding |
                 odds,
                 Finding(
                     *(effect, parameters, nats, p, 0.0, 0.0, confusable),
-                    *(advice(effect, confusable), doubt(selection, chosen, name)),
+                    *(advice(effect, confusable), doubt(selection, chosen, name, gain)),
                 ),
             )
         )

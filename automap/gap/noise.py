@@ -74,11 +74,13 @@ class Joint:
 @dataclass(frozen=True)
 class Fitted:
     """A set of effects fitted: ``estimate`` effect -> factor on its prior sds, ``fits`` of all
-    drives with these as states, under ``model`` with the noise that suits them."""
+    drives with these as states, under ``model`` with the noise that suits them; factors at a
+    ``second`` top, where the likelihood has one."""
 
     model: GapModel
     estimate: Mapping[str, float]
     fits: tuple[Fit, ...]
+    second: Mapping[str, float] | None = None
 
     def joint(self) -> Joint:
         """The drives' estimates as one."""
@@ -107,20 +109,20 @@ def with_noise(fitted: Fitted, stated: Mapping[str, float]) -> Fitted:
     """The set with the noise levels that make the drives likeliest.
 
     The likelihood has a top where the sensors are noisy and one where the receiver is; so it is
-    climbed from the levels that the set has, from those stated, and with either moved first.
+    climbed from the levels that the set has, from those ``stated`` or at the second top of a set
+    that is much the same, and with either moved first.
     """
     fits = fitted.fits
     others = tuple(k for k in ALL_LEVELS if k not in INERTIAL_LEVELS)
     starts = [dict(fitted.model.factors), dict(stated)]
     if not fitted.estimate:
         starts = [fit_noise(fits, levels, initial=stated) for levels in (INERTIAL_LEVELS, others)]
-    top: Maximum | None = None
-    for start in starts:
-        other = _likeliest(fits, ALL_LEVELS, start, top)
-        top = other if top is None or other.score > top.score else top
-    assert top is not None
+    one = _likeliest(fits, ALL_LEVELS, starts[0])
+    other = _likeliest(fits, ALL_LEVELS, starts[1], one)
+    top, low = (one, other) if one.score >= other.score else (other, one)
     model = replace(fitted.model, factors=top.factors)
-    return fitted_about(model, fitted.estimate, fits)
+    second = low.factors if low.score < top.score - GAIN else None
+    return replace(fitted_about(model, fitted.estimate, fits), second=second)
 
 
 def fitted_about(model: GapModel, estimate: Mapping[str, float], about: Sequence[Fit]) -> Fitted:

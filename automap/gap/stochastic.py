@@ -1,4 +1,5 @@
-"""What every model has, named as a finding where it is gross: noise, courses that lag by metres.
+"""What every model has, named as a finding where it is gross: noise, courses that lag by metres,
+speeds that are told too low.
 
 Both are fitted in any case. Levels of noise are compared with what the model stated, by likelihood
 ratio: drift of the biases, receivers whose figures are off, wild fixes. An antenna so far behind
@@ -15,7 +16,6 @@ import numpy as np
 
 from automap.effects import CATALOGUE
 from automap.effects.catalogue import bias_walks
-from automap.fusion.delay_states import COURSE_DISTANCE_STATE
 from automap.fusion.filtered import full_covariance
 from automap.fusion.layout import CH_VEL, N_NAV
 from automap.fusion.levels import ALL_LEVELS, RECEIVER_LEVELS, VELOCITY_WANDER
@@ -23,7 +23,7 @@ from automap.fusion.measurements.position import lasting_share
 from automap.fusion.nodes import model_fixes
 from automap.gap import limits
 from automap.gap.drive import OpenDrive, count_outliers
-from automap.gap.fit import Fit, Values, without_course_distance
+from automap.gap.fit import Fit, Values, without
 from automap.gap.noise import fit_noise, fitted_about, noise_score, with_noise
 from automap.gap.result import Finding, NoiseClaim, ParameterValue, advice
 from automap.gap.scoring import epochs, fit_held_out, likelier, total_score, whitener_of
@@ -42,6 +42,8 @@ FIGURES: dict[str, tuple[str, ...]] = {
 """What a receiver states of its errors, and the levels of what these are made of."""
 GNSS_LEVELS = (*RECEIVER_LEVELS, *FIGURES)
 BEHIND, ARM = "gnss_course_distance", "gnss_lever_arm"
+USUAL = (BEHIND, "gnss_speed_offset")
+"""Effects of every receiver."""
 
 
 def stochastic_findings(
@@ -241,7 +243,8 @@ def _outliers(fits: Sequence[Fit], gap: float) -> Finding | None:
     return Finding("gnss_outliers", parameters, float(nats), p, gap, gap)
 
 
-def course_distance_finding(
+def usual_finding(
+    effect: str,
     found: Found,
     values: Values,
     held_out: Sequence[OpenDrive],
@@ -249,47 +252,53 @@ def course_distance_finding(
     stated: Mapping[str, float],
     gap: float,
 ) -> Finding | None:
-    """The distance, where fitted and held-out drives are likelier with it beyond all doubt.
+    """An effect that is part of every model, where fitted and held-out drives are likelier with it
+    beyond all doubt.
 
     ``values`` of what else was found, ``final`` the held-out fits under all of it, ``stated`` the
     factors of the noise as it was asked with, ``gap`` what is left on held-out data.
     """
     fits = found.fitted.fits
     own = found.fitted.model
-    if BEHIND not in own.options.effects or BEHIND in own.values:
+    if effect not in own.options.effects or effect in own.values:
         # no part of it, or known already
         return None
-    value, sd = _distance(fits)
-    model = without_course_distance(own)
+    (parameter,) = CATALOGUE[effect].parameters
+    value, sd = _estimate(effect, fits)
+    # no course is that of a place ahead; and what is a few sigmas is worth no name
+    if (effect == BEHIND and value <= 0.0) or abs(value) < limits.ONE_IN_A_THOUSAND * sd:
+        return None
+    model = without(own, effect)
     bare = with_noise(fitted_about(model, found.fitted.estimate, fits), stated)
     held = fit_held_out(held_out, bare.model, values, final)
     nats, sigmas = likelier((*fits, *final), (*bare.fits, *held))
     # as dear as any other name
     prior = float(np.log1p(-limits.OUTSIDE_LIBRARY) - np.log(len(found.selection.candidates)))
-    clear = nats + prior >= limits.LEAST_ODDS and sigmas >= limits.ONE_IN_A_THOUSAND
-    if value <= 0.0 or not clear:
+    if nats + prior < limits.LEAST_ODDS or sigmas < limits.ONE_IN_A_THOUSAND:
         return None
     # nats of an estimate are half the square of its sigmas, and scatter as much as these: half of
     # the sigmas stretch by stretch are those of the nats
-    sd = max(sd, value / (2.0 * sigmas))
-    whitener, unit = whitener_of(final[0]), CATALOGUE[BEHIND].parameters[0].unit
+    sd = max(sd, abs(value) / (2.0 * sigmas))
+    whitener = whitener_of(final[0])
     before = (total_score(final, whitener) - total_score(held, whitener)) / epochs(final)
-    close = () if ARM in found.chosen.names else (ARM,)
+    close = (ARM,) if effect == BEHIND and ARM not in found.chosen.names else ()
+    told = {parameter.name: ParameterValue(value, sd, parameter.unit)}
     return Finding(
-        *(BEHIND, {"m": ParameterValue(value, sd, unit)}, nats, exceeds(2.0 * nats, 1)),
-        *(gap + before, gap, close, advice(BEHIND, close)),
+        *(effect, told, nats, exceeds(2.0 * nats, 1)),
+        *(gap + before, gap, close, advice(effect, close)),
     )
 
 
-def _distance(fits: Sequence[Fit]) -> tuple[float, float]:
-    """The distance in m of all drives together, and its sd."""
-    prior = CATALOGUE[BEHIND].parameters[0].prior_sd ** -2.0
+def _estimate(effect: str, fits: Sequence[Fit]) -> tuple[float, float]:
+    """The one parameter of an effect in every model, of all drives together, and its sd."""
+    prior = CATALOGUE[effect].parameters[0].prior_sd ** -2.0
+    (state,) = CATALOGUE[effect].states
     info, eta = prior, 0.0
     for fit in fits:
         model = fit.last.problem.model
-        row = N_NAV + model.names.index(COURSE_DISTANCE_STATE)
+        row = N_NAV + model.names.index(f"{effect}_{state}")
         cov = full_covariance(fit.last.forward.store.cov[-1:], model.size)[0]
         own = 1.0 / float(cov[row, row])
         info += own - prior
-        eta += own * fit.last.totals()[COURSE_DISTANCE_STATE]
+        eta += own * fit.last.totals()[f"{effect}_{state}"]
     return eta / info, float(info**-0.5)

@@ -14,7 +14,7 @@ from automap.errors import InputError
 from automap.gap import GapDrive, base_model, find_gaps
 from automap.gap.candidates import effect_columns, library
 from automap.gap.drive import open_drive
-from automap.gap.fit import Fit, fit_drive, without_course_distance
+from automap.gap.fit import Fit, fit_drive, without
 from automap.gap.linear import node_motion, sensitivities
 from automap.gap.motion import motion_of
 from automap.gap.result import advice
@@ -72,7 +72,7 @@ def simulated(errors: dict[str, Any], seed: int = 3, noise: float = 1.0) -> GapD
 def plain() -> Fit:
     model = base_model()
     # beside it little of a delay or an arm is left, and that not linear
-    model = without_course_distance(model)
+    model = without(model, "gnss_course_distance")
     # a fix that passes its gate by a hair has at once three tenths more variance, a step that no
     # sensitivity has
     model = replace(model, options=replace(model.options, gate_probability=0.0))
@@ -119,7 +119,7 @@ def test_beside_late_velocities_a_delay_is_screened_by_what_happened_then(
     effect: str, size: float
 ) -> None:
     late = {"gnss_velocity_latency": {"s": 0.8}}
-    model = without_course_distance(base_model())
+    model = without(base_model(), "gnss_course_distance")
     options = replace(model.options, gate_probability=0.0)
     held = {"imu_clock_skew": {"origin": 1e-9}}
     model = replace(model, options=replace(options, prior_sd=held), values=late)

@@ -59,10 +59,11 @@ def test_an_effect_of_another_size_in_each_stretch_is_uneven(seed: int, varying:
     share = uneven(selection, NAMED, "accel_scale")
     if varying:
         assert share == pytest.approx(1.0, abs=0.5)
-        assert "differs by" in doubt(selection, NAMED, "accel_scale")
+        assert "differs by" in doubt(selection, NAMED, "accel_scale", 3.0)
     else:
         assert share == 0.0
-        assert doubt(selection, NAMED, "accel_scale") == ""
+        assert doubt(selection, NAMED, "accel_scale", 3.0) == ""
+        assert "held-out" in doubt(selection, NAMED, "accel_scale", -0.1)
 
 
 def test_what_the_filter_gave_up_is_told_without_a_name() -> None:

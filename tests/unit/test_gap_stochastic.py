@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
@@ -10,8 +12,9 @@ import pytest
 from automap.gap import base_model
 from automap.gap.drive import count_outliers, open_drive
 from automap.gap.fit import Fit, fit_drive
-from automap.gap.noise import fit_noise
-from automap.gap.stochastic import _floored, noise_claims, stochastic_findings
+from automap.gap.noise import Fitted, fit_noise, with_noise
+from automap.gap.screening import Found
+from automap.gap.stochastic import _floored, noise_claims, stochastic_findings, usual_finding
 from tests.unit.test_gap import simulated
 
 
@@ -76,3 +79,27 @@ def test_a_receivers_figure_is_of_its_whole_error(claims: float, larger: tuple[s
     for level in larger:
         # of an error of minutes a short drive shows but some values
         assert told[level] == pytest.approx(1.0 / claims, rel=0.4)
+
+
+@pytest.mark.parametrize(
+    ("offset", "told"), [(0.0, False), pytest.param(-0.06, True, marks=pytest.mark.slow)]
+)
+def test_speeds_that_are_all_too_low_are_no_silence(offset: float, told: bool) -> None:
+    drive = simulated({})
+    vel = drive.fixes.vel_ned.copy()
+    speed = np.linalg.norm(vel[:, :2], axis=1)
+    vel[:, :2] *= 1.0 + np.where(speed > 1.0, offset / np.maximum(speed, 1.0), 0.0)[:, None]
+    drive = replace(drive, fixes=replace(drive.fixes, vel_ned=vel))
+    model = base_model()
+    fitted = Fitted(model, {}, (fit_drive(open_drive(drive, model.options), model),))
+    fitted = with_noise(fitted, model.factors) if told else fitted
+    (fit,) = fitted.fits
+    candidates = dict.fromkeys(map(str, range(100)))
+    found = SimpleNamespace(fitted=fitted, selection=SimpleNamespace(candidates=candidates))
+    finding = usual_finding(
+        *("gnss_speed_offset", cast(Found, found), {}, (fit.opened,), (fit,), model.factors, 0.0)
+    )
+    assert (finding is not None) is told
+    if finding is not None:
+        value = finding.parameters["along"]
+        assert value.value == pytest.approx(offset, abs=3.0 * value.sd)
