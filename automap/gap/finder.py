@@ -195,7 +195,7 @@ def _result(
     refused = strongest_refused(found)
     kept_out = _by_formula(found, stands.kept_out)
     hidden = given_up(found, maxima)
-    hidden = hidden or in_noise(found, screening, claims, stated.factors, maxima)
+    hidden = hidden or in_noise(found, screening, stated.factors, maxima)
     likened = {m.where: m for m in (*suspected(refused), *hidden)}
     left = (*misfits(fits), *likened.values())
     noisy = {n: noise_levels(n) for n in (*(f.effect for f in noise), *(c.level for c in claims))}

@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
 
-from automap.gap import limits
+from automap.gap import base_model, leftover, limits
 from automap.gap.candidates import Candidate
 from automap.gap.chance import p_value
 from automap.gap.doubt import doubt, formula_in_place, uneven
-from automap.gap.leftover import given_up
+from automap.gap.leftover import given_up, in_noise
 from automap.gap.linear import Column
 from automap.gap.naming import chance
-from automap.gap.screening import Found
+from automap.gap.noise import Fitted
+from automap.gap.screening import Screening
 from automap.gap.selection import Chosen, Selection
 from automap.records import FloatArray
 from tests.unit.gap_linear import PRIOR_SD, linear_of
@@ -69,9 +73,38 @@ def test_an_effect_of_another_size_in_each_stretch_is_uneven(seed: int, varying:
 def test_what_the_filter_gave_up_is_told_without_a_name() -> None:
     missing = found_with({0: 0.3})
     maxima = chance(missing)
-    nothing = Found(**{**vars(missing), "chosen": Chosen()})
+    nothing = replace(missing, chosen=Chosen())
     (told,) = given_up(nothing, maxima)
     assert (told.kind, told.where) == ("like", "gyro_scale")
     assert told.p_value < math.exp(-limits.LEAST_ODDS)
     assert p_value(0.0, maxima) > told.p_value
     assert given_up(missing, maxima) == ()
+
+
+@pytest.mark.parametrize(
+    ("level", "raised", "worth", "told"),
+    [
+        ("gyro_bias_walk", 6.0, 5.0, True),
+        # drift explains it better than any candidate
+        ("gyro_bias_walk", 6.0, 500.0, False),
+        ("gyro_bias_walk", 1.2, 5.0, False),
+        # a receiver's lasting errors are judged by evidence alone
+        ("wander", 3.0, 500.0, True),
+        # what does not last swallows nothing
+        ("position_h", 3.0, 5.0, False),
+    ],
+)
+def test_what_raised_noise_took_is_told_under_the_noise_as_stated(
+    level: str, raised: float, worth: float, told: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    model = base_model()
+    stated = dict(model.factors)
+    louder = replace(model, factors={**stated, level: raised})
+    missing = found_with({0: 0.3})
+    here = Fitted(louder, {}, ())
+    nothing = replace(missing, chosen=Chosen(), fitted=here)
+    monkeypatch.setattr(leftover, "noise_score", lambda fits, f: worth * (f[level] > 1.0))
+    monkeypatch.setattr(leftover, "fitted_about", lambda model, *about: model)
+    screening = SimpleNamespace(selection=lambda here, slow: missing.selection)
+    found = in_noise(nothing, cast(Screening, screening), stated, chance(missing))
+    assert [one.where for one in found] == ["gyro_scale"] * told
