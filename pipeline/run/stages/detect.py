@@ -161,7 +161,7 @@ STAGE = Stage(
     # 4: the contrast of each face, and the frames that were searched
     # 5: the classifier's last layers trained anew
     # 7: how the pictures turn against the path
-    version=7,
+    version=8,
     run=run,
     inputs=_inputs,
     # where the camera was when says which frames are worth a search
