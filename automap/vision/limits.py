@@ -83,7 +83,7 @@ and the light that a face is seen by is no longer its own. Set on the part to tu
 FOREIGN = 0.03
 """Prior weight of a class that does not belong to the country: thirty times the evidence."""
 TRAINED_ODDS, ODDS_AT_HOME, ODDS_ELSEWHERE = 2.7, 6.7, 1.0
-"""Classes to faces of no class: in the training of the last layers, 0.71 to 0.21 that are drawn and
+"""Classes to faces of no class: in the training, 0.71 to 0.21 that are drawn and
 0.05 of what lies between classes; where the country's set is known, as found on the German street
 images to tune on (67 to 10); and in the rest of the world, whose signs are taken to be as often
 none of the classes."""
