@@ -134,8 +134,8 @@ class SignClassifier:
     def judge(self, probabilities: Floats) -> Named:
         """Name and alternatives for one row of probabilities.
 
-        A class is named if it is at least as probable as everything else together; otherwise
-        the group whose classes and unknown faces are the most probable together.
+        A class is named from ``limits.NAMED`` on, as for all views together; otherwise the group
+        whose classes and unknown faces are the most probable together.
         """
         outcomes = self._outcomes()
         sign = 1.0 - float(probabilities[-1])
@@ -144,7 +144,7 @@ class SignClassifier:
         listed = tuple((outcomes.names[i], float(p[i])) for i in order if p[i] >= _FAINT)
         board = float(p[outcomes.boards].sum())
         best, known = int(order[0]), float(p[: outcomes.n_classes].max())
-        if best < outcomes.n_classes and p[best] >= 0.5:
+        if best < outcomes.n_classes and p[best] >= limits.NAMED:
             return Named(outcomes.names[best], listed, sign, board, known)
         together = np.bincount(outcomes.group_of, weights=p)
         name = outcomes.unknown[int(together.argmax())]

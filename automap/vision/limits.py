@@ -83,7 +83,7 @@ and the light that a face is seen by is no longer its own. Set on the part to tu
 FOREIGN = 0.03
 """Prior weight of a class that does not belong to the country: thirty times the evidence."""
 TRAINED_ODDS, ODDS_AT_HOME, ODDS_ELSEWHERE = 2.7, 6.7, 1.0
-"""Classes to faces of no class: in the training of the last layers, 0.71 to 0.21 that are drawn and
+"""Classes to faces of no class: in the training, 0.71 to 0.21 that are drawn and
 0.05 of what lies between classes; where the country's set is known, as found on the German street
 images to tune on (67 to 10); and in the rest of the world, whose signs are taken to be as often
 none of the classes."""
@@ -102,12 +102,12 @@ anything (``inventory_limits.FAINT_SHARE``)."""
 VIEW_CORRELATION = 0.25
 """Of the views of a pass, which count as four at most: the most likely of 0.1, 0.25, 0.5 and 1 on
 the half to fit of held tracks and drawn passes (``tests/benchmarks/sign_probability.py --fit``)."""
-POWERS_AT_HOME, POWERS_ELSEWHERE = (0.73, 0.76), (0.40, 0.45)
-"""Of the odds of class and group, where the country's set is known and where it is not. The most
-likely on that half of what the classifier told before its last layers were trained anew. Now 0.89,
-0.70 and 0.66, 0.60 are; kept, since with these 0.0037 of the half to check are wrong with over 0.9,
-and 0.0006 so. Without a set more faces are of no class, and what one of these is taken for all its
-views agree in."""
+POWERS_AT_HOME, POWERS_ELSEWHERE = (0.60, 0.59), (0.30, 0.46)
+"""Of the odds of class and group, where the country's set is known and where it is not. Those of
+the group are the most likely on that half; for the class 0.92 and 0.56 would be, but with these
+0.005 and 0.013 of that half are wrong and sure (over 0.9), with the ones taken 0.0027 and 0.0022,
+and 0.0019 and 0 of the half to check. Without a set more faces are of no class, and what one of
+these is taken for all its views agree in."""
 SUREST = 1e-7
 """Nothing pooled is taken for surer than this: it is what the numbers of a view are rounded to."""
 NAMED = 2.0 / 3.0

@@ -9,16 +9,13 @@ import numpy as np
 import numpy.typing as npt
 
 from automap.records import FloatArray
-from automap.signs.classes import load_classes
 from automap.vision.dark import brightened
 from pipeline.train import scenes
 from pipeline.train.art import Face
 from pipeline.train.degrade import at_random, motion_blur, night
-from pipeline.train.drawings import Drawings, group_of_kind
 from pipeline.train.drawn_streets import PREFIX
-from pipeline.train.numbers import limit_face, other_number
+from pipeline.train.face_chooser import FaceChooser
 from pipeline.train.street_data import Street
-from pipeline.train.variants import varied
 
 Image = npt.NDArray[np.uint8]
 Floats = npt.NDArray[np.float32]
@@ -30,15 +27,9 @@ _SMALLEST, _LARGEST = 7.0, 230.0
 _ZOOMED = 0.65
 _ZOOMS = (1.2, 2.0)
 """Share of the pictures that are enlarged as the detector enlarges small ones, and by how much."""
-_VARIED = 0.5
 _LEAST_CONTRAST = 4.0
-_LIMITS = 0.06
 _NIGHT, _BLURRED = 0.14, 0.1
 """Shares of the pictures that are spoilt by darkness or by motion more than chance has it."""
-_COMPOSED = 0.35
-"""Share of the faces that are drawn as for the classifier: composed by rule, on other grounds."""
-_LABELLED_GROUPS = ("red-circle", "blue-circle", "white-circle", "red-triangle-up",
-                    "red-triangle-down", "red-octagon")  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -61,53 +52,6 @@ def mirrored(sample: Sample) -> Sample:
         np.ascontiguousarray(sample.box[[2, 1, 0, 3], :, ::-1]),
         np.ascontiguousarray(sample.near[:, ::-1]),
     )
-
-
-def kind_of(face: Face) -> int:
-    """0 for a face of a kind that GTSDB labels wherever it stands, 1 for any other."""
-    if face.shape in ("triangle-up", "triangle-down", "octagon"):
-        return 0 if face.colour in ("red", "white") else 1
-    if face.shape == "circle":
-        return 0 if face.colour in ("red", "blue", "white", "grey", "black") else 1
-    return 0 if "priority-road" in face.name else 1
-
-
-def kind_of_name(name: str) -> int:
-    """The same for a class, or a kind of faces that are none."""
-    classes = load_classes()
-    group = classes[name].group if name in classes else group_of_kind(name)
-    return 0 if group in _LABELLED_GROUPS or "priority-road" in name else 1
-
-
-class FaceChooser:
-    """Draws faces so that every shape and colour comes up, Australian ones more often."""
-
-    def __init__(self, faces: list[Face]) -> None:
-        usable = [f for f in faces if not f.held]
-        self.plates = [f for f in usable if f.plate]
-        signs = [f for f in usable if not f.plate]
-        groups: dict[tuple[str, str, bool], list[Face]] = {}
-        for face in signs:
-            groups.setdefault((face.shape, face.colour, face.name.startswith("AU_")), []).append(
-                face
-            )
-        self._groups = list(groups.values())
-        share = np.array([len(group) ** 0.6 for group in self._groups])
-        self._share = share / share.sum()
-        self._drawings = Drawings(faces)
-
-    def draw(self, rng: Random) -> tuple[Image, int]:
-        """One face, BGRA, and its kind."""
-        if rng.random() < _LIMITS:
-            return limit_face(other_number(rng), rng), 0
-        if rng.random() < _COMPOSED:
-            draw = self._drawings.named if rng.random() < 0.5 else self._drawings.other
-            composed, name = draw(rng)
-            return composed, kind_of_name(name)
-        group = self._groups[int(rng.choice(len(self._groups), p=self._share))]
-        face = group[int(rng.integers(len(group)))]
-        image = varied(face.image, rng) if rng.random() < _VARIED else face.image
-        return image, kind_of(face)
 
 
 class SampleMaker:

@@ -25,7 +25,6 @@ from pipeline.train.pictograms import (
     picture_of,
     redrawn,
     regrounded,
-    silhouette_of,
     transplanted,
 )
 from pipeline.train.recipes import (
@@ -38,6 +37,7 @@ from pipeline.train.recipes import (
     stands_on_plate,
     words_of,
 )
+from pipeline.train.subjects import foreign_pictures, silhouettes
 from pipeline.train.symbols import strange_symbol
 from pipeline.train.variants import varied
 
@@ -46,10 +46,8 @@ Random = np.random.Generator
 
 _CIRCLES = {"red": "red-circle", "blue": "blue-circle", "green": "green-circle",
             "yellow": "yellow-circle", "orange": "yellow-circle"}  # fmt: skip
-
-
-_OTHER_NUMBER, _OTHER_LETTER = "red-circle/number", "blue-square/letter"
-_OTHER_END = "white-circle/number"
+_OTHER_NUMBER, _OTHER_LETTER, _OTHER_END = (
+    "red-circle/number", "blue-square/letter", "white-circle/number")  # fmt: skip
 """Kinds of unknown faces drawn by rule; letters in red rings are among the numbers."""
 _STRANGE_GROUPS = ("yellow-diamond", "red-triangle-up", "red-circle", "blue-circle", "blue-square")
 _GENERATED_KINDS = (
@@ -58,15 +56,9 @@ _GENERATED_KINDS = (
 _STRANGE, _OTHERWISE = 0.25, (0.45, 0.25, 0.2, 0.1)
 """Share of the unknown faces of these groups whose picture is one that no class shows; of these a
 picture that no sign shows, words, on warnings roads with side roads, and bars."""
-_GENERATED, _GENERATED_LIMIT = 0.6, 0.85
 _FOREIGN = 0.35
-"""Share of these whose picture is that of a face of another subject than any class of the group."""
-_OF_MANNER = frozenset({"ahead", "left", "right", "end", "zone", "road", "crossing", "only"})
-"""Words of names that tell no subject."""
-_OF_WAYS = frozenset({"turn", "curve", "winding", "direction", "lane", "keep", "pas", "straight",
-                      "merge", "junction", "intersection", "roundabout", "narrow", "way", "go",
-                      "reverse", "hairpin", "side", "traffic", "arrow", "through"})  # fmt: skip
-"""Words of pictures of ways, which are alike whatever they are called."""
+"""Share of these with the picture of a face of another subject than any class of the group."""
+_GENERATED, _GENERATED_LIMIT = 0.6, 0.85
 _TRANSPLANTED = 0.45
 _VARIANT = 0.25
 """Shares of a class's drawings: generated; with a picture from elsewhere; of another variant."""
@@ -166,12 +158,12 @@ class Drawings:
         grounded = self._of_group.get(_MANY_GROUNDS, []) if not held else []
         grounds = [ground_of(face.image) for face in grounded]
         self._grounds = [colour for colour in grounds if colour.max() > _BRIGHT]
-        self._foreign = {} if held else _foreign(by_base)
+        self._foreign = {} if held else foreign_pictures(by_base, _STRANGE_GROUPS)
         self._prohibited = {
             kind: pictures
             for kind in self.kinds
             if group_of_kind(kind) == "red-circle"
-            and (pictures := _silhouettes(by_base.get(kind.split("/")[1], [])))
+            and (pictures := silhouettes(by_base.get(kind.split("/")[1], [])))
         }
 
     def named(self, rng: Random) -> tuple[Image, str]:
@@ -210,9 +202,9 @@ class Drawings:
 
     def _strange(self, group: str, rng: Random) -> Image | None:
         """A face of a class or of none with a picture that no sign shows; None if it has none."""
-        symbol = _of_no_class(group, rng)
-        if self._foreign[group] and rng.random() < _FOREIGN:
-            symbol = self._foreign[group][int(rng.integers(len(self._foreign[group])))]
+        symbol, foreign = _of_no_class(group, rng), self._foreign[group]
+        if foreign and rng.random() < _FOREIGN:
+            symbol = foreign[int(rng.integers(len(foreign)))]
         if group == "red-circle":
             return prohibition(symbol, bool(rng.random() < 0.5), rng)
         return redrawn(_one(self._of_group[group], rng), symbol, rng)
@@ -293,31 +285,6 @@ def _of_same_meaning(
             if len(pictures) > 1:
                 result[name] = pictures
     return result
-
-
-def _words(name: str) -> set[str]:
-    """What a name speaks of: its words without those of manner, in the singular."""
-    words = re.split(r"[-\s]+", name.split("/")[-1].split("--", 1)[-1])
-    return {word.rstrip("s") for word in words if len(word) > 2} - _OF_MANNER
-
-
-def _foreign(by_base: dict[str, list[Face]]) -> dict[str, list[Image]]:
-    """For some groups the pictures of faces whose subject no class of the group has."""
-    spoken: dict[str, set[str]] = {group: set() for group in _STRANGE_GROUPS}
-    for name, entry in load_classes().items():
-        if entry.group in spoken:
-            spoken[entry.group] |= _words(name)
-    pictures = [(_words(base), _silhouettes(of, None)) for base, of in sorted(by_base.items())]
-    return {
-        group: [p for words, of in pictures if words and not words & (taken | _OF_WAYS) for p in of]
-        for group, taken in spoken.items()
-    }
-
-
-def _silhouettes(faces: list[Face], shape: str | None = "circle") -> list[Image]:
-    """The pictures, white on black, of faces of one shape, or of any but plates."""
-    chosen = [f.image for f in faces if (f.shape == shape if shape else not f.plate)]
-    return [picture for picture in map(silhouette_of, chosen) if picture is not None]
 
 
 def _one(faces: list[Face], rng: Random) -> Image:

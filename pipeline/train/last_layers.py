@@ -33,7 +33,7 @@ from pipeline.train.classifier_data import CropMaker, label_of, labels
 from pipeline.train.classifier_net import FaceNet, fold, membership, trained
 from pipeline.train.loop import Options, rate_share
 from pipeline.train.ranks import follow
-from pipeline.train.train_classifier import KINDS_SHARE, SHARES, again
+from pipeline.train.train_classifier import BETWEEN, HALFWAY, KINDS_SHARE, SHARES, again
 
 CROPS = 30720
 """Crops that are made; each is seen as it is and once moved, turned and in other light."""
@@ -41,11 +41,6 @@ _MADE = (0.16, 0.36, 0.40, 0.08)
 """Shares of real signs, drawn classes, unknown faces and no signs in what is made: the drawn ones
 differ more, so that more of them are needed for the shares that training has."""
 _AT_ONCE, _CHUNK = 64, 512
-BETWEEN = 0.05
-"""Of a batch, halfway points between classes beside it, and their weight in the loss. Of 0, 0.08,
-0.1, 0.15 and 0.4, tried in streets to tune on with half of the held drawings, the first helped
-foreign faces of no class more, 0.08 to 0.15 Australian ones, and 0.4 named fewer classes."""
-_HALFWAY = (0.35, 0.65)
 _RATE, _DECAY, _BATCH, _STEPS, _WARM_UP, _MEAN_STEPS = 5e-4, 2e-3, 384, 800, 100, 300.0
 _SEED, _CROPS_SEED = 0, 1
 
@@ -109,7 +104,7 @@ def between(
     ):
         a, b = rng.choice(of, n), rng.choice(of, n)
         other = (seen.output[a] != seen.output[b]).numpy()
-        part = torch.from_numpy(rng.uniform(*_HALFWAY, (int(other.sum()), 1))).float()
+        part = torch.from_numpy(rng.uniform(*HALFWAY, (int(other.sum()), 1))).float()
         one, two = seen.features[a[other]].float(), seen.features[b[other]].float()
         mixed.append(part * one + (1.0 - part) * two)
         label += len(part) * [group]

@@ -185,7 +185,9 @@ def prepare(options: Options, seed: int) -> None:
 
 def _store(checkpoint: Path, state: dict[str, Any]) -> None:
     temporary = checkpoint.with_suffix(".pt.tmp")
-    torch.save(state, temporary)
+    # what was trained on a device is read where there is none
+    here = {k: v.cpu() for k, v in state["mean"].items()}
+    torch.save({**state, "mean": here}, temporary)
     os.replace(temporary, checkpoint)
 
 

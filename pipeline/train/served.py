@@ -13,6 +13,8 @@ from torch import Tensor
 Parts = tuple[Tensor, ...]
 _READY = 0.02
 """Part of a store that is filled before the first batch."""
+_PATIENCE_S = 10.0
+"""For the last samples at the end."""
 
 
 @dataclass(frozen=True)
@@ -70,20 +72,32 @@ def served(batches: Iterable[Parts], serving: Serving, device: torch.device) -> 
     """Endless batches on the device, out of stores that ``batches`` go on to fill meanwhile."""
     stores = [Store(max(1, int(serving.kept * share)), device) for share in serving.shares]
     failed: list[BaseException] = []
-    threading.Thread(target=_fill, args=(batches, stores, failed), daemon=True).start()
+    ended = threading.Event()
+    filling = threading.Thread(target=_fill, args=(batches, stores, failed, ended), daemon=True)
+    filling.start()
     counts = [round(serving.size * share) for share in serving.shares]
-    while not all(store.ready for store in stores):
-        _raise(failed)
-        time.sleep(0.05)
-    while True:
-        _raise(failed)
-        drawn = [store.draw(n) for store, n in zip(stores, counts, strict=True)]
-        yield tuple(torch.cat(parts) for parts in zip(*drawn, strict=True))
+    try:
+        while not all(store.ready for store in stores):
+            _raise(failed)
+            time.sleep(0.05)
+        while True:
+            _raise(failed)
+            drawn = [store.draw(n) for store, n in zip(stores, counts, strict=True)]
+            yield tuple(torch.cat(parts) for parts in zip(*drawn, strict=True))
+    finally:
+        # a thread that works on while the interpreter goes down takes it along
+        ended.set()
+        filling.join(_PATIENCE_S)
 
 
-def _fill(batches: Iterable[Parts], stores: list[Store], failed: list[BaseException]) -> None:
+def _fill(
+    batches: Iterable[Parts], stores: list[Store], failed: list[BaseException],
+    ended: threading.Event,
+) -> None:  # fmt: skip
     try:
         for parts in batches:
+            if ended.is_set():
+                return
             for source, store in enumerate(stores):
                 rows = parts[-1] == source if len(stores) > 1 else None
                 store.add(parts if rows is None else tuple(part[rows] for part in parts))

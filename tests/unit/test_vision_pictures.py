@@ -118,7 +118,7 @@ def test_a_detector_that_knows_the_country_is_believed_more() -> None:
 
 def test_near_views_outvote_far_ones() -> None:
     far = View(((TWENTY, 0.5), (SIXTY, 0.4)), 14.0)
-    near = View(((SIXTY, 0.97), (TWENTY, 0.02)), 60.0)
+    near = View(((SIXTY, 0.99), (TWENTY, 0.005)), 60.0)
     assert vote([far] * 8 + [near]).name == SIXTY
     told = vote([near, near, near], pooling("AU"))
     assert told.name == SIXTY

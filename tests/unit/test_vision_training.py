@@ -16,14 +16,18 @@ from pipeline.train.digits import road_digits
 from pipeline.train.drawings import Drawings, group_of_face, group_of_kind
 from pipeline.train.mirror import mirrored_name
 from pipeline.train.numbers import (
+    END_OF,
     LIMITS,
+    end_face,
     letter_face,
     limit_face,
     limit_name,
     on_plate,
+    other_end,
     other_number,
 )
 from pipeline.train.pictograms import picture_of, transplanted
+from pipeline.train.subjects import foreign_pictures
 from pipeline.train.variants import varied
 
 Image = npt.NDArray[np.uint8]
@@ -173,3 +177,28 @@ def test_jittered_boxes_stay_about_the_sign() -> None:
     np.testing.assert_allclose(moved.mean(axis=0), box, atol=0.3)
     wide = moved[:, 2] - moved[:, 0]
     assert 2.0 < wide.std() < 6.0
+
+
+def test_the_end_of_a_limit_is_a_crossed_number_on_a_white_disc() -> None:
+    rng = np.random.default_rng(4)
+    for _ in range(6):
+        face = end_face(END_OF, rng)
+        assert face[0, 0, 3] == 0
+        shown = face[face[:, :, 3] > 200][:, :3]
+        assert np.percentile(shown, 75) > 200
+        # the bar goes from the lower left to the upper right, through the middle or beside it
+        middle = face[46:66, 46:66, :3].min(axis=2)
+        assert middle.min() < 120
+    assert END_OF not in {other_end(rng) for _ in range(200)}
+
+
+def test_pictures_are_foreign_to_a_group_by_what_they_show() -> None:
+    picture = draw_face("warning--children--g2")
+    faces = [Face(name, picture, "diamond", "yellow", "yellow", False)
+             for name in ("warning--children", "warning--ufo", "warning--double-turn")]  # fmt: skip
+    by_base = {face.name: [face] for face in faces}
+    pictures = foreign_pictures(by_base, ("yellow-diamond", "red-circle"))
+    # children are a class of yellow diamonds; ways look alike whatever they are called
+    assert {group: len(of) for group, of in pictures.items()} == {
+        "yellow-diamond": 1, "red-circle": 2,
+    }  # fmt: skip

@@ -161,7 +161,7 @@ STAGE = Stage(
     # 4: the contrast of each face, and the frames that were searched
     # 5: the classifier's last layers trained anew
     # 7: how the pictures turn against the path
-    # 8: pictures that stay while the vehicle drives are not searched
+    # 8: pictures that stay while the vehicle drives are not searched; networks trained in full
     version=8,
     run=run,
     inputs=_inputs,
