@@ -51,12 +51,11 @@ SURE = 1e-4
 JOINT_WEIGHTS = (0.0, 1.0, 0.5)
 """Bias and weights of the log-odds of detector and classifier of a model that states none; those of
 the one that comes along were fitted. Chosen: the detector decides."""
-UNKNOWN_DOUBT = 0.8
+UNKNOWN_DOUBT = 0.25
 """What is over even odds in the log-odds of a box counts for so much less where the face is none of
-the classes: of such boxes with 0.98 two in three are signs, of those with 0.5 one in two, while
-faces that are named keep what they have. Fitted on half of the street images, of which every such
-box was looked at (``tests/benchmarks/look_alikes.py --fit``), before the classifier's last layers
-were trained anew; 0.7 is the most likely since, by 0.2 of a log-likelihood of 121."""
+the classes: wheels, lamps and shop boards are seldom taken for one sign. Between what is the most
+likely on the two halves of the street images, of which every such box was looked at: 0.20 and 0.30
+(``tests/benchmarks/look_alikes.py --fit``)."""
 FINE_FROM = 1.5
 """From so many times the width that pictures are enlarged to, they are searched in a copy of that
 width, and their own pixels only in part. Less would save little."""
