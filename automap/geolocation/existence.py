@@ -17,7 +17,7 @@ from collections.abc import Mapping, Sequence
 from functools import lru_cache
 
 import numpy as np
-from scipy.special import betaln
+from scipy.special import betaln, logit
 
 from automap.geolocation import limits
 from automap.geolocation.due_frames import (
@@ -63,15 +63,14 @@ def existence_probabilities(
         for mark in landmarks
     ]
     rate = _found_rate([p for p in patterns if p.seen.sum() >= limits.RATE_VIEWS])
+    correlation = _correlation([views.score[mark.rows] for mark in often])
     there, alike = np.zeros(len(landmarks)), np.zeros(len(landmarks))
     for k, (mark, pattern) in enumerate(zip(landmarks, patterns, strict=True)):
         scores = views.score[mark.rows]
         as_sign, as_thing = sign_nats(pattern, rate), thing_nats(pattern.seen)
         further = limits.FITTING_BOX_NATS * (len(mark.rows) - 1)
         there[k] = _log_odds(float(scores.max()), limits.SCORE_LIMITS) + further + as_sign
-        # boxes of one thing err alike: of all that there are, the mean of their scores show signs,
-        # and the best of many is high of anything
-        alike[k] = math.log(limits.STANDING) - _log_odds(float(scores.mean()), limits.BOX_LIMITS)
+        alike[k] = math.log(limits.STANDING) - _by_scores(scores, correlation)
         alike[k] += as_thing - as_sign
     single = np.array([len(mark.rows) == 1 for mark in landmarks], np.bool_)
     there[single] += _base_rate(there[single])
@@ -87,6 +86,35 @@ def probability(log_odds: FloatArray) -> FloatArray:
 def _log_odds(score: float, within: tuple[float, float]) -> float:
     score = float(np.clip(score, *within))
     return math.log(score / (1.0 - score))
+
+
+def _logits(scores: FloatArray) -> FloatArray:
+    return np.asarray(logit(np.clip(scores, *limits.BOX_LIMITS)), np.float64)
+
+
+def _by_scores(scores: FloatArray, correlation: float) -> float:
+    """Log odds that boxes with these ``scores`` [k] show a sign: the mean of theirs, as often as
+    there are independent ones among boxes of one thing (L. Kish, Survey Sampling, 1965). The best
+    of many scores is high of anything."""
+    k = len(scores)
+    told = float(_logits(scores).mean()) * k / (1.0 + (k - 1) * correlation)
+    low, high = _logits(np.array(limits.BOX_LIMITS))
+    return float(np.clip(told, low, high))
+
+
+def _correlation(scores: Sequence[FloatArray]) -> float:
+    """How alike the log odds of one thing's boxes are, of all their variance (intraclass
+    correlation, by analysis of variance); 1 where too few things tell."""
+    if len(scores) < 2:
+        return 1.0
+    parts = [_logits(part) for part in scores]
+    n = np.array([len(part) for part in parts])
+    within = float(sum(part.var(ddof=1) for part in parts)) / len(parts)
+    between = float(np.var([part.mean() for part in parts], ddof=1)) - within * float(
+        np.mean(1.0 / n)
+    )
+    share = between / (between + within) if within > 0.0 else 1.0
+    return float(np.clip(share, limits.SCORE_CORRELATION, 1.0))
 
 
 def _base_rate(log_odds: FloatArray) -> float:

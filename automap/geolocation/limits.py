@@ -203,6 +203,9 @@ as many, of which those with one box in twelve frames or more are found: the int
 BOX_LIMITS = (0.2, 0.99)
 """A score is the probability that a box shows a sign within these, as those of the shipped detector
 are to 0.03 (docs/detector.md); an external one may say 1 of every box."""
+SCORE_CORRELATION = 0.25
+"""Of the log odds of one thing's boxes, at least, whatever a drive shows: what the classifier's
+views of a pass have (``vision/limits.py``, ``VIEW_CORRELATION``, measured on held-out tracks)."""
 IMAGINARY = 4.0
 """Things seen once, half of them signs, that stand for what is expected before the drive tells.
 Chosen: few single boxes say little of how many are signs."""

@@ -50,7 +50,7 @@ class Finding:
     view); ``sign`` and ``listed`` its places in map and inventory (-1 none); ``probability`` of
     the kind; from listed to found ``east_m``, ``north_m``, and ``sd_m`` per axis of that. ``sure``
     whether it is of those of its kind that are for work; ``more_drives`` that would have to look
-    and see nothing until an unconfirmed one is surely gone (0: it is, or nothing is said)."""
+    and see nothing until an unconfirmed one is surely gone (0: it is, or no number would tell)."""
 
     kind: str
     sign: int
@@ -127,11 +127,9 @@ def not_found(
     n_drives = np.array([len(sign.drives) for sign in signs], np.int64)
     found = gaps(np.rint(share * looked).astype(np.int64), looked, n_drives)
     priors = (*[limits.DETECTION_PRIOR] * 3, limits.GLIMPSE_PRIOR)
-    several = tries.max(initial=0) > 1
     # without frames every share is as likely: that none saw a sign says little then
-    hidden = hidden_for_good(found, _NODES).tolist() if several else [0.0]
-    known = standing(tries, hits, group, priors, hidden)
-    if looked.any() and not several:
+    known = standing(tries, hits, group, priors, hidden_for_good(found, _NODES).tolist())
+    if looked.any() and tries.max(initial=0) == 1:
         # counts of drives say nothing then, but frames do
         whole = (group == 0) & (tries == 1)
         unseen = whole & (hits == 0)

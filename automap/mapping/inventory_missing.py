@@ -27,7 +27,7 @@ from automap.records import BoolArray, FloatArray, IntArray
 class Standing:
     """``gone`` [m] the probability that a listed sign stands no more (NaN where no drive had it in
     view); ``rate`` at which a drive finds a sign that stands, over all; ``more_drives`` [m] that
-    would have to look there and see nothing until it is surely gone."""
+    would have to look there and see nothing until it is surely gone, 0 where none would tell."""
 
     gone: FloatArray
     rate: float
@@ -62,14 +62,16 @@ def standing(
     likely = np.array([log_likely for _, _, log_likely in fits])
     weight = np.exp(likely - likely.max())
     weight /= weight.sum()
-    by_more = np.zeros((limits.MOST_DRIVES + 1, len(tries)))
+    by_more = np.zeros((limits.MOST_DRIVES + 2, len(tries)))
     overall = 0.0
     for w, (with_more, rate, _) in zip(weight.tolist(), fits, strict=True):
         by_more += w * with_more
         overall += w * rate
     gone = by_more[0]
     sure = by_more >= limits.SURE
-    more = np.where(sure.any(axis=0), np.argmax(sure, axis=0), limits.MOST_DRIVES)
+    more = np.where(sure[:-1].any(axis=0), np.argmax(sure, axis=0), limits.MOST_DRIVES)
+    # what no drive can see any number of them does not tell from what is gone
+    more = np.where(sure[-1], more, 0)
     return Standing(np.where(seen, gone, np.nan), overall, np.where(seen & (hits == 0), more, 0))
 
 
@@ -78,8 +80,8 @@ def _fitted(
     spread: float, hidden: float,
 ) -> tuple[FloatArray, float, float]:  # fmt: skip
     """Share of gone signs and the groups' rates, ``prior`` [g, 2], by expectation maximisation:
-    how probably each is gone after so many more drives [1 + more drives, m], the rate of all, and
-    how likely the counts are."""
+    how probably each is gone after so many more drives, and after any number, [2 + more drives, m],
+    the rate of all, and how likely the counts are."""
     rate = prior[:, 0] / prior.sum(axis=1)
     share = limits.STALE
     total = float(seen.sum())
@@ -97,7 +99,8 @@ def _fitted(
             total + limits.STALE_WEIGHT
         )
     further = misses + np.arange(limits.MOST_DRIVES + 1)[:, None]
-    unseen = hidden + (1.0 - hidden) * np.exp(_log_counts(hits, further, rate[group], spread))
+    overlooked = np.exp(_log_counts(hits, further, rate[group], spread))
+    unseen = hidden + (1.0 - hidden) * np.vstack([overlooked, np.zeros(len(hits))])
     by_more = np.where(none, share / (share + (1.0 - share) * unseen), 0.0)
     likely = (1.0 - share) * np.where(none, hidden + open_, open_) + np.where(none, share, 0.0)
     log_likely = float(np.log(likely[seen]).sum())

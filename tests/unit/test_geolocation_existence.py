@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 from geolocation_scene import boxes, camera, drive_path, roadside
 
+from automap.geolocation.existence import _by_scores, _correlation
 from automap.geolocation.face_sizes import largest_face_m, size_nats
 from automap.geolocation.landmark import SizePrior
+from automap.geolocation.limits import SCORE_CORRELATION
 from automap.geolocation.locate import _of_passes, locate_signs
 from automap.geolocation.result import GeolocationResult
 from automap.geolocation.rules import GeolocationRules
@@ -108,16 +110,20 @@ def test_sizes_tell_faces_from_other_things() -> None:
     assert abs(size_nats(0.0, 1e4, usual, 2.4)) < 0.05
 
 
-def test_the_best_of_many_scores_says_no_more_than_the_scores_do() -> None:
-    """Each box of a thing that is no sign has some score, and the best of many is high."""
-    path, found, owner = drive()
-    rows = np.flatnonzero(owner == 4)
-    existence = []
-    for scores in (np.full(len(rows), 0.5), np.linspace(0.1, 0.9, len(rows))):
-        score = found.score.copy()
-        score[rows] = scores
-        every = np.ones(len(found), np.bool_)
-        signs = located(path, replace(found, score=score), every).signs
-        existence.append(sorted(sign.existence for sign in signs)[0])
-    assert existence[0] < 0.985
-    assert existence[1] == pytest.approx(existence[0], abs=0.003)
+def test_scores_of_one_thing_count_as_often_as_they_differ() -> None:
+    """The best of many scores is high of anything; their mean says as much as one, or more where
+    a thing's scores scatter as much as those of all things."""
+    rng = np.random.default_rng(3)
+    levels = rng.uniform(0.5, 0.95, 40)
+    alike = [np.full(15, level) for level in levels]
+    apart = [rng.permutation(levels)[:15] for _ in levels]
+    assert _correlation(alike) == 1.0
+    assert _correlation(apart) == SCORE_CORRELATION
+    assert _correlation(alike[:1]) == 1.0
+    one = np.full(15, 0.7)
+    assert _by_scores(one, 1.0) == pytest.approx(np.log(0.7 / 0.3))
+    best = np.append(np.full(14, 0.3), 0.9)
+    assert _by_scores(best, 1.0) < -0.5
+    # four views are the most, and no detector is surer than 0.99
+    assert _by_scores(one, SCORE_CORRELATION) == pytest.approx(np.log(0.7 / 0.3) * 15.0 / 4.5)
+    assert _by_scores(np.full(15, 0.95), SCORE_CORRELATION) == pytest.approx(np.log(99.0))

@@ -61,7 +61,8 @@ def test_one_drive_says_less_but_nothing_false() -> None:
         told += sum(score[kind][1] for kind in KINDS if kind != "matched")
         due += sum(score[kind][2] for kind in ("new", "class", "moved"))
         lost = [f for f in result.findings if f.kind == "unconfirmed"]
-        assert {f.more_drives for f in lost} <= {1, 2, 3}
+        # nor would more drives tell: what hides one from all of them is not known
+        assert {f.more_drives for f in lost} == {0}
     assert told > 20
     assert right > 0.88 * told
     assert right > 0.8 * due

@@ -61,6 +61,9 @@ def test_a_sign_that_no_drive_saw_is_surely_gone_only_where_nothing_stays_before
     gone = []
     for part in (0.0, 0.3):
         hidden = hidden_for_good(gaps(*town(part, drives=3)), 8).tolist()
-        gone.append(standing(tries, hits, np.zeros(200, np.int64), (), hidden).gone[0])
+        told = standing(tries, hits, np.zeros(200, np.int64), (), hidden)
+        gone.append(told.gone[0])
+        # of what no drive can see, no number of drives tells
+        assert told.more_drives[0] == 0
     assert gone[0] > 0.9
     assert gone[1] < 0.6
