@@ -17,8 +17,6 @@ from automap.records import FloatArray
 
 GAIN = 0.3
 """The climb ends when a step brings less than so many nats."""
-SHOULDER = 2.0
-"""So many nats below a top its curvature still tells where it is. Chosen."""
 MAX_STEPS = 20
 """Bounds the time of a climb along a ridge."""
 LARGEST_STEP = 0.5
@@ -58,13 +56,11 @@ def climb(
     levels: Sequence[str],
     limits: Callable[[str], tuple[float, float]],
     inverse: FloatArray | None = None,
-    known: Maximum | None = None,
 ) -> Maximum:
     """Move ``levels`` together uphill as long as it pays.
 
     ``likelihood`` of factors by level; no factor leaves its level's ``limits``. ``inverse``
-    curvature [p, p] of a climb on nearly the same hill: with it few steps are needed. A climb that
-    comes where little is missing to a ``known`` top of the same levels ends there.
+    curvature [p, p] of a climb on nearly the same hill: with it few steps are needed.
     """
     rows = [ALL_LEVELS.index(level) for level in levels]
     low, high = (np.log([limits(level)[i] for level in levels]) for i in (0, 1))
@@ -94,8 +90,6 @@ def climb(
                 here = there
                 break
             step = step * _share(float(step @ here.slope), there.score - here.score)
-        if known is not None and _arrived(here, known, levels):
-            return known
         if gained >= GAIN:
             fresh = False
         elif fresh:
@@ -104,14 +98,6 @@ def climb(
             # a poor step may be a poor curvature's fault, not the top
             inverse, fresh = _by_information(here), True
     return Maximum(here.score, {**factors, **_by_name(levels, here.x)}, inverse)
-
-
-def _arrived(here: _Place, known: Maximum, levels: Sequence[str]) -> bool:
-    """Whether a place is on the shoulder of a known top: by the top's curvature as much below it as
-    it is, and that is little."""
-    off = here.x - np.log([known.factors[level] for level in levels])
-    below = 0.5 * float(off @ np.linalg.solve(known.inverse, off))
-    return abs(known.score - here.score) < SHOULDER and below < SHOULDER
 
 
 def _share(promised: float, gained: float) -> float:

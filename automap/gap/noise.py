@@ -17,7 +17,7 @@ import numpy as np
 from automap.fusion.adapt import scale_nodes, scale_problem
 from automap.fusion.kernel_runs import SmoothRun, empty_store, run_forward
 from automap.fusion.kernels import ForwardStore
-from automap.fusion.level_climb import GAIN, Maximum, climb
+from automap.fusion.level_climb import GAIN, climb
 from automap.fusion.level_likelihood import LevelLikelihood, level_likelihood
 from automap.fusion.levels import ALL_LEVELS, TIME_LEVELS
 from automap.fusion.nodes import Nodes
@@ -74,13 +74,11 @@ class Joint:
 @dataclass(frozen=True)
 class Fitted:
     """A set of effects fitted: ``estimate`` effect -> factor on its prior sds, ``fits`` of all
-    drives with these as states, under ``model`` with the noise that suits them; factors at a
-    ``second`` top, where the likelihood has one."""
+    drives with these as states, under ``model`` with the noise that suits them."""
 
     model: GapModel
     estimate: Mapping[str, float]
     fits: tuple[Fit, ...]
-    second: Mapping[str, float] | None = None
 
     def joint(self) -> Joint:
         """The drives' estimates as one."""
@@ -109,20 +107,17 @@ def with_noise(fitted: Fitted, stated: Mapping[str, float]) -> Fitted:
     """The set with the noise levels that make the drives likeliest.
 
     The likelihood has a top where the sensors are noisy and one where the receiver is; so it is
-    climbed from the levels that the set has, from those ``stated`` or at the second top of a set
-    that is much the same, and with either moved first.
+    climbed from the levels that the set has, from those stated, and with either moved first.
     """
     fits = fitted.fits
     others = tuple(k for k in ALL_LEVELS if k not in INERTIAL_LEVELS)
     starts = [dict(fitted.model.factors), dict(stated)]
     if not fitted.estimate:
         starts = [fit_noise(fits, levels, initial=stated) for levels in (INERTIAL_LEVELS, others)]
-    one = _likeliest(fits, ALL_LEVELS, starts[0])
-    other = _likeliest(fits, ALL_LEVELS, starts[1], one)
-    top, low = (one, other) if one.score >= other.score else (other, one)
-    model = replace(fitted.model, factors=top.factors)
-    second = low.factors if low.score < top.score - GAIN else None
-    return replace(fitted_about(model, fitted.estimate, fits), second=second)
+    tops = [_likeliest(fits, ALL_LEVELS, start) for start in starts]
+    _, factors = max(tops, key=lambda top: top[0])
+    model = replace(fitted.model, factors=factors)
+    return fitted_about(model, fitted.estimate, fits)
 
 
 def fitted_about(model: GapModel, estimate: Mapping[str, float], about: Sequence[Fit]) -> Fitted:
@@ -169,16 +164,13 @@ def fit_noise(
     factors; it is linearised about the fits' smoothed states. No sensor is taken for quieter on
     the road than it is at rest.
     """
-    return _likeliest(fits, levels, initial or fits[0].model.factors).factors
+    return _likeliest(fits, levels, initial or fits[0].model.factors)[1]
 
 
 def _likeliest(
-    fits: Sequence[Fit],
-    levels: Collection[str],
-    initial: Mapping[str, float],
-    known: Maximum | None = None,
-) -> Maximum:
-    """The top of the climb, or that which is ``known`` where it comes to its shoulder."""
+    fits: Sequence[Fit], levels: Collection[str], initial: Mapping[str, float]
+) -> tuple[float, dict[str, float]]:
+    """Log-likelihood at the top of the climb, nats, and the factors there."""
     least = rest_factors(fits)
 
     def limits_of(level: str) -> tuple[float, float]:
@@ -195,20 +187,15 @@ def _likeliest(
     rooms = [empty_store(f.last.nodes.first(most), f.last.problem.model.size) for f in fits]
     for _ in range(2):
         top = climb(
-            lambda trial: noise_slopes(fits, trial, rooms),
-            *(factors, smooth, limits_of, inverse, known),
+            lambda trial: noise_slopes(fits, trial, rooms), factors, smooth, limits_of, inverse
         )
-        if top is known:
-            break
         inverse = top.inverse
-        score = best = top.score
-        factors = top.factors
+        best, factors = top.score, top.factors
         for level in (level for level in TIME_LEVELS if level in levels):
             best, factors = _time_constant(level, fits, best, factors)
-        top = replace(top, score=best, factors=factors)
-        if best - score < GAIN:
+        if best - top.score < GAIN:
             break
-    return top
+    return best, factors
 
 
 def rest_factors(fits: Sequence[Fit]) -> dict[str, float]:

@@ -218,8 +218,7 @@ class Search:
     def _fit(self, here: Fitted, selection: Selection, chosen: Chosen) -> Fitted:
         """The chosen set as states, with the noise that suits it."""
         self.log(f"fitting {', '.join(chosen.names) or 'the base model'} with its noise")
-        states = self.screening.states(here, selection, chosen)
-        return with_noise(states, here.second or self.stated)
+        return with_noise(self.screening.states(here, selection, chosen), self.stated)
 
     def _better_twins(
         self, about: Fitted, here: Fitted, selection: Selection, chosen: Chosen

@@ -9,14 +9,12 @@ from typing import cast
 import numpy as np
 import pytest
 
-from automap.fusion.level_climb import GAIN, Maximum, climb
-from automap.fusion.level_likelihood import LevelLikelihood
 from automap.fusion.levels import ALL_LEVELS, TIME_LEVELS
 from automap.gap import base_model, noise
 from automap.gap.drive import open_drive
 from automap.gap.fit import Fit, fit_drive
 from automap.gap.limits import LEAST_RESTS
-from automap.gap.noise import Fitted, fit_noise, noise_score, noise_slopes, rest_factors
+from automap.gap.noise import fit_noise, noise_score, noise_slopes, rest_factors
 from automap.records import FloatArray
 from tests.unit.test_gap import simulated
 
@@ -153,48 +151,3 @@ def test_no_sensor_is_taken_for_quieter_than_at_rest(
     found = fit_noise([ungated], ("accel", "gyro"))
     assert found["accel"] == pytest.approx(least["accel"])
     assert found["gyro"] > least["gyro"]
-
-
-def test_a_climb_to_a_known_top_ends_at_its_shoulder() -> None:
-    steps = 0
-    curvature = np.full(len(ALL_LEVELS), 50.0)
-
-    def hill(factors: dict[str, float]) -> LevelLikelihood:
-        nonlocal steps
-        steps += 1
-        x = np.log([factors[level] for level in ALL_LEVELS])
-        # steeper far off than a parabola is, as likelihoods of levels are
-        score, slope = -float(np.sum(curvature * np.expm1(x) ** 2)), -2.0 * curvature * np.expm1(x)
-        return LevelLikelihood(score, slope * np.exp(x), 0.5 * curvature)
-
-    def climbed(known: Maximum | None) -> Maximum:
-        nonlocal steps
-        steps = 0
-        far = dict.fromkeys(ALL_LEVELS, 3.0)
-        return climb(hill, far, ALL_LEVELS, lambda level: (0.01, 64.0), None, known)
-
-    known = climbed(None)
-    alone = steps
-    assert climbed(known) is known
-    assert steps <= alone
-    elsewhere = replace(known, factors=dict.fromkeys(ALL_LEVELS, 9.0))
-    assert climbed(elsewhere) is not elsewhere
-
-
-def test_a_set_that_is_much_the_same_begins_at_the_second_top(
-    ungated: Fit, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    tops = iter([5.0, 3.0, 5.0, 5.0 - 0.5 * GAIN])
-    begun: list[dict[str, float]] = []
-
-    def top(fits: object, levels: object, start: dict[str, float], *known: object) -> Maximum:
-        begun.append(dict(start))
-        return Maximum(next(tops), start, np.eye(1))
-
-    monkeypatch.setattr(noise, "_likeliest", top)
-    stated = {**ungated.model.factors, "gyro": 2.0}
-    fitted = Fitted(ungated.model, {"gyro_scale": 1.0}, (ungated,))
-    first = noise.with_noise(fitted, stated)
-    assert begun == [dict(ungated.model.factors), stated]
-    assert first.second == stated
-    assert noise.with_noise(fitted, first.second).second is None
