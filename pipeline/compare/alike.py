@@ -12,8 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from automap.mapping.inventory_findings import Finding, Inventory
-from automap.mapping.inventory_limits import CIRCLE_95, LEAST_TURNS, TOLD_BY_CHANCE
+from automap.inventory.findings import Finding, Inventory
+from automap.inventory.limits import CIRCLE_95, LEAST_TURNS, TOLD_BY_CHANCE
 from automap.records import FloatArray, IntArray
 
 _NAMED = 10

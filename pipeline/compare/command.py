@@ -20,9 +20,9 @@ from pipeline.shared.products import RunProducts, load_products
 
 if TYPE_CHECKING:
     from automap.export.inventory import ComparedSign
+    from automap.inventory.comparison import InventoryComparison
+    from automap.inventory.findings import Inventory
     from automap.io.inventory_file import InventoryFile
-    from automap.mapping.inventory import InventoryComparison
-    from automap.mapping.inventory_findings import Inventory
     from automap.mapping.sightings import DriveSigns
     from automap.records import Sign
 
@@ -63,8 +63,8 @@ def compare_with_inventory(
         maproulette_tasks,
         osm_change,
     )
+    from automap.inventory.comparison import compare_inventory
     from automap.io.inventory_file import read_inventory
-    from automap.mapping.inventory import compare_inventory
     from automap.signs.classes import country_set, load_classes
     from pipeline.compare.doubts import doubts
     from pipeline.compare.listing import listed_signs, placeless

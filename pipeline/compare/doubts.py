@@ -17,10 +17,10 @@ import numpy as np
 
 from automap.earth import metres_per_radian
 from automap.export.inventory import WORK
-from automap.mapping.inventory import InventoryComparison, compare_inventory
-from automap.mapping.inventory_classes import same_face
-from automap.mapping.inventory_findings import Finding, Inventory
-from automap.mapping.inventory_limits import (
+from automap.inventory.classes import same_face
+from automap.inventory.comparison import InventoryComparison, compare_inventory
+from automap.inventory.findings import Finding, Inventory
+from automap.inventory.limits import (
     LARGEST_SD_M,
     LEAST_TURNS,
     LIKELIER_THAN_NOT,

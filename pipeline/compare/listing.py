@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from automap.errors import InputError
+from automap.inventory.findings import Inventory
 from automap.io.inventory_file import InventoryFile
-from automap.mapping.inventory_findings import Inventory
 from automap.signs.codes import classes_of
 
 

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from automap.earth import ecef
-from automap.mapping.inventory import InventoryComparison
-from automap.mapping.inventory_findings import Inventory
+from automap.inventory.comparison import InventoryComparison
+from automap.inventory.findings import Inventory
 from automap.records import BoolArray, Sign
 
 

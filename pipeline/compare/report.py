@@ -12,7 +12,7 @@ from automap import __version__
 from automap.export.beliefs import belief_text
 from automap.export.icons import class_icon, sign_words
 from automap.export.inventory import WORK
-from automap.mapping.inventory_limits import SURE
+from automap.inventory.limits import SURE
 from pipeline.pages.render import render
 from pipeline.pages.section import Figure
 from pipeline.shared.pictures import pictures_by_sign, read_pictures

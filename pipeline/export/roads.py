@@ -72,7 +72,7 @@ def signs_on_roads(products: RunProducts, file: Path) -> tuple[list[RoadRow], li
     Raises InputError for a file that cannot be used.
     """
     from automap.io.roads_file import read_roads
-    from automap.mapping.road_matching import road_positions
+    from automap.roads.matching import road_positions
 
     signs = products.signs or []
     tracks = {name: t for name, t in products.trajectories.items() if len(t)}

@@ -19,7 +19,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "unit"))
 from inventory_case import CLEAN, KINDS, correct, due, faulty, merged_town, town_and_drive
 from merge_scene import Errors
 
-from automap.mapping.inventory import compare_inventory
+from automap.inventory.comparison import compare_inventory
 
 EDGES = (0.0, 0.5, 0.8, 0.9, 0.95, 0.99, 1.001)
 

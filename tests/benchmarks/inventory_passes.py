@@ -25,8 +25,8 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "unit"))
 from inventory_case import KINDS, correct, due
 
-from automap.mapping.inventory import compare_inventory
-from automap.mapping.inventory_findings import Finding, mark_sure
+from automap.inventory.comparison import compare_inventory
+from automap.inventory.findings import Finding, mark_sure
 from automap.signs.classes import load_classes
 from automap.vision.voting import PoolingRules, group_of, mean_shares, vote
 from pipeline.train.passes import Pass

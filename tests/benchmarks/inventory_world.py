@@ -29,8 +29,8 @@ from inventory_case import KINDS, Faulty, calibrated, correct, due
 from automap.earth import from_local_ned, local_ned
 from automap.frames import rpy_to_matrix
 from automap.geolocation.locate import locate_signs
-from automap.mapping.inventory import compare_inventory
-from automap.mapping.inventory_findings import Inventory
+from automap.inventory.comparison import compare_inventory
+from automap.inventory.findings import Inventory
 from automap.mapping.limits import LEAST_EXISTENCE
 from automap.mapping.merge import merge_drives
 from automap.mapping.sightings import CameraView, DriveSigns

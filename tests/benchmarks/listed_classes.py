@@ -18,8 +18,8 @@ from pathlib import Path
 
 import numpy as np
 
-from automap.mapping.inventory_classes import class_ratio, of_another_class
-from automap.mapping.inventory_findings import Finding, mark_sure
+from automap.inventory.classes import class_ratio, of_another_class
+from automap.inventory.findings import Finding, mark_sure
 from automap.records import BoolArray, FloatArray
 from automap.signs.classes import load_classes
 from automap.vision.voting import PoolingRules, group_of, mean_shares, vote

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import pytest
 
-from automap.mapping.inventory import compare_inventory
+from automap.inventory.comparison import compare_inventory
 from tests.benchmarks.inventory_world import case
 from tests.unit.inventory_case import correct, due
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from merge_scene import CLASSES, Errors, Town, drive_through, street, to_geodetic
 
-from automap.mapping.inventory import InventoryComparison
-from automap.mapping.inventory_findings import Finding, Inventory
+from automap.inventory.comparison import InventoryComparison
+from automap.inventory.findings import Finding, Inventory
 from automap.mapping.limits import LEAST_EXISTENCE
 from automap.mapping.merge import merge_drives
 from automap.mapping.sightings import DriveSigns

@@ -298,13 +298,11 @@ def mapping_kernels() -> Any:
 @scenario
 def compare_lists() -> Any:
     """A list of signs against a map, part by part."""
-    from automap.mapping import inventory as of
-    from automap.mapping import inventory_findings as findings
-    from automap.mapping import inventory_hidden as hidden
-    from automap.mapping import inventory_missing as missing
-    from automap.mapping import inventory_pairs as pairing
-    from automap.mapping.inventory_directions import directions_of
-    from automap.mapping.inventory_displaced import displaced_parts
+    from automap.inventory import comparison as of
+    from automap.inventory import findings, hidden, missing
+    from automap.inventory import pairs as pairing
+    from automap.inventory.directions import directions_of
+    from automap.inventory.displaced import displaced_parts
     from automap.mapping.visibility import opportunities
     from tests.unit.inventory_case import signs_of
     from tests.unit.merge_scene import CLASSES

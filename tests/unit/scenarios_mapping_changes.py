@@ -22,7 +22,7 @@ CLASSES = (
 @scenario
 def mapping_ways() -> Any:
     """Roads as a graph, a path matched to them, and where signs stand on them."""
-    from automap.mapping import road_matching as of
+    from automap.roads import matching as of
     from tests.unit.test_roads import sign_at
 
     rng = np.random.default_rng(3)

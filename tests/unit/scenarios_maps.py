@@ -37,7 +37,7 @@ def mapping_crowded() -> Any:
 @scenario
 def compare_inventories() -> Any:
     """A map against an inventory with faults."""
-    from automap.mapping.inventory import compare_inventory
+    from automap.inventory.comparison import compare_inventory
     from tests.unit.inventory_case import faulty, merged_town, town_and_drive
     from tests.unit.merge_scene import USUAL
 
@@ -54,7 +54,7 @@ def compare_inventories() -> Any:
 @scenario
 def mapping_roads() -> Any:
     """Signs along a path over crossing roads."""
-    from automap.mapping.road_matching import road_positions
+    from automap.roads.matching import road_positions
     from tests.unit.test_roads import driven, layer, sign_at
 
     rng = np.random.default_rng(3)

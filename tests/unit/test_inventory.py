@@ -9,15 +9,15 @@ import pytest
 from inventory_case import KINDS, faulty, judged, merged_town, town_and_drive
 from merge_scene import USUAL, to_geodetic
 
-from automap.mapping.inventory import compare_inventory
-from automap.mapping.inventory_findings import (
+from automap.inventory.comparison import compare_inventory
+from automap.inventory.findings import (
     Finding,
     Inventory,
     class_belief,
     mark_sure,
     new_signs,
 )
-from automap.mapping.inventory_missing import counts, standing
+from automap.inventory.missing import counts, standing
 from automap.mapping.visibility import Opportunities
 from automap.records import Sign, Trajectory
 from pipeline.merge.inputs import even_path

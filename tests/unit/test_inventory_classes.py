@@ -11,10 +11,10 @@ import numpy as np
 import pyarrow as pa
 import pytest
 
+from automap.inventory.classes import of_another_class, same_face
+from automap.inventory.comparison import compare_inventory
+from automap.inventory.findings import Finding, Inventory, class_belief
 from automap.io.detections_table import read_detections, write_detections
-from automap.mapping.inventory import compare_inventory
-from automap.mapping.inventory_classes import of_another_class, same_face
-from automap.mapping.inventory_findings import Finding, Inventory, class_belief
 from automap.records import Detections, Sign
 from automap.signs.class_shares import mean_of, shares_of, shares_text
 from automap.vision.voting import View, mean_shares

@@ -13,9 +13,9 @@ from inventory_case import faulty, town_and_drive
 
 from automap.errors import InputError
 from automap.export.inventory import WORK
+from automap.inventory.comparison import compare_inventory
+from automap.inventory.findings import Finding, Inventory
 from automap.io.inventory_file import InventoryFile, read_inventory
-from automap.mapping.inventory import compare_inventory
-from automap.mapping.inventory_findings import Finding, Inventory
 from automap.mapping.sightings import DriveSigns
 from automap.records import FloatArray, Sign
 from pipeline.compare.alike import moved_alike

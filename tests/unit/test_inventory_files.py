@@ -20,10 +20,10 @@ from pyogrio.raw import write
 from pyproj import Transformer
 
 from automap.export.inventory import ComparedSign, maproulette_tasks, osm_change
-from automap.io.inventory_file import read_inventory
-from automap.mapping.inventory_findings import (
+from automap.inventory.findings import (
     Inventory,
 )
+from automap.io.inventory_file import read_inventory
 from automap.signs.codes import classes_of
 from pipeline.cli.root import run_command
 from pipeline.compare.report import _entry

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from automap.mapping.inventory_hidden import gaps, gone_by_gaps, hidden_for_good
-from automap.mapping.inventory_missing import standing
+from automap.inventory.hidden import gaps, gone_by_gaps, hidden_for_good
+from automap.inventory.missing import standing
 
 LISTED, LOOKED = 400, 15
 

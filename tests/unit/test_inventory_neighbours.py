@@ -8,10 +8,10 @@ from functools import cache
 import numpy as np
 
 from automap.earth import from_local_ned
-from automap.mapping.inventory import InventoryComparison, compare_inventory
-from automap.mapping.inventory_findings import Inventory
-from automap.mapping.inventory_neighbours import Looks, neighbour_density, neighbours_of
-from automap.mapping.inventory_wander import Anchors, common_errors
+from automap.inventory.comparison import InventoryComparison, compare_inventory
+from automap.inventory.findings import Inventory
+from automap.inventory.neighbours import Looks, neighbour_density, neighbours_of
+from automap.inventory.wander import Anchors, common_errors
 from automap.records import FloatArray, Sign
 
 ORIGIN = (-0.6, 2.6, 500.0)

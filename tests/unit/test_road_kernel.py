@@ -9,8 +9,8 @@ import pytest
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import dijkstra
 
-from automap.mapping.road_kernel import spread, viterbi
 from automap.records import FloatArray, IntArray
+from automap.roads.kernel import spread, viterbi
 
 Graph = tuple[IntArray, FloatArray, IntArray, IntArray, FloatArray]
 

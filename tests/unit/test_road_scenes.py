@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from automap.mapping.road_matching import build_network, match_path
 from automap.records import FloatArray, IntArray
+from automap.roads.matching import build_network, match_path
 
 Line = Sequence[tuple[float, float]]
 LANE_M = 1.75

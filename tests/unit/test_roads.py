@@ -18,8 +18,8 @@ from pyproj import CRS, Transformer
 from automap.errors import InputError
 from automap.export.roads import read_roads_csv, road_rows, roads_csv
 from automap.io.roads_file import read_roads
-from automap.mapping.road_matching import road_positions
 from automap.records import DrivePath, FloatArray, Roads, Sign
+from automap.roads.matching import road_positions
 
 EVERYWHERE = (-180.0, -90.0, 180.0, 90.0)
 

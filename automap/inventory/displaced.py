@@ -17,10 +17,10 @@ from scipy.spatial import cKDTree
 
 from automap.earth import ecef, metres_per_radian
 from automap.frames import wrap_pi
+from automap.inventory.classes import same_face
+from automap.inventory.findings import Inventory
+from automap.inventory.limits import CIRCLE_95, TOLD_BY_CHANCE, USUAL_SD_M
 from automap.mapping.grid import east_north
-from automap.mapping.inventory_classes import same_face
-from automap.mapping.inventory_findings import Inventory
-from automap.mapping.inventory_limits import CIRCLE_95, TOLD_BY_CHANCE, USUAL_SD_M
 from automap.mapping.limits import FACING_LIMIT
 from automap.records import BoolArray, FloatArray, IntArray, Sign
 from automap.records.sign_lists import numbers_of

@@ -18,8 +18,8 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from automap.gates import gate_in_plane, sd_by_median
-from automap.mapping.road_kernel import viterbi
 from automap.records import DrivePath, FloatArray, IntArray, RoadPosition, Roads, Sign
+from automap.roads.kernel import viterbi
 
 STEP_M = 8.0
 """Between points of the path that are matched: some car lengths, less than a road between two

@@ -9,9 +9,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from automap.frames import wrap_pi
-from automap.mapping.inventory_classes import same_face
-from automap.mapping.inventory_findings import Inventory
-from automap.mapping.inventory_limits import LEAST_TURNS, LIKELIER_THAN_NOT, STALE, TOLD_BY_CHANCE
+from automap.inventory.classes import same_face
+from automap.inventory.findings import Inventory
+from automap.inventory.limits import LEAST_TURNS, LIKELIER_THAN_NOT, STALE, TOLD_BY_CHANCE
 from automap.mapping.limits import FACING_SD, HAND_FACING_SD_DEG
 from automap.records import FloatArray, IntArray, Sign
 from automap.records.sign_lists import numbers_of

@@ -15,9 +15,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import expit, logit
 
-from automap.mapping import inventory_limits as limits
-from automap.mapping.inventory_hidden import gaps, gone_by_gaps, hidden_for_good
-from automap.mapping.inventory_missing import counts, standing
+from automap.inventory import limits
+from automap.inventory.hidden import gaps, gone_by_gaps, hidden_for_good
+from automap.inventory.missing import counts, standing
 from automap.mapping.limits import ALTERNATIVES, CLASS_RIGHT
 from automap.mapping.sightings import DriveSigns
 from automap.mapping.visibility import Opportunities, head_on, opportunities

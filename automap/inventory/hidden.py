@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from automap.mapping.inventory_limits import STALE, STALE_WEIGHT
+from automap.inventory.limits import STALE, STALE_WEIGHT
 from automap.records import FloatArray, IntArray
 
 _GRID = (np.arange(40) + 0.5) / 40.0

@@ -16,11 +16,11 @@ from scipy.spatial import cKDTree
 from scipy.special import i0e
 
 from automap.earth import ecef
+from automap.inventory.classes import same_face
+from automap.inventory.findings import Inventory
+from automap.inventory.limits import LEAST_SD_M
 from automap.mapping.candidates import facing_evidence
 from automap.mapping.grid import east_north
-from automap.mapping.inventory_classes import same_face
-from automap.mapping.inventory_findings import Inventory
-from automap.mapping.inventory_limits import LEAST_SD_M
 from automap.mapping.limits import MOVED_M
 from automap.records import FloatArray, IntArray
 

@@ -17,13 +17,13 @@ from scipy.spatial import cKDTree
 
 from automap.assignment import assign_near
 from automap.earth import ecef
-from automap.mapping import inventory_limits as limits
+from automap.inventory import limits
+from automap.inventory.classes import of_another_class, same_face
+from automap.inventory.findings import Inventory, class_belief
+from automap.inventory.neighbours import Looks, neighbour_density, neighbours_of
+from automap.inventory.wander import Anchors, common_errors
 from automap.mapping.candidates import facing_evidence
 from automap.mapping.grid import east_north
-from automap.mapping.inventory_classes import of_another_class, same_face
-from automap.mapping.inventory_findings import Inventory, class_belief
-from automap.mapping.inventory_neighbours import Looks, neighbour_density, neighbours_of
-from automap.mapping.inventory_wander import Anchors, common_errors
 from automap.mapping.limits import MOVED_M
 from automap.records import BoolArray, FloatArray, IntArray, Sign
 from automap.records.sign_lists import numbers_of

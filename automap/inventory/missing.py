@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import betaln
 
-from automap.mapping import inventory_limits as limits
+from automap.inventory import limits
 from automap.mapping.limits import SPREAD, SPREAD_LOG_SD, SPREADS
 from automap.mapping.visibility import Opportunities
 from automap.records import BoolArray, FloatArray, IntArray

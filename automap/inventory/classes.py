@@ -13,7 +13,7 @@ import math
 from collections.abc import Mapping
 from functools import lru_cache
 
-from automap.mapping import inventory_limits as limits
+from automap.inventory import limits
 from automap.signs.classes import load_classes
 from automap.signs.codes import face_of
 from automap.signs.vocabulary import load_vocabulary

@@ -12,10 +12,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from automap.mapping.inventory_classes import listed_wrong, same_face
-from automap.mapping.inventory_directions import Directions, in_degrees
-from automap.mapping.inventory_displaced import Parts, displaced_parts, with_taken_off
-from automap.mapping.inventory_findings import (
+from automap.inventory.classes import listed_wrong, same_face
+from automap.inventory.directions import Directions, in_degrees
+from automap.inventory.displaced import Parts, displaced_parts, with_taken_off
+from automap.inventory.findings import (
     Finding,
     Inventory,
     judge_classes,
@@ -24,8 +24,8 @@ from automap.mapping.inventory_findings import (
     new_signs,
     not_found,
 )
-from automap.mapping.inventory_limits import HALF_APPROACH_ROWS, LIKELIER_THAN_NOT
-from automap.mapping.inventory_pairs import (
+from automap.inventory.limits import HALF_APPROACH_ROWS, LIKELIER_THAN_NOT
+from automap.inventory.pairs import (
     Fit,
     Pairs,
     belief_in_another,

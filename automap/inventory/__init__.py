@@ -1,0 +1,1 @@
+"""A map of signs against a list of signs that somebody keeps."""
