@@ -23,7 +23,10 @@ _OF_WAYS = frozenset({"turn", "curve", "winding", "direction", "lane", "keep", "
 
 
 def _words(name: str) -> set[str]:
-    """What a name speaks of: its words without those of manner, in the singular."""
+    """What a name speaks of: its words without those of manner, in the singular; none if it is a
+    national code, which tells no subject."""
+    if "--" not in name:
+        return set()
     words = re.split(r"[-\s]+", name.split("/")[-1].split("--", 1)[-1])
     return {word.rstrip("s") for word in words if len(word) > 2} - _OF_MANNER
 

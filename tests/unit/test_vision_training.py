@@ -194,11 +194,14 @@ def test_the_end_of_a_limit_is_a_crossed_number_on_a_white_disc() -> None:
 
 def test_pictures_are_foreign_to_a_group_by_what_they_show() -> None:
     picture = draw_face("warning--children--g2")
-    faces = [Face(name, picture, "diamond", "yellow", "yellow", False)
-             for name in ("warning--children", "warning--ufo", "warning--double-turn")]  # fmt: skip
+    faces = [
+        Face(name, picture, "diamond", "yellow", "yellow", False)
+        for name in ("warning--children", "warning--ufo", "warning--double-turn", "AU_W2_7")
+    ]
     by_base = {face.name: [face] for face in faces}
     pictures = foreign_pictures(by_base, ("yellow-diamond", "red-circle"))
-    # children are a class of yellow diamonds; ways look alike whatever they are called
+    # children are a class of yellow diamonds; ways look alike whatever they are called, and a code
+    # does not tell what is shown
     assert {group: len(of) for group, of in pictures.items()} == {
         "yellow-diamond": 1, "red-circle": 2,
     }  # fmt: skip
