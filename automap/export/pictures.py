@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -28,6 +28,9 @@ _SMALLEST_PX = 48
 _QUALITY = 80
 _CONTEXT_PX = 480
 """Width of a picture of the street: it shows on which post, and more is not sharp anyway."""
+
+_EDGE_PX = 1.5
+"""A box so near to the edge of a picture is of a sign cut off, as geolocation has it."""
 
 _COLUMNS = ("camera", "frame", "t_ns", "x_min", "y_min", "x_max", "y_max", "score", "sign_id")
 
@@ -63,11 +66,17 @@ def safe_name(sign_id: str) -> str:
     return "sign_" + hashlib.sha256(sign_id.encode("utf-8", "replace")).hexdigest()[:16]
 
 
-def choose_views(observations: pa.Table, sign_ids: Sequence[str]) -> list[SignView]:
+def choose_views(
+    observations: pa.Table,
+    sign_ids: Sequence[str],
+    sizes: Mapping[str, tuple[float, float]] | None = None,
+) -> list[SignView]:
     """Views of the signs of these ids, ordered by camera and frame.
 
     The first of a sign is its largest box, the others are near a half and a quarter of that
-    size. Detections that the position does not rest on, or without a sensible box, are left out.
+    size. Detections that the position does not rest on, or without a sensible box, are left out,
+    and where a sign has others those that the edge of the picture cuts off: ``sizes`` are width
+    and height of each camera's.
     """
     if any(name not in observations.column_names for name in _COLUMNS):
         return []
@@ -88,7 +97,11 @@ def choose_views(observations: pa.Table, sign_ids: Sequence[str]) -> list[SignVi
         if sign_id in wanted and used[row] and size[row] > 1.0:
             rows_of.setdefault(sign_id, []).append(row)
     views = []
+    side = np.array([(sizes or {}).get(str(c), (np.inf, np.inf)) for c in columns["camera"]])
+    last = side.reshape(-1, 2) - 1.0 - _EDGE_PX
+    whole = (boxes[:, :2] > _EDGE_PX).all(axis=1) & (boxes[:, 2:] < last).all(axis=1)
     for sign_id, rows in rows_of.items():
+        rows = [row for row in rows if whole[row]] or rows
         for rank, row in enumerate(_spread(size, rows), start=1):
             score = columns["score"][row]
             views.append(

@@ -64,7 +64,9 @@ def take_pictures(
     """
     if products.observations is None or not products.signs:
         return []
-    views = choose_views(products.observations, [sign.id for sign in products.signs])
+    told = {name: (video.section.width, video.section.height) for name, video in videos.items()}
+    sizes = {name: (w, h) for name, (w, h) in told.items() if w is not None and h is not None}
+    views = choose_views(products.observations, [sign.id for sign in products.signs], sizes)
     wanted = Wanted() if wanted is None else wanted
     kept = {_identity(p.view): p for p in read_pictures(products)}
     kept = {key: p for key, p in kept.items() if key in {_identity(view) for view in views}}

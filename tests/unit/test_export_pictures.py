@@ -52,6 +52,15 @@ def test_views_of_the_same_size_are_shown_once() -> None:
     assert len(choose_views(observations([40.0] * 9), ["s0001"])) == 1
 
 
+def test_a_sign_that_the_edge_cuts_off_is_shown_where_there_is_no_other_view_of_it() -> None:
+    table = observations([20.0, 40.0, 80.0])
+    beside = {"front": (175.0, 500.0)}
+    assert [view.frame for view in choose_views(table, ["s0001"], beside)] == [0, 1]
+    assert [view.frame for view in choose_views(table.slice(2), ["s0001"], beside)] == [2]
+    left = table.set_column(3, "x_min", [[100.0, 100.0, -8.0]])
+    assert [view.frame for view in choose_views(left, ["s0001"])] == [0, 1]
+
+
 @pytest.mark.parametrize(
     "table",
     [
