@@ -83,7 +83,7 @@ def _roads_file(drive: Drive, stated: str) -> Path | None:
 
 STAGE = Stage(
     name="export",
-    version=7,
+    version=8,
     run=run,
     inputs=_inputs,
     needs=(
