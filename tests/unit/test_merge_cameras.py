@@ -73,7 +73,9 @@ def test_a_camera_whose_pictures_could_not_be_read_saw_nothing(tmp_path: Path) -
     folder = write_run(tmp_path / "run", passes(1)[0])
     pq.write_table(pa.table({"t_ns": pa.array([], pa.int64())}), folder / names.OBSERVATIONS)
     path = read_run(folder).signs.path
-    assert path is not None and np.isfinite(path.yaw_rad).all()
+    assert path is not None
+    assert np.isfinite(path.yaw_rad).all()
     pq.write_table(pa.table({"frame": pa.array([], pa.int64())}), folder / names.SEARCHED)
     path = read_run(folder).signs.path
-    assert path is not None and np.isnan(path.yaw_rad).all()
+    assert path is not None
+    assert np.isnan(path.yaw_rad).all()
