@@ -75,7 +75,7 @@ $(VENV)/.created:
 
 # --no-deps: the lock files name every package, so nothing else is let in
 $(VENV)/.runtime: $(VENV)/.created requirements.lock requirements-build.lock pyproject.toml
-	@echo "installing the pinned packages into $(VENV) (once; some 200 MB)"
+	@echo "installing the pinned packages into $(VENV) (once; 1.2 GB of disk)"
 	@$(INSTALL) requirements.lock --requirement requirements-build.lock
 	@$(PIP) install --quiet --no-deps --no-build-isolation --editable .
 	@touch $@

@@ -1,7 +1,8 @@
 """A small face for every class of sign, drawn by ourselves, and its name in words.
 
 Classes of the vocabulary have their face; any other gets the shape and colour that its name
-speaks of, with the number or the initials from it, so that no two classes look alike.
+speaks of, with the number or the initials from it, so that no two classes look alike. A sign
+of which only shape and colour are known has a question mark, which stands on no sign.
 """
 
 from __future__ import annotations
@@ -36,6 +37,8 @@ _FILLS = {
     "red": ((245, 245, 245), (28, 18, 193), (25, 25, 25)),
     "blue": ((161, 92, 3), (245, 245, 245), (245, 245, 245)),
     "yellow": ((0, 209, 255), (25, 25, 25), (25, 25, 25)),
+    "orange": ((0, 130, 245), (25, 25, 25), (25, 25, 25)),
+    "green": ((70, 120, 0), (245, 245, 245), (245, 245, 245)),
     "white": ((245, 245, 245), (25, 25, 25), (25, 25, 25)),
     "black": ((25, 25, 25), (245, 245, 245), (245, 245, 245)),
     "other": ((245, 245, 245), (90, 90, 90), (25, 25, 25)),
@@ -80,24 +83,28 @@ def _drawn_class(class_name: str) -> str | None:
 
 
 def icon_text(class_name: str) -> str:
-    """The number in a class name, else the initials of its words; at most three characters."""
+    """The number in a class name, else the initials of its words, at most three characters;
+    "?" where the class is not known."""
     words = re.findall(r"[a-z]+|\d+", sign_words(class_name).lower())
+    if "unknown" in words:
+        return "?"
     numbers = [word for word in words if word.isdigit()]
     if numbers:
         return str(numbers[-1])[:3]
-    initials = [str(word)[0] for word in words if word != "unknown"]
-    return "".join(initials)[:3].upper()
+    return "".join(str(word)[0] for word in words)[:3].upper()
 
 
 def _face_of(name: str) -> Face:
     """The look of a class: of its group where the table has it, else what its name speaks of."""
     from automap.signs.national import class_entry
+    from automap.signs.vocabulary import load_vocabulary
 
     entry = class_entry(name)
-    if entry is None:
+    group = entry.group if entry else load_vocabulary().group_of(name)
+    if group is None:
         _, shape, fill, border, ink = next(row for row in _SHAPES if re.search(row[0], name))
         return shape, fill, border, ink
-    colour, _, outline = entry.group.partition("-")
+    colour, _, outline = group.partition("-")
     return (outline or "square", *_FILLS.get(colour, _FILLS["other"]))
 
 

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from automap.earth import ecef_axes, local_ned
+from automap.export.beliefs import belief_text
 from automap.export.icons import sign_words
 from automap.export.kml_cells import xml_text
 from automap.export.sign_columns import SignColumns
@@ -160,7 +161,7 @@ def _waypoints(signs: SignColumns | None) -> Iterator[str]:
         confidence, radius = values["confidence"][row], values["ce95_m"][row]
         height = float(values["height_msl_m"][row])
         words = [sign_words(values["class"][row])]
-        words += [f"confidence {confidence:.2f}"] if np.isfinite(confidence) else []
+        words += [f"confidence {belief_text(confidence)}"] if np.isfinite(confidence) else []
         words += [f"95 % within {radius:.1f} m"] if np.isfinite(radius) else []
         yield (
             f'<wpt lat="{signs.lat_deg[row]:.7f}" lon="{signs.lon_deg[row]:.7f}">'

@@ -267,9 +267,9 @@ def _mended(quality: ImuQuality) -> str:
     """Late rows, copies and gaps, which a recording over USB always has some of."""
     parts = []
     if quality.reordered:
-        parts.append(f"{_count(quality.reordered)} came late and sorted in by t_ns")
+        parts.append(f"{_count(quality.reordered)} that came late sorted in by t_ns")
     if quality.repeats:
-        parts.append(f"{_count(quality.repeats)} with a t_ns that another row has left out")
+        parts.append(f"{_count(quality.repeats)} with the t_ns of another row left out")
     if quality.gaps:
         n = len(quality.gaps)
         lengths = [length for _, length in quality.gaps]

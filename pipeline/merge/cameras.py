@@ -13,9 +13,12 @@ from automap.mapping.visibility import DEFAULT_CAMERA
 
 
 def cameras_of_run(folder: Path, record: dict[str, Any]) -> tuple[CameraView, ...]:
-    """The cameras by the lineage of the run, else by the drive's manifest, else a usual one."""
+    """The cameras by the lineage of the run, else by the drive's manifest, else a usual one.
+
+    None where either says that there was none: such a drive missed no sign.
+    """
     found = _cameras_of_record(record)
-    if found:
+    if found is not None:
         return found
     drive = record.get("drive")
     path = drive.get("path") if isinstance(drive, dict) else None
@@ -26,22 +29,22 @@ def cameras_of_run(folder: Path, record: dict[str, Any]) -> tuple[CameraView, ..
         try:
             sections = read_manifest(manifest).video.values()
         except AutoMapError:
-            sections = ()  # type: ignore[assignment]
-        views = [
+            return (DEFAULT_CAMERA,)
+        return tuple(
             _view(section.width, section.camera_matrix, section.mount_rpy_deg)
             for section in sections
-        ]
-        if views:
-            return tuple(views)
+        )
     return (DEFAULT_CAMERA,)
 
 
-def _cameras_of_record(record: dict[str, Any]) -> tuple[CameraView, ...]:
+def _cameras_of_record(record: dict[str, Any]) -> tuple[CameraView, ...] | None:
     stages = record.get("stages")
     stage = stages.get("geolocate") if isinstance(stages, dict) else None
     lines = stage.get("manifest") if isinstance(stage, dict) else None
+    if not isinstance(lines, dict) or not lines:
+        return None
     cameras: dict[str, dict[str, Any]] = {}
-    for key, value in lines.items() if isinstance(lines, dict) else ():
+    for key, value in lines.items():
         section, _, field = str(key).rpartition(".")
         if section.startswith("video."):
             cameras.setdefault(section, {})[field] = value

@@ -66,6 +66,8 @@ def read_run(folder: Path) -> RunSigns:
             f"{folder}: without a trajectory nothing tells what its signs' errors have in common, "
             "nor what it should have seen."
         )
+    if not len(columns["ids"]) and not cameras:
+        warnings.append(f"{folder}: it has neither signs nor a camera, so the map gains nothing.")
     if path is not None:
         path = _while_filmed(folder, path, clock)
     start = _start(path, columns)
@@ -196,12 +198,28 @@ def _while_filmed(folder: Path, path: DrivePath, clock: ClockModel | None) -> Dr
     from there.
     """
     stamps = _detection_stamps(folder)
+    if stamps is not None and len(stamps) == 0 and _searched_nothing(folder):
+        # a video that could not be read
+        yaw = np.full_like(path.yaw_rad, np.nan)
+        return DrivePath(path.gps_s, path.lat_rad, path.lon_rad, yaw, path.sd_enu)
     if clock is None or stamps is None or len(stamps) == 0:
         return path
     first, last = clock.gps_s(np.array([stamps.min(), stamps.max()]))
     outside = (path.gps_s < first - _SLACK_S) | (path.gps_s > last + _SLACK_S)
     yaw = np.where(outside, np.nan, path.yaw_rad)
     return DrivePath(path.gps_s, path.lat_rad, path.lon_rad, yaw, path.sd_enu)
+
+
+def _searched_nothing(folder: Path) -> bool:
+    """Whether the run says that it searched no picture; False where it says nothing."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    try:
+        with pq.ParquetFile(folder / names.SEARCHED) as file:
+            return bool(file.metadata.num_rows == 0)
+    except (pa.ArrowException, OSError, ValueError):
+        return False
 
 
 def _detection_stamps(folder: Path) -> IntArray | None:

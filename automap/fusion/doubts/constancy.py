@@ -129,10 +129,10 @@ def constancy_doubts(filtered: ParameterHistory, dated: bool = False) -> Iterato
         places = max((abs(rare[n].size) for n in _OF_PLACES if n in rare), default=0.0)
         yield Reason(
             "age_changes",
-            f"delays between IMU, positions and velocities are others by {size:.2f} s after "
-            f"{age.at_s:.0f} s of the drive than before: "
+            f"the delays between IMU, positions and velocities change by {size:.2f} s at "
+            f"{age.at_s:.0f} s of the drive: "
             + (
-                "chance may still make as much, and the sigmas hold it"
+                "that may be chance, and the stated uncertainty includes it"
                 if steady
                 else "a clock was set, or fixes are another receiver's or antenna's from there on; "
                 "cut the drive there"

@@ -48,7 +48,7 @@ def height_doubts(path: Trajectory, fixes: Fixes) -> Iterator[Reason]:
             f"the receiver's heights are {off:+.0f} m at {speed:.0f} m/s beside where the vehicle "
             f"climbs (sigma {by_speed.sd * speed**2:.1f} m), and right at rest: "
             + (
-                "chance may still make as much, and the sigmas hold it"
+                "that may be chance, and the stated uncertainty includes it"
                 if steady
                 else "they are of a barometer in the vehicle, whose pressure changes with the "
                 "speed; log the heights of its satellites"

@@ -72,7 +72,7 @@ def hole_doubts(seen: Places, path: Trajectory, age_s: float, sd_m: float) -> It
         f"behind the hole in the fixes until {at_s:.0f} s of the drive positions lie {size:.1f} m "
         f"off where the readings lead from those before, {whose}: "
         + (
-            "chance may still make as much, and the sigmas hold it"
+            "that may be chance, and the stated uncertainty includes it"
             if steady
             else "nothing says which are right, cut the drive there"
         ),

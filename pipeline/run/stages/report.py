@@ -45,7 +45,7 @@ def _inputs(drive: Drive) -> list[Path]:
 
 STAGE = Stage(
     name="report",
-    version=8,
+    version=9,
     run=run,
     inputs=_inputs,
     needs=(
