@@ -8,8 +8,9 @@ the face of a pass of ``sign_probability.py`` (WORK keeps them), of the half to 
 has what the classifier makes of it: the class that it names or none, its probability, and what the
 views give to each class. Of the list's wrong classes half have the same colour and shape. Printed
 are, per kind, how many are due and told for sure, with precision and recall, and the same where all
-lists are one, in which more is sure: of four findings one that is doubted is a quarter. ``--faces``
-draws other faces for the same streets.
+lists are one, in which more is sure: of four findings one that is doubted is a quarter; and of the
+findings of another class that are likelier than not, what is stated and how many are right.
+``--faces`` draws other faces for the same streets.
 """
 
 from __future__ import annotations
@@ -114,6 +115,9 @@ def main() -> None:
                     good, n = sum(right), max(wanted[kind], 1)
                     text += f"  {len(right):5} {good / max(len(right), 1):.2f} {good / n:.2f}"
                 print(f"  {kind:8} {wanted[kind]:5}{text}", flush=True)
+            likely = [(f.probability, r) for f, r in told if f.kind == "class"]
+            stated, right = np.array([row for row in likely if row[0] > 0.5] or [(0.5, 0.0)]).T
+            print(f"  stated {stated.mean():.3f}: right {right.sum():.0f} of {len(right)}")
 
 
 if __name__ == "__main__":

@@ -11,7 +11,7 @@ import numpy as np
 import pyarrow as pa
 import pytest
 
-from automap.inventory.classes import of_another_class, same_face
+from automap.inventory.classes import listed_wrong, of_another_class, same_face
 from automap.inventory.comparison import compare_inventory
 from automap.inventory.findings import Finding, Inventory, class_belief
 from automap.io.detections_table import read_detections, write_detections
@@ -150,10 +150,11 @@ def test_a_merged_map_still_has_what_the_views_look_like() -> None:
 
 def test_views_of_another_shape_contradict_a_list_though_no_class_is_seen() -> None:
     circle = {"regulatory--unknown-red-circle": 0.6, "regulatory--no-stopping--g5": 0.05}
-    assert of_another_class(circle, STOP_AHEAD) > 0.9
-    assert of_another_class({UNKNOWN: 0.6, CHILDREN: 0.05}, STOP_AHEAD) < 0.7
+    # of lists that are right in 19 of 20
+    assert listed_wrong(circle, STOP_AHEAD) > 0.5
+    assert listed_wrong({UNKNOWN: 0.6, CHILDREN: 0.05}, STOP_AHEAD) < 0.5
     # nothing is known of how a class looks that is in no catalogue
-    assert of_another_class(circle, "other--thing--g1") < 0.7
+    assert listed_wrong(circle, "other--thing--g1") < 0.5
 
 
 def test_a_face_has_the_shape_of_each_country_that_draws_it() -> None:
@@ -165,7 +166,7 @@ def test_a_face_has_the_shape_of_each_country_that_draws_it() -> None:
 
 
 def test_a_match_is_no_surer_than_that_the_class_is_as_listed() -> None:
-    told = compared(UNKNOWN, 0.9, {UNKNOWN: 0.3, CHILDREN: 0.16, BUMP: 0.005}, BUMP)
+    told = compared(UNKNOWN, 0.9, {UNKNOWN: 0.3, CHILDREN: 0.16, BUMP: 0.01}, BUMP)
     assert told.kind == "matched"
     assert 0.5 < told.probability < 0.9
     assert compared(UNKNOWN, 0.9, {UNKNOWN: 0.5, BUMP: 0.3}, BUMP).probability > 0.95
