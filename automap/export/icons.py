@@ -139,8 +139,8 @@ def _drawn(class_name: str, px: int) -> Any:
     elif text:
         font, thickness = cv2.FONT_HERSHEY_SIMPLEX, max(1, n // 28)
         (width, height), _ = cv2.getTextSize(text, font, 1.0, thickness)
-        room = 0.34 if shape.startswith("triangle") else 0.5
-        scale = n * min(room / max(width, 1), 0.36 / max(height, 1))
+        room, tall = (0.34, 0.36) if shape.startswith("triangle") else (0.5, 0.48)
+        scale = n * min(room / max(width, 1), tall / max(height, 1))
         at = centre * n + np.array([-0.5 * width, 0.5 * height]) * scale
         place = (int(at[0]), int(at[1]))
         cv2.putText(canvas, text, place, font, scale, (*ink, 255), thickness, cv2.LINE_AA)

@@ -17,6 +17,7 @@ from automap.errors import ConfigError, InputError
 from automap.io import names
 from automap.io.atomic import make_folder, write_json, write_text
 from pipeline.shared.products import RunProducts, load_products
+from pipeline.shared.values import json_object
 
 if TYPE_CHECKING:
     from automap.export.inventory import ComparedSign
@@ -136,11 +137,15 @@ def _drives(folder: Path, warnings: list[str]) -> list[DriveSigns]:
     from pipeline.merge.inputs import even_path, read_run
 
     if not (folder / names.MERGE).is_file():
-        return [read_run(folder).signs]
+        run = read_run(folder)
+        warnings.extend(run.warnings)
+        return [run.signs]
     paths: dict[str, DrivePath] = {}
     if (folder / TRACKS).is_file():
+        told = json_object(folder / names.MERGE).get("drives")
+        blind = {d.get("name") for d in told or () if d.get("looked") is False}
         for name, track in read_tracks(folder / TRACKS).items():
-            if len(track):
+            if len(track) and name not in blind:
                 paths[name] = even_path(track)
     elif (folder / COVERAGE).is_file():
         looked = read_coverage(folder / COVERAGE)

@@ -112,6 +112,8 @@ def _places(result: InventoryComparison, signs: Sequence[Sign], listed: Inventor
             "--crs.",
             everything,
         )]  # fmt: skip
+    if not signs:
+        return []
     shift = float(np.hypot(*result.shift_m))
     # what the map may be off altogether is not the list's; 99 % of normal errors in a plane
     own = float(np.median([0.5 * np.trace(s.cov_enu[:2, :2]) for s in signs]))

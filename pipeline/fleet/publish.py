@@ -200,6 +200,7 @@ def _drive_rows(
                 "start": starts[k],
                 "offset_m": dict(zip("enu", offset[k].tolist(), strict=True)),
                 "offset_sd_m": dict(zip("enu", sd[k].tolist(), strict=True)),
+                "looked": bool(drives.cameras[k]),
                 "in_view": int(in_view[k]),
                 "seen_of_in_view": int(seen[k]),
                 "detection_rate": float(found.rates.drive[k]),

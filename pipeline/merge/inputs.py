@@ -67,7 +67,7 @@ def read_run(folder: Path) -> RunSigns:
             "nor what it should have seen."
         )
     if not len(columns["ids"]) and not cameras:
-        warnings.append(f"{folder}: it has neither signs nor a camera, so the map gains nothing.")
+        warnings.append(f"{folder}: it has neither signs nor a camera, and says nothing of signs.")
     if path is not None:
         path = _while_filmed(folder, path, clock)
     start = _start(path, columns)

@@ -261,6 +261,9 @@ def _drive_summary(
         "signs_in_map": int(counted[lo:hi].sum()),
         "offset_m": dict(zip(axes, merged.adjusted.drive_offset[number].tolist(), strict=True)),
         "offset_sd_m": dict(zip(axes, merged.adjusted.drive_sd[number].tolist(), strict=True)),
+        "looked": bool(drive.cameras)
+        and drive.path is not None
+        and bool(np.isfinite(drive.path.yaw_rad).any()),
         "in_view": int(likely.sum()),
         "seen_of_in_view": int((likely & pairs.seen).sum()),
         "detection_rate": float(merged.rates.drive[number]),

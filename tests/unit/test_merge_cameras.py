@@ -14,6 +14,7 @@ from automap.io import names
 from automap.io.signs_table import write_signs
 from automap.mapping.sightings import DriveSigns
 from automap.mapping.visibility import DEFAULT_CAMERA
+from pipeline.compare.command import compare_with_inventory
 from pipeline.merge.cameras import cameras_of_run
 from pipeline.merge.command import merge_runs
 from pipeline.merge.inputs import read_run
@@ -79,3 +80,20 @@ def test_a_camera_whose_pictures_could_not_be_read_saw_nothing(tmp_path: Path) -
     path = read_run(folder).signs.path
     assert path is not None
     assert np.isnan(path.yaw_rad).all()
+
+
+@pytest.mark.parametrize("merged", [False, True])
+def test_nothing_is_missing_where_no_camera_looked(merged: bool, tmp_path: Path) -> None:
+    drive = passes(1)[0]
+    folder = without_camera(write_run(tmp_path / "blind", drive))
+    if merged:
+        folder = merge_runs([folder], tmp_path / "map").folder
+    else:
+        write_signs(folder / names.SIGNS_TABLE, [])
+    places = zip(np.degrees(drive.lat_rad), np.degrees(drive.lon_rad), strict=True)
+    rows = [f"{k},{lat:.8f},{lon:.8f}" for k, (lat, lon) in enumerate(places)]
+    listed = tmp_path / "register.csv"
+    listed.write_text("\n".join(["id,lat,lon", *rows]), encoding="utf-8")
+    result = compare_with_inventory(folder, listed, tmp_path / "out")
+    assert {row.kind for row in result.rows} == {"not_seen"}
+    assert not any("coordinate system" in text for text in result.warnings)
