@@ -21,7 +21,7 @@ from automap.io.json_text import parse_json
 from automap.io.toml_file import toml_value
 from automap.io.trust import refuse_links_out
 
-MARK = "# Made by automap import"
+MARKS = ("# Made by automap import: ", "# Made by automap init")
 LINEAGE = "import.json"
 SCHEMA = "automap.import/1"
 _DAMAGE = (ValueError, KeyError, IndexError, TypeError, struct.error, EOFError, OverflowError)
@@ -49,7 +49,8 @@ class Import:
 
     def write_manifest(self, sections: str, notes: Sequence[str] = ()) -> None:
         """Write ``drive.toml``: where it is from, ``notes`` on the files, then ``sections``."""
-        head = [f"{MARK}: {self.kind} from {_one_line(self.source.resolve().name)}", "#"]
+        made = MARKS[1] if self.kind == "init" else MARKS[0] + self.kind
+        head = [f"{made} from {_one_line(self.source.resolve().name)}", "#"]
         head += [f"# {note}".rstrip() for note in notes]
         name = toml_value(self.out.name)
         body = f'schema = "automap.drive/1"\nname = {name}\n\n{sections.strip()}\n'
@@ -112,7 +113,7 @@ def _check_target(out: Path) -> None:
     manifest = out / names.MANIFEST
     if manifest.is_file():
         with manifest.open(encoding="utf-8", errors="replace") as stream:
-            if stream.readline().startswith(MARK):
+            if stream.readline().startswith(MARKS):
                 return
     if any(out.iterdir()):
         raise ConfigError(f"{out} is not empty and was not made by an import; name another folder.")

@@ -82,6 +82,14 @@ def test_a_manifest_is_not_written_over_unasked(
     assert tomllib.loads(manifest.read_text(encoding="utf-8"))["gnss"]["file"] == "gnss.ubx"
 
 
+def test_a_folder_of_its_own_says_which_command_made_it(tmp_path: Path) -> None:
+    FOREIGN["bare"](tmp_path / "d")
+    for more in ([], ["--force"]):
+        assert run_command(["init", str(tmp_path / "d"), "-o", str(tmp_path / "o"), *more]) == 0
+        manifest = (tmp_path / "o/drive.toml").read_text(encoding="utf-8")
+        assert manifest.startswith("# Made by automap init from d\n")
+
+
 def test_the_sample_drive_without_its_manifest(tmp_path: Path) -> None:
     shutil.copytree(SAMPLE, tmp_path / "d", ignore=shutil.ignore_patterns("drive.toml", "_automap"))
     init_drive(tmp_path / "d", None, not_converted)
