@@ -99,7 +99,7 @@ def choose_views(
     views = []
     side = np.array([(sizes or {}).get(str(c), (np.inf, np.inf)) for c in columns["camera"]])
     last = side.reshape(-1, 2) - 1.0 - _EDGE_PX
-    whole = (boxes[:, :2] > _EDGE_PX).all(axis=1) & (boxes[:, 2:] < last).all(axis=1)
+    whole = np.all((boxes[:, :2] > _EDGE_PX) & (boxes[:, 2:] < last), axis=1)
     for sign_id, rows in rows_of.items():
         rows = [row for row in rows if whole[row]] or rows
         for rank, row in enumerate(_spread(size, rows), start=1):

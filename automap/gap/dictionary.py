@@ -30,7 +30,7 @@ from automap.gap.candidates import (
     size_of,
 )
 from automap.gap.fit import Fit
-from automap.gap.formulas import ALONE
+from automap.gap.formula_texts import ALONE
 from automap.gap.limits import SAME_SIGNAL
 from automap.gap.linear import Column, Linear, NodeMotion
 from automap.gap.motion import Motion

@@ -20,7 +20,7 @@ from automap.gap.confirm import Confirmed
 from automap.gap.dictionary import effect_for, formula_columns
 from automap.gap.evidence import nats_of_parts
 from automap.gap.fit import CONSTANTS, ORIGIN, SKEW, Fit, fit_drive
-from automap.gap.formulas import formula_texts, warm
+from automap.gap.formula_texts import formula_texts, warm
 from automap.gap.linear import Column, Given, NodeMotion, conditional, linearised, motion_signals
 from automap.gap.motion import Motion, motion_of
 from automap.gap.noise import Fitted, Joint, Log, fitted_about
