@@ -232,7 +232,7 @@ def test_a_delay_that_becomes_another_is_told_with_its_size() -> None:
     # what chance may still make leaves a path good, and as unsure as that
     (reason,) = constancy_doubts(known_by_and_by(0.07, 3))
     assert reason.state == "good"
-    assert "the sigmas hold it" in reason.text
+    assert "the stated uncertainty includes it" in reason.text
     assert "cut" not in reason.text
     path = winding_path()
     wide = widen(path, [reason], NONE, replace(path, vel_ned=path.vel_ned + 1.0))

@@ -19,6 +19,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from browser import launched, violations, watched
 
 from automap.io import names
+from automap.io.manifest import VideoSection
 from automap.io.signs_table import write_signs
 from automap.io.tables import write_columns, write_fixes
 from pipeline.report.render import report_html
@@ -59,7 +60,7 @@ def with_views(out: Path, signs: int, rng: np.random.Generator) -> None:
             "pipeline.shared.pictures._from_video",
             lambda video, views, wanted, done: drawn(views, rng),
         )
-        video = type("Video", (), {"chapters": ("front.mp4",)})()
+        video = type("Video", (), {"chapters": ("front.mp4",), "section": VideoSection()})()
         write_pictures(out, take_pictures(products, {"front": video}))
 
 
