@@ -12,6 +12,9 @@ from automap.records import BoolArray, Camera, FloatArray
 
 _AGREEMENT_PX = 0.01
 """A pixel's direction leads back to it so nearly, or the lens has no inverse there."""
+EDGE_PX = 1.5
+"""A box so near to the edge of the picture is of a sign cut off: boxes err by a pixel, and the last
+one ends half of one further out."""
 _CUT_SD_FACTOR = 6.0
 
 
@@ -77,15 +80,16 @@ def focal_length(camera: Camera) -> float:
     return float(0.5 * (camera.matrix[0, 0] + camera.matrix[1, 1]))
 
 
-def touches_edge(camera: Camera, box: FloatArray, margin: float = 1.5) -> BoolArray:
-    """Whether boxes [n, 4] reach the edge of the image, so that a part of the sign is cut off."""
-    last_x, last_y = camera.width - 1, camera.height - 1
-    return np.asarray(
-        (box[:, 0] <= margin)
-        | (box[:, 1] <= margin)
-        | (box[:, 2] >= last_x - margin)
-        | (box[:, 3] >= last_y - margin)
-    )
+def cut_off(box: FloatArray, size: FloatArray) -> BoolArray:
+    """Whether boxes [n, 4] reach the edge of pictures of width and height ``size`` [n, 2] or [2],
+    so that a part of the sign is cut off."""
+    last = size - 1.0 - EDGE_PX
+    return np.asarray(((box[:, :2] <= EDGE_PX) | (box[:, 2:] >= last)).any(axis=1))
+
+
+def touches_edge(camera: Camera, box: FloatArray) -> BoolArray:
+    """Whether boxes [n, 4] of a camera are ``cut_off``."""
+    return cut_off(box, np.array([camera.width, camera.height], np.float64))
 
 
 def box_variances(

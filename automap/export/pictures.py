@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from automap.effects.lens import cut_off
 from automap.records import FloatArray, Image
 
 if TYPE_CHECKING:
@@ -28,9 +29,6 @@ _SMALLEST_PX = 48
 _QUALITY = 80
 _CONTEXT_PX = 480
 """Width of a picture of the street: it shows on which post, and more is not sharp anyway."""
-
-_EDGE_PX = 1.5
-"""A box so near to the edge of a picture is of a sign cut off, as geolocation has it."""
 
 _COLUMNS = ("camera", "frame", "t_ns", "x_min", "y_min", "x_max", "y_max", "score", "sign_id")
 
@@ -98,8 +96,7 @@ def choose_views(
             rows_of.setdefault(sign_id, []).append(row)
     views = []
     side = np.array([(sizes or {}).get(str(c), (np.inf, np.inf)) for c in columns["camera"]])
-    last = side.reshape(-1, 2) - 1.0 - _EDGE_PX
-    whole = np.all((boxes[:, :2] > _EDGE_PX) & (boxes[:, 2:] < last), axis=1)
+    whole = ~cut_off(boxes, side.reshape(-1, 2))
     for sign_id, rows in rows_of.items():
         rows = [row for row in rows if whole[row]] or rows
         for rank, row in enumerate(_spread(size, rows), start=1):

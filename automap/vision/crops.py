@@ -7,6 +7,7 @@ from dataclasses import replace
 import cv2
 import numpy as np
 
+from automap.effects.lens import cut_off
 from automap.records import Crop, FloatArray, Image
 from automap.vision import limits
 from automap.vision.privacy import hide_street, is_mistake, reduction
@@ -37,7 +38,7 @@ class BestCrops:
         """Take this view of a track if it is better than the best so far."""
         height, width = image.shape[:2]
         sides = box[2:] - box[:2]
-        cut = min(box[0], box[1], width - 1 - box[2], height - 1 - box[3]) < limits.CUT_PX
+        cut = bool(cut_off(box[None], np.array([width, height], np.float64))[0])
         worth = float(
             score * np.sqrt(max(float(sides.min()), 1.0)) * (limits.CUT_WORTH if cut else 1.0)
         )
