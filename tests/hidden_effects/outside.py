@@ -16,7 +16,7 @@ from scipy.signal import lfilter
 from tests.hidden_effects.extras import Extras
 from tests.hidden_effects.geodesy import Array
 from tests.hidden_effects.imu import Signals
-from tests.hidden_effects.motion import Motion, State, to_nav
+from tests.hidden_effects.motion import Motion, Path, State, to_nav
 from tests.hidden_effects.route import MARGIN_S
 
 VELOCITY = ("velocity_n", "velocity_e", "velocity_d")
@@ -161,6 +161,20 @@ def mount(angles: Callable[[Signals], Array]) -> Callable[[float], Extras]:
             return np.cross(s.rate, turn) + swing, np.cross(s.force, turn)
 
         return Extras(imu=errors)
+
+    return of_size
+
+
+def nose(axis: int, function: Callable[[Path], Array]) -> Callable[[float], Extras]:
+    """A body that turns by a size times ``function`` about an axis, rad."""
+
+    def of_size(size: float) -> Extras:
+        def body(path: Path) -> Array:
+            out = np.zeros((len(path.t), 3))
+            out[:, axis] = size * function(path)
+            return out
+
+        return Extras(body=body)
 
     return of_size
 

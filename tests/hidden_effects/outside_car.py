@@ -9,7 +9,7 @@ import numpy as np
 from tests.hidden_effects.extras import Extras
 from tests.hidden_effects.geodesy import Array
 from tests.hidden_effects.imu import Signals
-from tests.hidden_effects.motion import Path, State
+from tests.hidden_effects.motion import State
 from tests.hidden_effects.outside import (
     IMAGE,
     INERTIAL,
@@ -21,6 +21,7 @@ from tests.hidden_effects.outside import (
     antenna,
     lagged,
     mount,
+    nose,
 )
 
 Rng = np.random.Generator
@@ -33,20 +34,6 @@ def _angles(axis: int, function: Callable[[Signals], Array]) -> Callable[[Signal
         return out
 
     return angles
-
-
-def _nose(axis: int, function: Callable[[Path], Array]) -> Callable[[float], Extras]:
-    """A body that turns by a size times ``function`` about an axis, rad."""
-
-    def of_size(size: float) -> Extras:
-        def body(path: Path) -> Array:
-            out = np.zeros((len(path.t), 3))
-            out[:, axis] = size * function(path)
-            return out
-
-        return Extras(body=body)
-
-    return of_size
 
 
 def _braking_twist(rng: Rng, seconds: float) -> Outside:
@@ -106,7 +93,7 @@ def _slip_cubed(rng: Rng, seconds: float) -> Outside:
     return Outside(
         "sideslip_cubed", "vehicle", "slips out of bends by {} for each (m/s^2)^3 sideways",
         INERTIAL, ("turn", "acceleration"), 1e-4, 1.5e-2, "rad",
-        _nose(2, lambda p: (p.curvature * p.speed**2) ** 3), signed=False,
+        nose(2, lambda p: (p.curvature * p.speed**2) ** 3), signed=False,
     )  # fmt: skip
 
 
@@ -115,7 +102,7 @@ def _load_shifts(rng: Rng, seconds: float) -> Outside:
     return Outside(
         "load_shifts", "vehicle", f"its nose rises by {{}} at {when:.0f} s: the load shifts",
         INERTIAL, ("time",), 5e-4, 0.06, "rad",
-        _nose(1, lambda p: 0.5 * (1.0 + np.tanh((p.t - when) / 0.6))),
+        nose(1, lambda p: 0.5 * (1.0 + np.tanh((p.t - when) / 0.6))),
     )  # fmt: skip
 
 
@@ -125,7 +112,7 @@ def _trailer(rng: Rng, seconds: float) -> Outside:
         "trailer_sways", "vehicle",
         f"a trailer sways its tail by {{}} at {hertz:.2f} Hz for each m/s above {speed:.0f} m/s",
         INERTIAL, ("speed", "band", "period"), 1e-4, 1e-2, "rad",
-        _nose(2, lambda p: np.sin(2 * np.pi * hertz * p.t) * np.maximum(p.speed - speed, 0.0)),
+        nose(2, lambda p: np.sin(2 * np.pi * hertz * p.t) * np.maximum(p.speed - speed, 0.0)),
     )  # fmt: skip
 
 
@@ -134,7 +121,7 @@ def _kerb(rng: Rng, seconds: float) -> Outside:
     return Outside(
         "kerb_bends_axle", "vehicle", f"runs askew by {{}} from {when:.0f} s on",
         INERTIAL, ("time",), 5e-4, 0.06, "rad",
-        _nose(2, lambda p: 0.5 * (1.0 + np.tanh((p.t - when) / 0.6))),
+        nose(2, lambda p: 0.5 * (1.0 + np.tanh((p.t - when) / 0.6))),
     )  # fmt: skip
 
 
@@ -143,7 +130,7 @@ def _wind(rng: Rng, seconds: float) -> Outside:
     return Outside(
         "crosswind", "vehicle", f"runs askew by up to {{}} in a wind from {bearing:.1f} rad",
         INERTIAL, ("turn", "speed", "time"), 5e-4, 0.06, "rad",
-        _nose(2, lambda p: np.sin(bearing - p.heading) * np.minimum(p.speed / 5.0, 1.0)),
+        nose(2, lambda p: np.sin(bearing - p.heading) * np.minimum(p.speed / 5.0, 1.0)),
     )  # fmt: skip
 
 

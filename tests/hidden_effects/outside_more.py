@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 
 import numpy as np
 
 from tests.hidden_effects.extras import Extras
 from tests.hidden_effects.geodesy import Array
-from tests.hidden_effects.motion import Motion, Path, State
+from tests.hidden_effects.motion import Motion, State
 from tests.hidden_effects.outside import (
     INERTIAL,
     POSITION,
@@ -20,6 +20,7 @@ from tests.hidden_effects.outside import (
     fixes,
     lagged,
     mount,
+    nose,
     on,
     over_drive,
     to_north,
@@ -114,25 +115,13 @@ def _rings(rng: Rng, seconds: float) -> Outside:
     )  # fmt: skip
 
 
-def _body(axis: int, function: Callable[[Path], Array]) -> Callable[[float], Extras]:
-    def of_size(size: float) -> Extras:
-        def body(path: Path) -> Array:
-            out = np.zeros((len(path.t), 3))
-            out[:, axis] = size * function(path)
-            return out
-
-        return Extras(body=body)
-
-    return of_size
-
-
 def _slip_above(rng: Rng, seconds: float) -> Outside:
     limit = float(rng.uniform(7.0, 11.0))
     return Outside(
         "slip_above_speed", "vehicle",
         f"slips out of bends by {{}} for each m/s^2 sideways and m/s above {limit:.0f} m/s",
         INERTIAL, ("speed", "turn", "acceleration"), 1e-5, 1e-2, "rad",
-        _body(2, lambda p: p.curvature * p.speed**2 * np.maximum(p.speed - limit, 0.0)),
+        nose(2, lambda p: p.curvature * p.speed**2 * np.maximum(p.speed - limit, 0.0)),
         signed=False,
     )  # fmt: skip
 
