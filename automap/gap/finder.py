@@ -12,11 +12,14 @@ from automap.gap import limits
 from automap.gap.camera.search import CameraGap
 from automap.gap.candidates import library
 from automap.gap.confirm import costs
+from automap.gap.constancy import drifts
 from automap.gap.dictionary import forget_formulas
 from automap.gap.drive import GapDrive, OpenDrive, in_vehicle_axes, open_drive
-from automap.gap.fit import Fit, GapModel, base_model, fit_drive, without
+from automap.gap.fit import Fit, GapModel, Values, base_model, fit_drive, without
 from automap.gap.leftover import given_up, in_noise
+from automap.gap.linear import Column, NodeMotion
 from automap.gap.misfit import Misfit, Place, misfits, places, worst_by_channel
+from automap.gap.motion import Motion
 from automap.gap.naming import (
     Identifiability,
     chance,
@@ -30,6 +33,7 @@ from automap.gap.noise import Log, open_fits
 from automap.gap.result import (
     ChannelGap,
     Cost,
+    Drift,
     Finding,
     HeldPositions,
     KeptOut,
@@ -163,8 +167,10 @@ def _result(
     model, base, stands = found.fitted.model, found.base.model, found.stands
     values = stands.values
     maxima = chance(found)
-    told = describe(found, values, maxima)
     final = fit_held_out(held_out, model, values)
+    as_told = replace(model, values={**model.values, **values})
+    fits = [fit_drive(f.opened, as_told, linearised_at=f) for f in found.fitted.fits]
+    told = describe(found, values, maxima, _drifts(found, screening, fits, final, values))
     whitener, count = whitener_of(final[0]), epochs(final)
     rest, reference = remaining_gap(final), total_score(final, whitener)
     first = fit_held_out(held_out, base, {}, final)
@@ -181,7 +187,6 @@ def _result(
             findings.append(replace(one, gap_before=before, gap_after=after))
         else:
             formulas.append(replace(one, gap_before=before, gap_after=after))
-    fits = found.fitted.fits
     every = (
         usual_finding(effect, found, values, held_out, final, stated.factors, rest)
         for effect in USUAL
@@ -189,15 +194,16 @@ def _result(
     )
     usual = [one for one in every if one is not None]
     findings += usual
-    noise = stochastic_findings(fits, stated.factors, rest, frozenset(exclude))
+    with_states = found.fitted.fits
+    noise = stochastic_findings(with_states, stated.factors, rest, frozenset(exclude))
     findings += noise
-    claims = noise_claims(fits, stated.factors)
+    claims = noise_claims(with_states, stated.factors)
     refused = strongest_refused(found)
     kept_out = _by_formula(found, stands.kept_out)
     hidden = given_up(found, maxima)
     hidden = hidden or in_noise(found, screening, stated.factors, maxima)
     likened = {m.where: m for m in (*suspected(refused), *hidden)}
-    left = (*misfits(fits), *likened.values())
+    left = (*misfits(with_states), *likened.values())
     noisy = {n: noise_levels(n) for n in (*(f.effect for f in noise), *(c.level for c in claims))}
     paid = costs(held_out, final, values, noisy, stated.factors, stands.without)
     shown = places(first, final)
@@ -215,7 +221,7 @@ def _result(
         warnings=stands.warnings,
         places=tuple(shown),
         held_out=(tuple(first), tuple(final)),
-        unclear=_unclear(found, carried, exclude),
+        unclear=_unclear(fits, model, exclude),
         misfits=left,
         noise_claims=claims,
         refused=refused,
@@ -241,9 +247,29 @@ def _by_formula(found: Found, kept_out: Sequence[KeptOut]) -> tuple[KeptOut, ...
     return tuple(replace(one, effect=says.get(one.effect, one.effect)) for one in kept_out)
 
 
-def _unclear(found: Found, model: GapModel, exclude: Collection[str]) -> Identifiability:
+def _drifts(
+    found: Found,
+    screening: Screening,
+    fitted: Sequence[Fit],
+    held_out: Sequence[Fit],
+    values: Values,
+) -> dict[str, Drift]:
+    """Which named effects are not constant, by fits of all drives with these held at ``values``."""
+    chosen = found.chosen
+    for name in chosen.names:
+        if found.effects.get(name, name) not in values:
+            chosen = chosen.without(name)
+
+    def columns(fit: Fit, motion: Motion, at: NodeMotion) -> list[Column]:
+        return screening.columns(fit, motion, at, chosen.names)
+
+    names = {effect: name for name, effect in found.effects.items()}
+    known = {names.get(effect, effect): its for effect, its in values.items()}
+    return drifts(found.selection, chosen, columns, (*fitted, *held_out), known)
+
+
+def _unclear(fits: Sequence[Fit], model: GapModel, exclude: Collection[str]) -> Identifiability:
     """What the fitted drives cannot tell, the effects held at their values."""
-    fits = [fit_drive(f.opened, model, linearised_at=f) for f in found.fitted.fits]
     wheels = any(f.opened.session.odometer is not None for f in fits)
     effects = library(frozenset(exclude), wheels, model.options.earth_rotation)
     return identifiability(fits, effects)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,6 +19,7 @@ from automap.gap.limits import ALIKE, SHOWS
 from automap.gap.linear import Part, linearised
 from automap.gap.misfit import LIKE, Misfit
 from automap.gap.result import (
+    Drift,
     Finding,
     KeptOut,
     ParameterValue,
@@ -33,9 +34,12 @@ from automap.gap.selection import Chosen, Move, Rival, Selection, twins_of
 from automap.records import FloatArray, IntArray
 
 
-def describe(found: Found, values: Values, maxima: FloatArray) -> list[Finding | Unexplained]:
+def describe(
+    found: Found, values: Values, maxima: FloatArray, drifting: Mapping[str, Drift]
+) -> list[Finding | Unexplained]:
     """Findings and formulas of a search that stand with ``values``, the surest first; their gaps
-    are filled in later. ``maxima`` [draws] what chance reaches."""
+    are filled in later. ``maxima`` [draws] what chance reaches, ``drifting`` the effects that are
+    not constant."""
     selection, chosen = found.selection, found.chosen
     told: list[tuple[float, Finding | Unexplained]] = []
     against = {one.effect for one in found.stands.kept_out}
@@ -69,15 +73,10 @@ def describe(found: Found, values: Values, maxima: FloatArray) -> list[Finding |
             q: ParameterValue(v, _honest_sd(found, name, q, sd), units[q])
             for q, (v, sd) in found.full.of(effect).items()
         }
-        told.append(
-            (
-                odds,
-                Finding(
-                    *(effect, parameters, nats, p, 0.0, 0.0, confusable),
-                    *(advice(effect, confusable), doubt(selection, chosen, name, gain)),
-                ),
-            )
-        )
+        drift = drifting.get(name)
+        other = str(drift) if drift else doubt(selection, chosen, name, gain)
+        its = (effect, parameters, nats, p, 0.0, 0.0, confusable, advice(effect, confusable))
+        told.append((odds, Finding(*its, other, drift)))
     return [one for _, one in sorted(told, key=lambda item: -item[0])]
 
 

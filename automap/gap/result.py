@@ -20,6 +20,37 @@ class ParameterValue:
 
 
 @dataclass(frozen=True)
+class Drift:
+    """How a parameter that is told as one number changes: by ``change`` ± ``sd`` in ``unit``.
+
+    ``kind`` "trend" along the drives, "settling" where most of it comes first, "step" at ``at_s``
+    after their beginning, or "drive" on the drive of that number, from 0; nats by which the data
+    are likelier with it.
+    """
+
+    parameter: str
+    kind: str
+    change: float
+    sd: float
+    unit: str
+    at_s: float
+    evidence_nats: float
+
+    @property
+    def when(self) -> str:
+        """Along what it changes, in words."""
+        return {
+            "trend": "over the drive",
+            "settling": "as it settles",
+            "step": f"about {self.at_s:.0f} s after the beginning",
+        }.get(self.kind, "from one drive to another")
+
+    def __str__(self) -> str:
+        size = f"{self.change:+.2g} ± {self.sd:.1g} {self.unit}".rstrip()
+        return f"something that changes: its {self.parameter} by {size} {self.when}"
+
+
+@dataclass(frozen=True)
 class Finding:
     """A missing effect by name.
 
@@ -27,7 +58,8 @@ class Finding:
     strongest of all candidates reaches as much where nothing is missing; gaps before and after
     it was added, nats an epoch on held-out data; ``confusable_with`` effects that this data
     cannot tell from it; ``advice`` the manoeuvre that would; ``resembles`` what speaks for
-    something like it, but not for it: a formula that explains more, or how uneven it is.
+    something like it, but not for it: a formula that explains more, or how uneven it is;
+    ``drift`` how it changes where it is not constant.
     """
 
     effect: str
@@ -39,6 +71,7 @@ class Finding:
     confusable_with: tuple[str, ...] = ()
     advice: str = ""
     resembles: str = ""
+    drift: Drift | None = None
 
 
 @dataclass(frozen=True)

@@ -81,7 +81,7 @@ class Screening:
 
         def columns(fit: Fit, motion: Motion, at: NodeMotion) -> list[Column]:
             boxes = box_columns(fit, motion) if slow else []
-            return self._columns(fit, motion, at) + boxes
+            return self.columns(fit, motion, at) + boxes
 
         linear = linearised(fits, columns, known, may_act)
         linear = with_shapes(linear) if slow else linear
@@ -227,7 +227,7 @@ class Screening:
         """The course of time that explains most beside the effects ``rest``."""
 
         def columns(fit: Fit, motion: Motion, at: NodeMotion) -> list[Column]:
-            kept = self._columns(fit, motion, at, rest)
+            kept = self.columns(fit, motion, at, rest)
             return kept + [c for terms in tried for c in term_columns(at, terms)]
 
         linear = linearised(here.fits, columns, {})
@@ -243,7 +243,7 @@ class Screening:
         best = every[int(np.argmax(nats_of_parts(known, every)))]
         return tuple(linear.layout[i].term for i in best)
 
-    def _columns(
+    def columns(
         self, fit: Fit, motion: Motion, at: NodeMotion, wanted: Collection[str] | None = None
     ) -> list[Column]:
         """Columns of one drive, of all candidates or of those ``wanted``."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -203,6 +203,7 @@ def _finding_json(f: Finding) -> dict[str, Any]:
         "confusable_with": list(f.confusable_with),
         "advice": f.advice,
         "resembles": f.resembles or None,
+        "drift": None if f.drift is None else asdict(f.drift),
     }
 
 

@@ -15,11 +15,11 @@ from pipeline.gap.effect_words import as_clause, in_a_word, listed, sentence_cas
 from pipeline.gap.misfit_words import misfit_words
 from pipeline.gap.model import left_to_runs
 from pipeline.gap.remedies import MODEL, TAKE_MODEL, remedy
-from pipeline.gap.sizes import about
+from pipeline.gap.sizes import about, with_sd
 
 if TYPE_CHECKING:
     from automap.gap import Finding, GapResult, Unexplained
-    from automap.gap.result import Cost, HeldPositions, KeptOut, NoiseClaim
+    from automap.gap.result import Cost, Drift, HeldPositions, KeptOut, NoiseClaim
 
 MILLION = 1e6
 SURE = (
@@ -72,7 +72,9 @@ def finding_words(finding: Finding, cost: Cost | None, to_do: str = "") -> Parag
             "What is not sure is that it is this and nothing else: these data cannot tell it from "
             f"{listed(shown)}."
         )
-    if finding.resembles:
+    if finding.drift is not None:
+        parts.append(drift_words(finding.drift))
+    elif finding.resembles:
         parts.append(f"Nor is it sure that its form is right: it may be {finding.resembles}.")
     if cost is not None:
         parts.append(cost_words(cost, noise=known is not None and _is_noise(known)))
@@ -82,6 +84,18 @@ def finding_words(finding: Finding, cost: Cost | None, to_do: str = "") -> Parag
     if finding.advice:
         parts.append(f"To tell which it is: {finding.advice}.")
     return what_is_wrong(finding), " ".join(parts)
+
+
+def drift_words(drift: Drift) -> str:
+    """That a value is no constant, and how it changes."""
+    factor, unit = (math.degrees(1.0), "°") if drift.unit == "rad" else (1.0, drift.unit)
+    size, sd = with_sd(factor * drift.change, factor * drift.sd, unit)
+    what = drift.parameter.replace("_", " ")
+    sign = "less" if drift.change < 0.0 else "more"
+    return (
+        f"It is not constant: its {what} changes by {size} (give or take {sd}) to the {sign} "
+        f"{drift.when}, so the number told is right in the mean alone."
+    )
 
 
 def _without(effect: str, instead: Sequence[str]) -> str:

@@ -79,7 +79,7 @@ def found_with(
 
 
 def told_of(found: Found, values: Values) -> list[Finding | Unexplained]:
-    return describe(found, values, chance(found))
+    return describe(found, values, chance(found), {})
 
 
 def test_findings_come_with_all_parameters_and_the_surest_first() -> None:

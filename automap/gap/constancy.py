@@ -1,0 +1,148 @@
+"""Whether a named effect is constant, as it is told: does its value drift or step?
+
+The columns of every parameter that acts are cut into blocks of time. What a block adds to a
+constant is a candidate as any other, beside all that was found: a trend along the drive, what
+settles, a step between two blocks, another value on a further drive. Fitted and held-out drives
+have a say, for a value is told of both.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from automap.effects import CATALOGUE
+from automap.gap import limits
+from automap.gap.evidence import evidence
+from automap.gap.fit import Fit, Values
+from automap.gap.linear import Column, Direct, Given, Linear, NodeMotion, conditional, linearised
+from automap.gap.motion import Motion
+from automap.gap.result import Drift
+from automap.gap.selection import Chosen, Selection
+from automap.records import BoolArray, FloatArray
+
+ColumnsOf = Callable[[Fit, Motion, NodeMotion], list[Column]]
+Key = tuple[str, str]
+"""Effect and parameter."""
+TREND, SETTLING, STEP, DRIVE = "trend", "settling", "step", "drive"
+
+
+def drifts(
+    selection: Selection, chosen: Chosen, columns_of: ColumnsOf, fits: Sequence[Fit], values: Values
+) -> dict[str, Drift]:
+    """The named effects of a choice that are not constant, and how the parameter changes that
+    shows it most.
+
+    ``columns_of`` the columns of the choice along a drive, ``fits`` of all drives with the effects
+    held at ``values``, which a drive each may have.
+    """
+    layout = selection.linear.layout
+    acting = {
+        (layout[i].effect, layout[i].parameter): scale
+        for name, part, scale in chosen.parts
+        if not selection.candidates[name].terms
+        for i in part
+    }
+    if not acting:
+        return {}
+    edges = _edges(fits)
+    number = iter(range(len(fits)))
+
+    def columns(fit: Fit, motion: Motion, at: NodeMotion) -> list[Column]:
+        whole = columns_of(fit, motion, at)
+        own = [c for c in whole if (c.effect, c.parameter) in acting]
+        drive = next(number)
+        return whole + [b for c in own for b in _blocks(c, fit, motion, at, edges, drive)]
+
+    linear, shapes = _changes(linearised(fits, columns, values), acting, edges, len(fits))
+    given = Given()
+    place = {(c.effect, c.parameter): i for i, c in enumerate(linear.layout)}
+    for name, part, scale in chosen.parts:
+        for columns_given, its_scale in ((part, scale), (selection.candidates[name].beside, 1.0)):
+            at = tuple(place[(layout[i].effect, layout[i].parameter)] for i in columns_given)
+            given = given.joined(tuple(i for i in at if i not in given.columns), linear, its_scale)
+    known = conditional(linear, given)
+    prior = math.log(limits.OUTSIDE_LIBRARY) - math.log(max(len(shapes), 1))
+    noise = selection.inflated.get(False, 1.0)
+    out: dict[str, tuple[float, Drift]] = {}
+    for i, ((effect, parameter), kind, at_s) in shapes.items():
+        if not known.shows((i,)):
+            continue
+        found = evidence(known, (i,), noise)
+        sure = found.nats + prior >= limits.LEAST_ODDS and found.predicted_without_best > 0.0
+        if sure and found.nats > out.get(effect, (0.0,))[0]:
+            change, sd = float(found.estimate[0]), float(found.sd[0])
+            unit = {p.name: p.unit for p in CATALOGUE[effect].parameters}[parameter]
+            out[effect] = found.nats, Drift(parameter, kind, change, sd, unit, at_s, found.nats)
+    return {effect: drift for effect, (_, drift) in out.items()}
+
+
+def _edges(fits: Sequence[Fit]) -> FloatArray:
+    """Instants [b + 1] between blocks, s since the beginning of a drive."""
+    begin = min(fit.opened.drive.begin_s for fit in fits)
+    end = max(fit.opened.drive.begin_s + float(fit.last.nodes.t[-1]) for fit in fits)
+    return np.linspace(begin, end, limits.DRIFT_BLOCKS + 1)
+
+
+def _blocks(
+    column: Column, fit: Fit, motion: Motion, at: NodeMotion, edges: FloatArray, drive: int
+) -> Iterator[Column]:
+    """A column in blocks of time of one drive, those that have anything of it."""
+    begin = fit.opened.drive.begin_s
+    place, nodes = (np.digitize(t + begin, edges[1:-1]) for t in (motion.t, at.t))
+    for number in np.unique(place).tolist():
+        yield _within(column, place == number, nodes == number, f"{drive} {number}")
+
+
+def _within(column: Column, epochs: BoolArray, nodes: BoolArray, name: str) -> Column:
+    inertial = tuple(replace(i, signal=i.signal * epochs) for i in column.inertial)
+    direct = None
+    if column.direct is not None:
+        direct = Direct(column.direct.by_channel * nodes[:, None])
+    parameter = f"{column.parameter} {name}"
+    return replace(column, parameter=parameter, inertial=inertial, direct=direct)
+
+
+def _changes(
+    linear: Linear, acting: Mapping[Key, float], edges: FloatArray, drives: int
+) -> tuple[Linear, dict[int, tuple[Key, str, float]]]:
+    """The linear model with changes in place of blocks, and of each such column the effect and
+    parameter, the kind of change, and the instant of a step, s."""
+    raw = linear.layout
+    plain = [i for i, c in enumerate(raw) if " " not in c.parameter]
+    layout, mixing = [raw[i] for i in plain], [np.eye(len(raw))[i] for i in plain]
+    shapes: dict[int, tuple[Key, str, float]] = {}
+    middle = 0.5 * (edges[1:] + edges[:-1])
+    along = (middle - edges[0]) / (edges[-1] - edges[0])
+    # within a block's time, as what warms up or yields does: nothing quicker is seen
+    settled = -np.expm1(-limits.DRIFT_BLOCKS * along)
+    forms = [(TREND, along, 0.0), (SETTLING, settled, 0.0)]
+    forms += [(STEP, (middle > e).astype(np.float64), float(e)) for e in edges[1:-1]]
+    for effect, parameter in acting:
+        mine = {
+            tuple(map(int, c.parameter.split(" ")[1:])): i
+            for i, c in enumerate(raw)
+            if c.effect == effect and c.parameter.startswith(f"{parameter} ")
+        }
+        if not mine:
+            continue
+        of_drives = [(DRIVE, d) for d in range(1, drives)]
+        every = [(k, {key: v[key[1]] for key in mine}, s) for k, v, s in forms]
+        every += [(k, {key: float(key[0] == d) for key in mine}, float(d)) for k, d in of_drives]
+        for kind, weights, at_s in every:
+            mixed = np.zeros(len(raw))
+            for key, weight in weights.items():
+                mixed[mine[key]] = weight
+            shapes[len(layout)] = ((effect, parameter), kind, at_s)
+            one = raw[next(iter(mine.values()))]
+            layout.append(replace(one, parameter=f"{parameter} {kind} {at_s:.1f}"))
+            mixing.append(mixed)
+    by = np.array(mixing).T
+    score, info = by.T @ linear.score, by.T @ linear.info @ by
+    values = np.concatenate([linear.values[plain], np.zeros(len(layout) - len(plain))])
+    sds = np.array([c.prior_sd for c in layout])
+    more = dict(layout=tuple(layout), mixing=by, score=score, info=info)
+    return replace(linear, **more, prior_sd=sds, values=values), shapes

@@ -1,0 +1,72 @@
+"""Whether a value that is told as one number is one."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from automap.gap import base_model
+from automap.gap.candidates import named_columns
+from automap.gap.constancy import drifts
+from automap.gap.drive import GapDrive, open_drive
+from automap.gap.fit import Fit, fit_drive
+from automap.gap.result import Drift
+from automap.gap.selection import Chosen
+from automap.records import FloatArray
+from tests.unit.gap_linear import screened
+from tests.unit.test_gap import simulated
+
+EFFECT, SIZE = "gyro_scale", 0.03
+DRIVE = simulated({})
+T = (DRIVE.imu.t_ns - DRIVE.imu.t_ns[0]) * 1e-9
+HALF = 0.5 * float(T[-1])
+
+
+def scaled(share: FloatArray) -> GapDrive:
+    """The drive with turns about the vertical that are told too large, by a share [n] of SIZE."""
+    gyro = DRIVE.imu.gyro.copy()
+    gyro[:, 2] *= 1.0 + SIZE * share
+    return replace(DRIVE, imu=replace(DRIVE.imu, gyro=gyro))
+
+
+def told(*drives: GapDrive) -> dict[str, Drift]:
+    """How the scale changes beside a constant one, which is held at half of SIZE."""
+    values = {EFFECT: {"x": 0.0, "y": 0.0, "z": 0.5 * SIZE}}
+    model = replace(base_model(), values=values)
+    fits = [fit_drive(open_drive(d, model.options), model) for d in drives]
+    selection = screened(fits[0], [EFFECT])
+    column = [c.parameter for c in selection.linear.layout].index("z")
+    chosen = Chosen(((EFFECT, (column,), 1.0),))
+
+    def columns(fit: Fit, *about) -> list:  # type: ignore[no-untyped-def, type-arg]
+        return named_columns([EFFECT], fit, *about)
+
+    return drifts(selection, chosen, columns, fits, values)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.5, 1.0])
+def test_a_constant_is_told_as_one_whatever_it_is(share: float) -> None:
+    assert told(scaled(np.full(len(T), share))) == {}
+
+
+def test_a_step_is_told_with_its_size_and_instant() -> None:
+    drift = told(scaled((T > HALF).astype(np.float64)))[EFFECT]
+    assert (drift.parameter, drift.kind) == ("z", "step")
+    assert abs(drift.at_s - HALF) < HALF / 4.0
+    assert drift.change == pytest.approx(SIZE, abs=4.0 * drift.sd)
+    assert "z by +0.0" in str(drift)
+
+
+def test_a_drift_is_told_with_what_it_comes_to() -> None:
+    drift = told(scaled(T / T[-1]))[EFFECT]
+    assert drift.change == pytest.approx(SIZE, abs=max(4.0 * drift.sd, SIZE / 3.0))
+
+
+def test_another_value_on_another_drive_is_told_so() -> None:
+    none = np.zeros(len(T))
+    drift = told(scaled(none), scaled(none + 1.0))[EFFECT]
+    assert (drift.kind, drift.at_s) == ("drive", 1.0)
+    assert drift.change == pytest.approx(SIZE, abs=4.0 * drift.sd)
+    assert "from one drive to another" in str(drift)
