@@ -274,8 +274,14 @@ def formula_column(
 ) -> Column:
     """A term of a formula, channel and text, as a column along one drive; ``name`` of the formula,
     where that has more terms."""
-    channel, text = term
-    signal = parse_formula(text)(at.along)
+    return signal_column(term, parse_formula(term[1])(at.along), at, name, parameter)
+
+
+def signal_column(
+    term: tuple[str, str], signal: FloatArray, at: NodeMotion, name: str, parameter: str
+) -> Column:
+    """A ``signal`` [n] on the channel of a term as a column along one drive."""
+    channel = term[0]
     sd = size_of(channel) / max(float(np.std(signal)), 1e-12)
     name = name or equation([term])
     if channel in INERTIAL:

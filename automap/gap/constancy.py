@@ -9,7 +9,7 @@ have a say, for a value is told of both.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -18,7 +18,7 @@ from automap.effects import CATALOGUE
 from automap.gap import limits
 from automap.gap.evidence import evidence
 from automap.gap.fit import Fit, Values
-from automap.gap.linear import Column, Direct, Given, Linear, NodeMotion, conditional, linearised
+from automap.gap.linear import Column, Direct, Linear, NodeMotion, conditional, linearised
 from automap.gap.motion import Motion
 from automap.gap.result import Drift
 from automap.gap.selection import Chosen, Selection
@@ -33,19 +33,19 @@ TREND, SETTLING, STEP, DRIVE = "trend", "settling", "step", "drive"
 def drifts(
     selection: Selection, chosen: Chosen, columns_of: ColumnsOf, fits: Sequence[Fit], values: Values
 ) -> dict[str, Drift]:
-    """The named effects of a choice that are not constant, and how the parameter changes that
-    shows it most.
+    """The named effects of a choice that are likelier to change than not, and how the parameter
+    changes that shows it most.
 
     ``columns_of`` the columns of the choice along a drive, ``fits`` of all drives with the effects
     held at ``values``, which a drive each may have.
     """
     layout = selection.linear.layout
-    acting = {
-        (layout[i].effect, layout[i].parameter): scale
-        for name, part, scale in chosen.parts
+    acting = [
+        (layout[i].effect, layout[i].parameter)
+        for name, part, _ in chosen.parts
         if not selection.candidates[name].terms
         for i in part
-    }
+    ]
     if not acting:
         return {}
     edges = _edges(fits)
@@ -58,26 +58,29 @@ def drifts(
         return whole + [b for c in own for b in _blocks(c, fit, motion, at, edges, drive)]
 
     linear, shapes = _changes(linearised(fits, columns, values), acting, edges, len(fits))
-    given = Given()
-    place = {(c.effect, c.parameter): i for i, c in enumerate(linear.layout)}
-    for name, part, scale in chosen.parts:
-        for columns_given, its_scale in ((part, scale), (selection.candidates[name].beside, 1.0)):
-            at = tuple(place[(layout[i].effect, layout[i].parameter)] for i in columns_given)
-            given = given.joined(tuple(i for i in at if i not in given.columns), linear, its_scale)
-    known = conditional(linear, given)
-    prior = math.log(limits.OUTSIDE_LIBRARY) - math.log(max(len(shapes), 1))
+    known = conditional(linear, selection.given_in(chosen, linear))
     noise = selection.inflated.get(False, 1.0)
-    out: dict[str, tuple[float, Drift]] = {}
+    found: dict[str, list[tuple[float, Drift]]] = {}
     for i, ((effect, parameter), kind, at_s) in shapes.items():
         if not known.shows((i,)):
             continue
-        found = evidence(known, (i,), noise)
-        sure = found.nats + prior >= limits.LEAST_ODDS and found.predicted_without_best > 0.0
-        if sure and found.nats > out.get(effect, (0.0,))[0]:
-            change, sd = float(found.estimate[0]), float(found.sd[0])
-            unit = {p.name: p.unit for p in CATALOGUE[effect].parameters}[parameter]
-            out[effect] = found.nats, Drift(parameter, kind, change, sd, unit, at_s, found.nats)
-    return {effect: drift for effect, (_, drift) in out.items()}
+        told = evidence(known, (i,), noise)
+        # what one stretch alone says is no change that lasts
+        nats = told.nats if told.predicted_without_best > 0.0 else min(told.nats, 0.0)
+        change, sd = float(told.estimate[0]), float(told.sd[0])
+        unit = {p.name: p.unit for p in CATALOGUE[effect].parameters}[parameter]
+        drift = Drift(parameter, kind, change, sd, unit, at_s, nats)
+        found.setdefault(effect, []).append((nats, drift))
+    out = {}
+    for effect, changes in found.items():
+        # of all shapes together: nobody says beforehand which
+        every = np.array([nats for nats, _ in changes])
+        odds = float(np.logaddexp.reduce(every) - np.log(len(every)))
+        odds += math.log(limits.OUTSIDE_LIBRARY)
+        if odds > 0.0:
+            drift = max(changes, key=lambda change: change[0])[1]
+            out[effect] = replace(drift, sure=odds >= limits.LEAST_ODDS)
+    return out
 
 
 def _edges(fits: Sequence[Fit]) -> FloatArray:
@@ -107,7 +110,7 @@ def _within(column: Column, epochs: BoolArray, nodes: BoolArray, name: str) -> C
 
 
 def _changes(
-    linear: Linear, acting: Mapping[Key, float], edges: FloatArray, drives: int
+    linear: Linear, acting: Sequence[Key], edges: FloatArray, drives: int
 ) -> tuple[Linear, dict[int, tuple[Key, str, float]]]:
     """The linear model with changes in place of blocks, and of each such column the effect and
     parameter, the kind of change, and the instant of a step, s."""

@@ -30,6 +30,7 @@ from automap.gap.naming import (
     verdict,
 )
 from automap.gap.noise import Log, open_fits
+from automap.gap.responses import responses
 from automap.gap.result import (
     ChannelGap,
     Cost,
@@ -170,7 +171,8 @@ def _result(
     final = fit_held_out(held_out, model, values)
     as_told = replace(model, values={**model.values, **values})
     fits = [fit_drive(f.opened, as_told, linearised_at=f) for f in found.fitted.fits]
-    told = describe(found, values, maxima, _drifts(found, screening, fits, final, values))
+    changing, later = _followed(found, screening, fits, final, values)
+    told = describe(found, values, maxima, changing)
     whitener, count = whitener_of(final[0]), epochs(final)
     rest, reference = remaining_gap(final), total_score(final, whitener)
     first = fit_held_out(held_out, base, {}, final)
@@ -202,7 +204,7 @@ def _result(
     kept_out = _by_formula(found, stands.kept_out)
     hidden = given_up(found, maxima)
     hidden = hidden or in_noise(found, screening, stated.factors, maxima)
-    likened = {m.where: m for m in (*suspected(refused), *hidden)}
+    likened = {m.where: m for m in (*suspected(refused), *hidden, *later)}
     left = (*misfits(with_states), *likened.values())
     noisy = {n: noise_levels(n) for n in (*(f.effect for f in noise), *(c.level for c in claims))}
     paid = costs(held_out, final, values, noisy, stated.factors, stands.without)
@@ -247,14 +249,15 @@ def _by_formula(found: Found, kept_out: Sequence[KeptOut]) -> tuple[KeptOut, ...
     return tuple(replace(one, effect=says.get(one.effect, one.effect)) for one in kept_out)
 
 
-def _drifts(
+def _followed(
     found: Found,
     screening: Screening,
     fitted: Sequence[Fit],
     held_out: Sequence[Fit],
     values: Values,
-) -> dict[str, Drift]:
-    """Which named effects are not constant, by fits of all drives with these held at ``values``."""
+) -> tuple[dict[str, Drift], tuple[Misfit, ...]]:
+    """Which named effects are not constant, and what follows manoeuvres in a way of its own, by
+    fits of all drives with the effects held at ``values``."""
     chosen = found.chosen
     for name in chosen.names:
         if found.effects.get(name, name) not in values:
@@ -265,7 +268,9 @@ def _drifts(
 
     names = {effect: name for name, effect in found.effects.items()}
     known = {names.get(effect, effect): its for effect, its in values.items()}
-    return drifts(found.selection, chosen, columns, (*fitted, *held_out), known)
+    asked = found.selection, chosen, columns
+    changing = drifts(*asked, (*fitted, *held_out), known)
+    return changing, responses(*asked, fitted, known)
 
 
 def _unclear(fits: Sequence[Fit], model: GapModel, exclude: Collection[str]) -> Identifiability:

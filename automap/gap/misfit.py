@@ -23,15 +23,16 @@ from automap.gates import exceeds
 from automap.records import BoolArray, FloatArray
 
 MANOEUVRES = ("standing", "turning", "accelerating", "braking", "cruising")
-LIKE = "like"
+LIKE, AFTER = "like", "after"
 
 
 @dataclass(frozen=True)
 class Misfit:
     """Something that no candidate explains: ``channel``; ``kind`` "band", "time", "speed", "turn",
-    "acceleration", or "like" for what follows a candidate that is too weak to be named; ``where``
-    in words, the candidate's name of the last; ``size`` factor on the variance that the model
-    expects; ``p_value`` of such a size by chance, all tests of the search counted."""
+    "acceleration", "like" for what follows a candidate that is too weak to be named, "after" for
+    what follows a manoeuvre in a way of its own; ``where`` in words, of "like" the candidate's
+    name, of "after" channel and manoeuvre; ``size`` factor on the variance that the model expects;
+    ``p_value`` of such a size by chance, all tests of the search counted."""
 
     channel: str
     kind: str
@@ -41,11 +42,17 @@ class Misfit:
 
     @property
     def suspected(self) -> bool:
-        """Whether it is known by a candidate that it follows."""
-        return self.kind == LIKE
+        """Whether it is known by what it follows, not by its size."""
+        return self.kind in (LIKE, AFTER)
 
     def __str__(self) -> str:
         channel = self.channel.replace("_", " ")
+        if self.kind == AFTER:
+            what, _, manoeuvre = self.where.partition(f" {AFTER} ")
+            return (
+                f"{channel} shows that {what.replace('_', ' ')} is off after {manoeuvre}, at once "
+                "or up to a minute later, more than chance lets it"
+            )
         if self.suspected:
             return (
                 f"{channel} follows what {self.where} would do more than chance lets it, though "

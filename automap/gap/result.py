@@ -25,7 +25,7 @@ class Drift:
 
     ``kind`` "trend" along the drives, "settling" where most of it comes first, "step" at ``at_s``
     after their beginning, or "drive" on the drive of that number, from 0; nats by which the data
-    are likelier with it.
+    are likelier with it, and whether that is ``sure``, a thousand to one.
     """
 
     parameter: str
@@ -35,6 +35,7 @@ class Drift:
     unit: str
     at_s: float
     evidence_nats: float
+    sure: bool = False
 
     @property
     def when(self) -> str:

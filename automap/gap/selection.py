@@ -87,6 +87,18 @@ class Selection:
             self._known[key] = conditional(self.linear, key)
         return self._known[key]
 
+    def given_in(self, chosen: Chosen, linear: Linear) -> Given:
+        """A choice, and what is free beside it, in another linear model that has its columns."""
+        layout = self.linear.layout
+        place = {(c.effect, c.parameter): i for i, c in enumerate(linear.layout)}
+        given = Given()
+        for name, part, scale in chosen.parts:
+            for columns, its_scale in ((part, scale), (self.candidates[name].beside, 1.0)):
+                keys = [(layout[i].effect, layout[i].parameter) for i in columns]
+                new = tuple(place[k] for k in keys if place[k] not in given.columns)
+                given = given.joined(new, linear, its_scale)
+        return given
+
     def without_rows(self) -> Selection:
         """What is asked of an earlier model: its layout, keys and priors. Rows take most room."""
         return Selection(replace(self.linear, rows=()), self.candidates)

@@ -92,6 +92,11 @@ def drift_words(drift: Drift) -> str:
     size, sd = with_sd(factor * drift.change, factor * drift.sd, unit)
     what = drift.parameter.replace("_", " ")
     sign = "less" if drift.change < 0.0 else "more"
+    if not drift.sure:
+        return (
+            f"It may be no constant: a change of its {what} by {size} (give or take {sd}) to the "
+            f"{sign} {drift.when} is likelier than none."
+        )
     return (
         f"It is not constant: its {what} changes by {size} (give or take {sd}) to the {sign} "
         f"{drift.when}, so the number told is right in the mean alone."

@@ -53,7 +53,7 @@ def test_a_constant_is_told_as_one_whatever_it_is(share: float) -> None:
 
 def test_a_step_is_told_with_its_size_and_instant() -> None:
     drift = told(scaled((T > HALF).astype(np.float64)))[EFFECT]
-    assert (drift.parameter, drift.kind) == ("z", "step")
+    assert (drift.parameter, drift.kind, drift.sure) == ("z", "step", True)
     assert abs(drift.at_s - HALF) < HALF / 4.0
     assert drift.change == pytest.approx(SIZE, abs=4.0 * drift.sd)
     assert "z by +0.0" in str(drift)
