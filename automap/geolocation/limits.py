@@ -186,7 +186,7 @@ as much again as its place is unsure."""
 RATE_SPREAD = 6.0
 """Sum of the beta parameters of a sign's own rate of being found, in frames as by drives. Chosen:
 rates of 0.85 differ by 0.13 between signs."""
-HIDDEN, HIDDEN_S = 0.05, 1.0
+HIDDEN, HIDDEN_S = 0.05, (1.0,)
 """Of the time something is in the way of a sign, and for how long as a rule, s. Chosen: a parked
 van or the crown of a tree, ten metres of a street; of 0.01 to 0.2 and of 0.25 to 4 s the likeliest
 for the signs of seven recorded drives, boxed by hand, are 0.05 and 1 or 2 s."""
@@ -206,9 +206,9 @@ are to 0.03 (docs/detector.md); an external one may say 1 of every box."""
 SCORE_CORRELATION = 0.25
 """Of the log odds of one thing's boxes, at least, whatever a drive shows: what the classifier's
 views of a pass have (``vision/limits.py``, ``VIEW_CORRELATION``, measured on held-out tracks)."""
-IMAGINARY = 4.0
-"""Things seen once, half of them signs, that stand for what is expected before the drive tells.
-Chosen: few single boxes say little of how many are signs."""
+IMAGINARY = 2.0
+"""Things seen once that are signs, and as many that are none, that stand for what is expected
+before the drive tells. Chosen: few single boxes say little of how many are signs."""
 LARGEST_FACE_M = 2.4
 """Of warnings and regulations: the largest boards of AS 1742 and the VzKat."""
 SMALLEST_FACE_M, LARGEST_THING_M = 0.2, 10.0

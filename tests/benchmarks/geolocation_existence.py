@@ -111,32 +111,34 @@ def _scores(rng: np.random.Generator, sign: BoolArray, owner: IntArray) -> Float
 def told(one: Street) -> FloatArray:
     """Probability, and of what kind it is, of everything [n, 2] that boxes were joined to."""
     rows: list[tuple[float, float]] = []
-    by_boxes, by_size = locate.existence_probabilities, locate.face_probabilities
-    exists, world = np.zeros(0), one.world
+    by_boxes, by_size = locate.existence_odds, locate.face_odds
+    odds, world = np.zeros((0, 2)), one.world
 
     def boxes_tell(*given: Any) -> tuple[FloatArray, FloatArray]:
-        nonlocal exists
-        there, alike = by_boxes(*given)
-        exists = there * alike
-        return there, alike
+        nonlocal odds
+        by_chance, alike = by_boxes(*given)
+        odds = np.column_stack([by_chance, alike])
+        return by_chance, alike
 
     def sizes_tell(views: Views, landmarks: list[Landmark], prior: SizePrior) -> FloatArray:
         face = by_size(views, landmarks, prior)
         # what is asked before the camera is found does not count
         rows.clear()
-        for mark, p in zip(landmarks, (exists * face).tolist(), strict=True):
+        for mark, p in zip(
+            landmarks, 1.0 / (1.0 + (1.0 / odds).sum(axis=1) + 1.0 / face), strict=True
+        ):
             if mark.ok:
-                rows.append((p, float(np.bincount(one.kind[views.row[mark.rows]]).argmax())))
+                rows.append((float(p), float(np.bincount(one.kind[views.row[mark.rows]]).argmax())))
         return face
 
-    locate.existence_probabilities = boxes_tell
-    locate.face_probabilities = sizes_tell  # type: ignore[assignment]
+    locate.existence_odds = boxes_tell
+    locate.face_odds = sizes_tell  # type: ignore[assignment]
     try:
         rules = GeolocationRules(min_existence=0.0)
         locate.locate_signs(world.trajectory, [world.detections], {"front": world.camera}, rules)
     finally:
-        locate.existence_probabilities = by_boxes
-        locate.face_probabilities = by_size
+        locate.existence_odds = by_boxes
+        locate.face_odds = by_size
     return np.array(rows)
 
 

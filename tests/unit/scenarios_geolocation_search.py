@@ -229,11 +229,12 @@ def geolocation_existence() -> Any:
                 )
                 for part in (np.array([[0.0, 0.0, 1279.0, 719.0]]), region)
             ],
-            "exist": existence.existence_probabilities(
+            "exist": existence.existence_odds(
                 views, marks, drive.path, drive.detections, drive.cameras
             ),
             "base": [
-                existence._base_rate(rng.normal(m, 2.0, n)) for m, n in ((-1.0, 7), (1.5, 12))
+                existence.expected_log_odds(rng.normal(m, 2.0, n), np.ones(n), (2.0, 2.0))
+                for m, n in ((-1.0, 7), (1.5, 12))
             ],
             "patterns": [
                 vars(

@@ -17,7 +17,7 @@ from automap.geolocation import facing, limits
 from automap.geolocation.box_noise import scatter
 from automap.geolocation.class_sizes import _predicted, measured_size
 from automap.geolocation.due_frames import Pattern, searched_frames
-from automap.geolocation.existence import _found_rate, sign_nats, thing_nats
+from automap.geolocation.existence import _found_rate, pattern_nats, thing_nats
 from automap.geolocation.facing import (
     _GRID,
     _OCTAVES,
@@ -275,21 +275,21 @@ def test_a_signs_pattern_is_as_likely_as_drawn_ones_are_often() -> None:
     rng = np.random.default_rng(3)
     n, steps, rate = 200_000, 5, 0.8
     own = rng.beta(limits.RATE_SPREAD * rate, limits.RATE_SPREAD * (1.0 - rate), n)
-    hidden = rng.random(n) < limits.HIDDEN
+    hidden, lasts_s = rng.random(n) < limits.HIDDEN, rng.choice(limits.HIDDEN_S, n)
     drawn = np.zeros((n, steps), bool)
     for k in range(steps):
-        anew = rng.random(n) > np.exp(-0.3 / limits.HIDDEN_S)
+        anew = rng.random(n) > np.exp(-0.3 / lasts_s)
         hidden = np.where(anew & (k > 0), rng.random(n) < limits.HIDDEN, hidden)
         drawn[:, k] = rng.random(n) < np.where(hidden, limits.STRAY_FRAME, own)
     for text in ("11111", "11110", "01111", "10101", "11000"):
         often = np.mean((drawn == [c == "1" for c in text]).all(axis=1))
-        told = np.exp(sign_nats(pattern(text, 0.3), rate))
+        told = np.exp(pattern_nats([pattern(text, 0.3)], rate)[0])
         assert told == pytest.approx(often, abs=4.0 * np.sqrt(often / n) + 1e-5), text
 
 
 def test_what_is_seen_now_and_then_is_a_thing_and_what_a_lorry_hides_a_sign() -> None:
     def for_a_thing(text: str) -> float:
-        return thing_nats(pattern(text).seen) - sign_nats(pattern(text), 0.95)
+        return thing_nats(pattern(text).seen) - float(pattern_nats([pattern(text)], 0.95)[0])
 
     # one of thirty boxes of a thing in 33 frames: 1 / (2 * 528)
     assert thing_nats(pattern("1" + "0" * 31 + "1").seen) == pytest.approx(-np.log(2.0 * 528.0))
