@@ -19,7 +19,7 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from scipy.special import betaln, logit, logsumexp, roots_jacobi
+from scipy.special import betaln, logit, roots_jacobi
 
 from automap.geolocation import limits
 from automap.geolocation.due_frames import (
@@ -257,18 +257,13 @@ def thing_nats(seen: BoolArray) -> float:
 
 
 def pattern_nats(patterns: Sequence[Pattern], rate: float) -> FloatArray:
-    """Log likelihood [m] of what was seen of signs in a drive that finds signs at a ``rate``, and
-    in which something is in the way of them for as long as any."""
+    """Log likelihood [m] of what was seen of signs in a drive that finds signs at a ``rate``."""
     first = np.concatenate([[0], np.cumsum([len(p.seen) for p in patterns], dtype=np.int64)])
     seen = np.concatenate([np.zeros(0, np.bool_), *(p.seen for p in patterns)])
     step = np.concatenate([np.zeros(0), *(np.diff(p.t_s, prepend=p.t_s[:1]) for p in patterns)])
     without = np.where(seen, limits.STRAY_FRAME, 1.0 - limits.STRAY_FRAME)
-    spread = limits.RATE_SPREAD * rate, limits.RATE_SPREAD * (1.0 - rate)
-    told = []
-    for hidden_s in limits.HIDDEN_S:
-        anew = -np.expm1(-step / hidden_s)
-        moves = anew * limits.HIDDEN, anew * (1.0 - limits.HIDDEN)
-        start = 1.0 - limits.HIDDEN, limits.HIDDEN
-        looks = Looks(first, seen, np.ones(len(seen)), without, *moves, start)
-        told.append(sign_nats(looks, *spread)[0])
-    return np.asarray(logsumexp(told, axis=0) - math.log(len(told)))
+    anew = -np.expm1(-step / limits.HIDDEN_S)
+    moves = anew * limits.HIDDEN, anew * (1.0 - limits.HIDDEN)
+    start = 1.0 - limits.HIDDEN, limits.HIDDEN
+    looks = Looks(first, seen, np.ones(len(seen)), without, *moves, start)
+    return sign_nats(looks, limits.RATE_SPREAD * rate, limits.RATE_SPREAD * (1.0 - rate))[0]

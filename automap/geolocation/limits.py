@@ -186,7 +186,7 @@ as much again as its place is unsure."""
 RATE_SPREAD = 6.0
 """Sum of the beta parameters of a sign's own rate of being found, in frames as by drives. Chosen:
 rates of 0.85 differ by 0.13 between signs."""
-HIDDEN, HIDDEN_S = 0.05, (1.0,)
+HIDDEN, HIDDEN_S = 0.05, 1.0
 """Of the time something is in the way of a sign, and for how long as a rule, s. Chosen: a parked
 van or the crown of a tree, ten metres of a street; of 0.01 to 0.2 and of 0.25 to 4 s the likeliest
 for the signs of seven recorded drives, boxed by hand, are 0.05 and 1 or 2 s."""

@@ -20,11 +20,14 @@ from __future__ import annotations
 import argparse
 from dataclasses import dataclass, replace
 from typing import Any
+from unittest.mock import patch
 
 import numpy as np
 from scipy.special import expit, logit
 
 from automap.geolocation import locate
+from automap.geolocation.existence import existence_odds
+from automap.geolocation.face_sizes import face_odds
 from automap.geolocation.landmark import Landmark, SizePrior
 from automap.geolocation.rules import GeolocationRules
 from automap.geolocation.views import Views
@@ -111,34 +114,29 @@ def _scores(rng: np.random.Generator, sign: BoolArray, owner: IntArray) -> Float
 def told(one: Street) -> FloatArray:
     """Probability, and of what kind it is, of everything [n, 2] that boxes were joined to."""
     rows: list[tuple[float, float]] = []
-    by_boxes, by_size = locate.existence_odds, locate.face_odds
-    odds, world = np.zeros((0, 2)), one.world
+    odds: tuple[FloatArray, FloatArray] = (np.zeros(0), np.zeros(0))
 
     def boxes_tell(*given: Any) -> tuple[FloatArray, FloatArray]:
         nonlocal odds
-        by_chance, alike = by_boxes(*given)
-        odds = np.column_stack([by_chance, alike])
-        return by_chance, alike
+        odds = existence_odds(*given)
+        return odds
 
     def sizes_tell(views: Views, landmarks: list[Landmark], prior: SizePrior) -> FloatArray:
-        face = by_size(views, landmarks, prior)
+        face = face_odds(views, landmarks, prior)
         # what is asked before the camera is found does not count
         rows.clear()
-        for mark, p in zip(
-            landmarks, 1.0 / (1.0 + (1.0 / odds).sum(axis=1) + 1.0 / face), strict=True
-        ):
+        told = 1.0 / (1.0 + 1.0 / odds[0] + 1.0 / odds[1] + 1.0 / face)
+        for mark, p in zip(landmarks, told.tolist(), strict=True):
             if mark.ok:
-                rows.append((float(p), float(np.bincount(one.kind[views.row[mark.rows]]).argmax())))
+                rows.append((p, float(np.bincount(one.kind[views.row[mark.rows]]).argmax())))
         return face
 
-    locate.existence_odds = boxes_tell
-    locate.face_odds = sizes_tell  # type: ignore[assignment]
-    try:
-        rules = GeolocationRules(min_existence=0.0)
+    rules, world = GeolocationRules(min_existence=0.0), one.world
+    with (
+        patch.object(locate, "existence_odds", boxes_tell),
+        patch.object(locate, "face_odds", sizes_tell),
+    ):
         locate.locate_signs(world.trajectory, [world.detections], {"front": world.camera}, rules)
-    finally:
-        locate.existence_odds = by_boxes
-        locate.face_odds = by_size
     return np.array(rows)
 
 

@@ -275,10 +275,10 @@ def test_a_signs_pattern_is_as_likely_as_drawn_ones_are_often() -> None:
     rng = np.random.default_rng(3)
     n, steps, rate = 200_000, 5, 0.8
     own = rng.beta(limits.RATE_SPREAD * rate, limits.RATE_SPREAD * (1.0 - rate), n)
-    hidden, lasts_s = rng.random(n) < limits.HIDDEN, rng.choice(limits.HIDDEN_S, n)
+    hidden = rng.random(n) < limits.HIDDEN
     drawn = np.zeros((n, steps), bool)
     for k in range(steps):
-        anew = rng.random(n) > np.exp(-0.3 / lasts_s)
+        anew = rng.random(n) > np.exp(-0.3 / limits.HIDDEN_S)
         hidden = np.where(anew & (k > 0), rng.random(n) < limits.HIDDEN, hidden)
         drawn[:, k] = rng.random(n) < np.where(hidden, limits.STRAY_FRAME, own)
     for text in ("11111", "11110", "01111", "10101", "11000"):
