@@ -195,7 +195,7 @@ def odds_of(
     correlation = _correlation([scores[k] for k in often])
     as_sign = pattern_nats(patterns, rate)
     best = np.array([own.max() for own in scores], np.float64)
-    there = _logits(best, limits.SCORE_LIMITS) + limits.FITTING_BOX_NATS * (boxes - 1) + as_sign
+    there = _logits(best) + limits.FITTING_BOX_NATS * (boxes - 1) + as_sign
     single = boxes == 1
     one = np.ones(int(single.sum()))
     there[single] += expected_log_odds(there[single], one, (limits.IMAGINARY, limits.IMAGINARY))
@@ -208,8 +208,8 @@ def odds_of(
     return np.exp(np.clip(there, -50.0, 50.0)), np.exp(np.clip(-thing, -50.0, 50.0))
 
 
-def _logits(scores: FloatArray, within: tuple[float, float] = limits.BOX_LIMITS) -> FloatArray:
-    return np.asarray(logit(np.clip(scores, *within)), np.float64)
+def _logits(scores: FloatArray) -> FloatArray:
+    return np.asarray(logit(np.clip(scores, *limits.BOX_LIMITS)), np.float64)
 
 
 def _by_scores(scores: FloatArray, correlation: float) -> float:

@@ -172,8 +172,6 @@ drives 0.9 and more are."""
 FITTING_BOX_NATS = 3.0
 """What a further box that fits says for a sign. Chosen: that a false one fits by chance one time in
 twenty; more believes false boxes, less gives up signs of few views."""
-SCORE_LIMITS = (0.2, 0.9)
-"""A score is taken for a probability within these: those of detectors are too sure at the ends."""
 RATE_VIEWS = 5
 """Signs with so many views are real, and tell how often a sign is found."""
 RATE_LIMITS = (0.2, 0.95)

@@ -29,6 +29,8 @@ from automap.records import BoolArray, FloatArray, IntArray
 
 _ROUNDS, _TURNS = 12, 3
 """Of the expectation maximisation, from one spread to the next, and of spreads."""
+_SIGNS = 1 << 16
+"""Whose histories are weighed at once: of ten million pairs every array takes 80 MB."""
 _YEAR_S = 365.25 * 86400.0
 """A Julian year."""
 
@@ -209,23 +211,35 @@ def existence(
     Over all histories in which it stood for one of the drives at least. ``drive_gps_s`` [d] are the
     drives' times.
     """
-    signs, begin = np.unique(pairs.sign, return_index=True)
     ratio = _ratios(pairs)
-    weight = np.where(pairs.seen, 1.0, rates.miss_weight(pairs.drive))
-    # a stray sighting is of what is no sign, and looks like that
-    stray = np.minimum(limits.STRAY / np.nan_to_num(ratio, nan=1.0), 1.0)
-    without = np.where(pairs.seen, stray, (1.0 - limits.STRAY) ** weight)
-    elapsed = np.nan_to_num(np.diff(drive_gps_s[pairs.drive], prepend=np.nan))
-    change = -np.expm1(-limits.CHANGE_PER_YEAR * np.maximum(elapsed, 0.0) / _YEAR_S)
-    change = np.maximum(change, limits.LEAST_CHANGE)
-    first = np.append(begin, len(pairs)).astype(np.int64)
-    looks = Looks(first, pairs.seen, weight, without, change, change, (1.0, 1.0))
-    nats, now = sign_nats(looks, *rates.beta)
+    edges = np.flatnonzero(np.diff(pairs.sign, prepend=-1, append=-1)).astype(np.int64)
+    signs = pairs.sign[edges[:-1]]
+    told = np.zeros((2, len(signs)))
+    for k in range(0, len(signs), _SIGNS):
+        first = edges[k : k + _SIGNS + 1]
+        looks = _looks(pairs, slice(first[0], first[-1]), ratio, rates, drive_gps_s)
+        looks = looks._replace(first=first - first[0])
+        told[:, k : k + _SIGNS] = sign_nats(looks, *rates.beta)
     hits, misses = (count[signs] for count in _counts(pairs, rates, n_signs))
     evidence = np.log(mean_odds(ratio, pairs.sign, n_signs))[signs]
     result = np.full(n_signs, rates.real)
-    result[signs] = now * _real(nats, hits, misses, rates, evidence)
+    result[signs] = told[1] * _real(told[0], hits, misses, rates, evidence)
     return result
+
+
+def _looks(
+    pairs: Chances, rows: slice, ratio: FloatArray, rates: DetectionRates, drive_gps_s: FloatArray
+) -> Looks:
+    """Some of the pairs as looks at one thing, whose likelihood ratios are ``ratio`` [p]."""
+    seen, drive = pairs.seen[rows], pairs.drive[rows]
+    weight = np.where(seen, 1.0, rates.miss_weight(drive))
+    # a stray sighting is of what is no sign, and looks like that
+    stray = np.minimum(limits.STRAY / np.nan_to_num(ratio[rows], nan=1.0), 1.0)
+    without = np.where(seen, stray, (1.0 - limits.STRAY) ** weight)
+    elapsed = np.nan_to_num(np.diff(drive_gps_s[drive], prepend=np.nan))
+    change = -np.expm1(-limits.CHANGE_PER_YEAR * np.maximum(elapsed, 0.0) / _YEAR_S)
+    change = np.maximum(change, limits.LEAST_CHANGE)
+    return Looks(np.array([0, len(seen)]), seen, weight, without, change, change, (1.0, 1.0))
 
 
 def still_there(

@@ -16,7 +16,8 @@ from tests.unit.scenarios import scenario
 @cache
 def _drives(length_m: float = 230.0) -> list[Any]:
     """Four drives of a street; one tells no path, one no probabilities, some cells are unknown."""
-    from automap.mapping.sightings import CameraView
+    from automap.geolocation.existence import mean_odds
+from automap.mapping.sightings import CameraView
     from tests.unit.merge_scene import Errors, street_scene
 
     errors = Errors(clutter=0.15, wrong_class=0.15, missed=0.2, own_across=0.3)
@@ -204,7 +205,7 @@ def mapping_existence() -> Any:
             "rates": [rates, of.detection_rates(plain, m, 4), rates.beta, other.beta],
             "weight": other.miss_weight(np.array([0, 1, 2, 3, 3])),
             "ratios": [of._ratios(p) for p in (pairs, plain)],
-            "mean": of._mean_ratio(pairs, of._ratios(pairs), m),
+            "mean": mean_odds(of._ratios(pairs), pairs.sign, m),
             "counts": of._counts(pairs, other, m),
             "mixture": of._mixture(pairs, other, rng.normal(size=m)),
             "spread": of._with_spread(pairs, other, belief),
