@@ -16,8 +16,7 @@ from tests.unit.scenarios import scenario
 @cache
 def _drives(length_m: float = 230.0) -> list[Any]:
     """Four drives of a street; one tells no path, one no probabilities, some cells are unknown."""
-    from automap.geolocation.existence import mean_odds
-from automap.mapping.sightings import CameraView
+    from automap.mapping.sightings import CameraView
     from tests.unit.merge_scene import Errors, street_scene
 
     errors = Errors(clutter=0.15, wrong_class=0.15, missed=0.2, own_across=0.3)
@@ -173,6 +172,7 @@ def mapping_places() -> Any:
 @scenario
 def mapping_existence() -> Any:
     """Who had what in view, and what it says of being there."""
+    from automap.geolocation.existence import mean_odds
     from automap.mapping import existence as of
     from automap.mapping import visibility
     from automap.mapping.adjustment import rough_places
