@@ -14,7 +14,7 @@ Laird, Rubin, Journal of the Royal Statistical Society B 39, 1977).
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -22,17 +22,9 @@ import numpy as np
 from scipy.special import betaln, logit, roots_jacobi
 
 from automap.geolocation import limits
-from automap.geolocation.due_frames import (
-    Pattern,
-    in_motion_s,
-    pattern_of,
-    searched_frames,
-    usual_heights,
-)
-from automap.geolocation.landmark import Landmark
-from automap.geolocation.views import Views
+from automap.geolocation.due_frames import Pattern
 from automap.jit import kernel
-from automap.records import BoolArray, Camera, Detections, FloatArray, IntArray, Trajectory
+from automap.records import BoolArray, FloatArray, IntArray
 
 _ROUNDS = 20
 """Of the expectation maximisation."""
@@ -155,34 +147,11 @@ def expected_log_odds(
 
 
 def existence_odds(
-    views: Views,
-    landmarks: Sequence[Landmark],
-    trajectory: Trajectory,
-    detections: Sequence[Detections],
-    cameras: Mapping[str, Camera],
-) -> tuple[FloatArray, FloatArray]:
-    """Odds [m] that the boxes of each landmark show a sign, against boxes that meet by chance, and
-    against a thing that stands there and looks like one.
-
-    ``cameras`` are as they were found to be. From which height on the detector finds signs is
-    taken from the landmarks with many views.
-    """
-    searched = {d.camera: searched_frames(d, cameras[d.camera], assumed=True) for d in detections}
-    frame = np.concatenate([d.frame for d in detections] or [np.zeros(0, np.int64)])[views.row]
-    often = [mark for mark in landmarks if len(mark.rows) >= limits.RATE_VIEWS]
-    usual = usual_heights(views, often or landmarks)
-    moved = in_motion_s(trajectory)
-    patterns = [
-        pattern_of(views, mark, frame, trajectory, searched, cameras, usual, moved)
-        for mark in landmarks
-    ]
-    return odds_of(patterns, [views.score[mark.rows] for mark in landmarks])
-
-
-def odds_of(
     patterns: Sequence[Pattern], scores: Sequence[FloatArray]
 ) -> tuple[FloatArray, FloatArray]:
-    """The odds [m] by the ``patterns`` and the ``scores`` of the boxes of each thing.
+    """Odds [m] that the boxes of each thing show a sign, against boxes that meet by chance, and
+    against a thing that stands there and looks like one; by the ``patterns`` of frames that show
+    it or should and the ``scores`` of its boxes.
 
     The rate of finding a sign is taken from those with many boxes, the share of signs among things
     seen once, and how many look like one, from all. Where most single boxes of a drive were clearly

@@ -19,6 +19,7 @@ from automap.geolocation.condition import conditions
 from automap.geolocation.contradiction import disagreement
 from automap.geolocation.control import ControlSigns
 from automap.geolocation.course_yaw import yaw_by_course
+from automap.geolocation.due_frames import patterns_of
 from automap.geolocation.existence import existence_odds, existence_of
 from automap.geolocation.face_sizes import face_odds
 from automap.geolocation.facing import find_facings
@@ -146,12 +147,14 @@ def _located(
     observations = nothing_observed(total, views)
     observations.note[views.row[misfits]] = "misfit"
 
-    by_chance, alike = existence_odds(views, landmarks, trajectory, detections, found)
+    patterns = patterns_of(views, landmarks, trajectory, detections, found)
+    by_chance, alike = existence_odds(patterns, [views.score[mark.rows] for mark in landmarks])
     # a sign against whatever else stands there
     real = 1.0 / (1.0 / alike + 1.0 / face_odds(views, landmarks, rules.size))
     carried = carried_views(views, rules.size)
-    kept, odds = [], []
-    for mark, *own in zip(landmarks, by_chance.tolist(), real.tolist(), strict=True):
+    kept, odds, shown = [], [], []
+    columns = landmarks, patterns, by_chance.tolist(), real.tolist()
+    for mark, pattern, *own in zip(*columns, strict=True):
         if not mark.ok:
             continue
         if carried[mark.rows].mean() > 0.5:
@@ -163,6 +166,7 @@ def _located(
         else:
             kept.append(mark)
             odds.append(own)
+            shown.append(pattern)
     covariances = camera_covariances(views, cameras, corrections, rules.camera)
     sightings = [
         make_sighting(views, mark, covariances, disagreement(views, mark, size), size)
@@ -182,7 +186,7 @@ def _located(
     path = make_path(trajectory, views.origin, passes.adjustment)
     joined = [[sightings[k] for k in group] for group in groups]
     facings, faces = find_facings(views, joined, path)
-    condition_of = conditions(views, joined, trajectory, detections, found)
+    condition_of = conditions(views, joined, [[shown[k] for k in g] for g in groups], detections)
     signs: list[Sign] = []
     places, own = [], []
     for number, (group, members) in enumerate(zip(groups, joined, strict=True), start=1):

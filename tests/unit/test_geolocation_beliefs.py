@@ -242,18 +242,19 @@ def test_frames_without_a_box_are_found_between_those_with_one() -> None:
         np.full(n, "", object), np.zeros((n, 4)), np.ones(n), np.full(n, -1),
     )  # fmt: skip
     view = camera(time_offset_s=0.05)
-    assumed = searched_frames(found, view, assumed=True)
+    assumed = searched_frames(found, view)
+    assert not assumed.known
     assert assumed.frame.tolist() == list(range(30, 301, 3))
     assert assumed.t_ns * 1e-9 == pytest.approx(10.05 + assumed.frame / 30.0, abs=1e-8)
     # what is known is not assumed, and nothing is said before the first box and after the last
     region = np.arange(16.0).reshape(4, 4)
     known = replace(found, looked=Looked(np.array([20, 30, 40, 310]), region))
-    for told in (searched_frames(known, view), searched_frames(known, view, assumed=True)):
-        assert told.frame.tolist() == [30, 40]
-        assert told.region.tolist() == region[1:3].tolist()
-    assert len(searched_frames(found, view).frame) == 0
+    told = searched_frames(known, view)
+    assert told.known
+    assert told.frame.tolist() == [30, 40]
+    assert told.region.tolist() == region[1:3].tolist()
     none = replace(found, **{k: getattr(found, k)[:0] for k in ("frame", "t_ns", "box")})
-    assert len(searched_frames(none, view, assumed=True).frame) == 0
+    assert len(searched_frames(none, view).frame) == 0
 
 
 def pattern(seen: str, step_s: float = 0.1) -> Pattern:
