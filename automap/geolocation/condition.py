@@ -4,16 +4,16 @@ seen where the detector looked."""
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from automap.geolocation import limits
-from automap.geolocation.due_frames import due_frames, searched_frames, usual_heights
+from automap.geolocation.due_frames import Pattern
 from automap.geolocation.sightings import Sighting
 from automap.geolocation.views import Views
-from automap.records import Camera, Detections, FloatArray, Trajectory
+from automap.records import Detections, FloatArray
 
 
 @dataclass(frozen=True)
@@ -32,37 +32,25 @@ class Condition:
 def conditions(
     views: Views,
     signs: Sequence[Sequence[Sighting]],
-    trajectory: Trajectory,
+    patterns: Sequence[Sequence[Pattern]],
     detections: Sequence[Detections],
-    cameras: Mapping[str, Camera],
 ) -> list[Condition]:
-    """Conditions of signs [n], each of its sightings; ``cameras`` as they were found to be."""
-    frame = np.concatenate([d.frame for d in detections] or [np.zeros(0, np.int64)])
+    """Conditions of signs [n], each of its sightings and their ``patterns``."""
     contrast = np.concatenate([d.told("contrast") for d in detections] or [np.zeros(0)])
     notes = [
         str(note or "")
         for d in detections
         for note in ([""] * len(d) if d.contrast_note is None else d.contrast_note)
     ]
-    searched = {d.camera: searched_frames(d, cameras[d.camera]) for d in detections}
-    usual = usual_heights(views, [s.landmark for members in signs for s in members])
     result = []
-    for members in signs:
+    for members, shown in zip(signs, patterns, strict=True):
         rows = np.concatenate([s.landmark.rows for s in members])
         boxes = views.row[rows]
         value, sd, note = face_of_views(
             contrast[boxes], [notes[k] for k in boxes.tolist()], np.exp(views.measured[rows, 2])
         )
-        seen = looked = 0
-        for member in members:
-            name = views.camera_names[member.camera]
-            shown = frame[views.row[member.landmark.rows]]
-            due = due_frames(
-                *(views, member.landmark, trajectory, searched[name], cameras[name]),
-                float(usual[member.camera]),
-            )
-            looked += len(due)
-            seen += int(np.isin(searched[name].frame[due], shown).sum())
+        looked = sum(int(p.due.sum()) for p in shown if p.known)
+        seen = sum(int((p.due & p.seen).sum()) for p in shown if p.known)
         result.append(Condition(value, sd, note, seen / looked if looked else np.nan, looked))
     return result
 

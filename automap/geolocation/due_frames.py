@@ -21,22 +21,23 @@ from automap.records import BoolArray, Camera, Detections, FloatArray, IntArray,
 @dataclass(frozen=True)
 class Searched:
     """Frames [k] of a camera that a detector looked at, ascending: their numbers, stamps as the
-    path has them, and the part of each that it saw [k, 4]."""
+    path has them, and the part of each that it saw [k, 4]; whether that is ``known``."""
 
     frame: IntArray
     t_ns: IntArray
     region: FloatArray
+    known: bool = True
 
 
-def searched_frames(found: Detections, camera: Camera, assumed: bool = False) -> Searched:
-    """Those between the first and the last with a box; none of a camera of which they are not
-    known, or, ``assumed``, all that follow one another at the usual step of those with boxes.
+def searched_frames(found: Detections, camera: Camera) -> Searched:
+    """Those between the first and the last with a box; where they are not known, all that follow
+    one another at the usual step of those with boxes.
 
     The stamps of frames without a box are interpolated.
     """
     known, first = np.unique(found.frame, return_index=True)
     looked = found.looked
-    if not len(known) or (looked is None and not assumed):
+    if not len(known):
         none = np.zeros(0, np.int64)
         return Searched(none, none, np.zeros((0, 4)))
     if looked is None:
@@ -48,7 +49,8 @@ def searched_frames(found: Detections, camera: Camera, assumed: bool = False) ->
     t_ns = np.asarray(found.t_ns, np.int64)[first]
     since = np.interp(frame, known, (t_ns - t_ns[0]) * 1.0)
     late = np.int64(round(camera.time_offset_s * 1e9))
-    return Searched(frame, t_ns[0] + np.rint(since).astype(np.int64) + late, region)
+    stamps = t_ns[0] + np.rint(since).astype(np.int64) + late
+    return Searched(frame, stamps, region, looked is not None)
 
 
 def _usual_step(frame: IntArray) -> int:
@@ -132,11 +134,13 @@ def _aspect(
 @dataclass(frozen=True)
 class Pattern:
     """Frames [k] that show a sign or should, in the order of time: seconds in motion and which were
-    ``seen``; those that were ``due`` whether or not."""
+    ``seen``; those that were ``due`` whether or not. ``known`` whether those without a box are
+    frames that a detector is known to have searched."""
 
     t_s: FloatArray
     seen: BoolArray
     due: BoolArray
+    known: bool = True
 
 
 def in_motion_s(trajectory: Trajectory) -> FloatArray:
@@ -171,4 +175,23 @@ def pattern_of(
     t_s = np.interp(since, (trajectory.t_ns - trajectory.t_ns[0]) * 1.0, moved_s)
     seen = np.arange(len(order)) < len(shown)
     should = np.concatenate([np.isin(shown, looked.frame[due]), np.ones(len(rest), np.bool_)])
-    return Pattern(t_s, seen[order], should[order])
+    return Pattern(t_s, seen[order], should[order], looked.known)
+
+
+def patterns_of(
+    views: Views,
+    landmarks: Sequence[Landmark],
+    trajectory: Trajectory,
+    detections: Sequence[Detections],
+    cameras: Mapping[str, Camera],
+) -> list[Pattern]:
+    """Of each landmark; ``cameras`` are as they were found to be. From which height on a detector
+    finds signs is taken from the landmarks with many views."""
+    searched = {d.camera: searched_frames(d, cameras[d.camera]) for d in detections}
+    frame = np.concatenate([d.frame for d in detections] or [np.zeros(0, np.int64)])[views.row]
+    often = [mark for mark in landmarks if len(mark.rows) >= limits.RATE_VIEWS]
+    usual, moved = usual_heights(views, often or landmarks), in_motion_s(trajectory)
+    return [
+        pattern_of(views, mark, frame, trajectory, searched, cameras, usual, moved)
+        for mark in landmarks
+    ]

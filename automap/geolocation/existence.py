@@ -1,81 +1,107 @@
-"""Whether what boxes show is a sign: seen, and not seen when it should have been.
+"""Whether what was seen is a sign: seen, and not seen when it should have been.
 
-There are three things that it may be. A sign is found in most frames that should show it, each
-sign at a rate of its own about that of the drive, unless something hides it for a while: frames in
-a row without it speak together (a hidden Markov model of two states). Single false boxes fit one
-place by chance, the less likely the more of them there are. And a thing that stays (a lamp, an
-advert) is taken for a sign now and then: of false boxes each rate at which a thing is found is as
-likely, so that of things that are found at a rate q there are 1 / q as many. Bayes' rule with these
-gives the probability of a sign (existence in the sense of Musicki and Evans, Joint Integrated
-Probabilistic Data Association, IEEE T-AES 40, 2004).
+One estimator serves the frames of a pass and the drives of a map. There are three things that
+something seen may be. A sign is found by most looks that should show it, each sign at a rate of its
+own about the usual one, unless it is not there to be seen: something hides it for a while, or it
+was put up or taken down between two drives (a hidden Markov model). False boxes fit one place by
+chance, the less likely the more of them there are. And a thing that stays (a lamp, an advert) is
+taken for a sign now and then, or always. Bayes' rule with these gives the probability of a sign
+(existence in the sense of Musicki and Evans, Joint Integrated Probabilistic Data Association, IEEE
+T-AES 40, 2004). How often each occurs comes from the data, by expectation maximisation (Dempster,
+Laird, Rubin, Journal of the Royal Statistical Society B 39, 1977).
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
-from scipy.special import betaln, logit
+from scipy.special import betaln, logit, roots_jacobi
 
 from automap.geolocation import limits
-from automap.geolocation.due_frames import (
-    Pattern,
-    in_motion_s,
-    pattern_of,
-    searched_frames,
-    usual_heights,
-)
-from automap.geolocation.landmark import Landmark
-from automap.geolocation.views import Views
+from automap.geolocation.due_frames import Pattern
 from automap.jit import kernel
-from automap.records import BoolArray, Camera, Detections, FloatArray, Trajectory
+from automap.records import BoolArray, FloatArray, IntArray
 
-_BASE_RATE_ROUNDS = 20
+_ROUNDS = 20
 """Of the expectation maximisation."""
 _NODES = 32
-"""Of the quadrature over rates: a car that waits in sight of a sign finds it in thousands of
-frames, of which nodes that are exact for few say nothing."""
+"""Of the quadrature over rates: exact for up to 63 looks; of a thousand frames, as a car has that
+waits in sight of a sign, it tells to half a nat of hundreds."""
 
 
-def existence_probabilities(
-    views: Views,
-    landmarks: Sequence[Landmark],
-    trajectory: Trajectory,
-    detections: Sequence[Detections],
-    cameras: Mapping[str, Camera],
+class Looks(NamedTuple):
+    """Looks [n] at some things [m], in the order of things and time: ``first`` [m + 1] of each;
+    which ``seen`` it, what a miss ``counts`` (1: as the usual look's), and how likely what was seen
+    is where no sign is to be seen, ``without`` [n]. From the look before to this a sign is hidden
+    or taken down with the probability ``goes`` [n] and comes into view with ``comes`` [n];
+    ``start`` weights of one that at first is, and that is not yet to be seen."""
+
+    first: IntArray
+    seen: BoolArray
+    counts: FloatArray
+    without: FloatArray
+    goes: FloatArray
+    comes: FloatArray
+    start: tuple[float, float]
+
+
+def sign_nats(looks: Looks, a: float, b: float) -> tuple[FloatArray, FloatArray]:
+    """Log likelihood [m] of what was seen of signs whose own rates have a beta distribution of
+    parameters ``a`` and ``b``, and the probability [m] that each is to be seen at last."""
+    return _history(*looks, *_rates(a, b))
+
+
+@lru_cache(maxsize=64)
+def _rates(a: float, b: float) -> tuple[FloatArray, FloatArray]:
+    """Nodes and logarithms of weights [n] of the beta distribution of rates (Gauss-Jacobi)."""
+    x, weight = roots_jacobi(_NODES, b - 1.0, a - 1.0)
+    return 0.5 * (1.0 + x), np.log(weight / weight.sum())
+
+
+@kernel
+def _history(
+    first: IntArray,
+    seen: BoolArray,
+    counts: FloatArray,
+    without: FloatArray,
+    goes: FloatArray,
+    comes: FloatArray,
+    start: tuple[float, float],
+    rates: FloatArray,
+    log_weights: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:
-    """Probabilities [m] that the boxes of each landmark show one thing that stands there, and that
-    such a thing is a sign.
-
-    ``cameras`` are as they were found to be. The detector's rate of finding a sign, and from which
-    height on, is taken from the landmarks with many views, the share of signs among things seen
-    once from all of these.
-    """
-    searched = {d.camera: searched_frames(d, cameras[d.camera], assumed=True) for d in detections}
-    frame = np.concatenate([d.frame for d in detections] or [np.zeros(0, np.int64)])[views.row]
-    often = [mark for mark in landmarks if len(mark.rows) >= limits.RATE_VIEWS]
-    usual = usual_heights(views, often or landmarks)
-    moved = in_motion_s(trajectory)
-    patterns = [
-        pattern_of(views, mark, frame, trajectory, searched, cameras, usual, moved)
-        for mark in landmarks
-    ]
-    rate = _found_rate([p for p in patterns if p.seen.sum() >= limits.RATE_VIEWS])
-    correlation = _correlation([views.score[mark.rows] for mark in often])
-    there, alike = np.zeros(len(landmarks)), np.zeros(len(landmarks))
-    for k, (mark, pattern) in enumerate(zip(landmarks, patterns, strict=True)):
-        scores = views.score[mark.rows]
-        as_sign, as_thing = sign_nats(pattern, rate), thing_nats(pattern.seen)
-        further = limits.FITTING_BOX_NATS * (len(mark.rows) - 1)
-        there[k] = _log_odds(float(scores.max()), limits.SCORE_LIMITS) + further + as_sign
-        alike[k] = math.log(limits.STANDING) - _by_scores(scores, correlation)
-        alike[k] += as_thing - as_sign
-    single = np.array([len(mark.rows) == 1 for mark in landmarks], np.bool_)
-    there[single] += _base_rate(there[single])
-    stands = probability(there)
-    return stands, probability(-alike - _things_rate(stands, alike))
+    """Forward algorithm over three states: not yet, now, and no longer to be seen. One that never
+    was is no sign of what was seen."""
+    nats, now = np.zeros(len(first) - 1), np.zeros(len(first) - 1)
+    told, share = np.zeros(len(rates)), np.zeros(len(rates))
+    for thing in range(len(first) - 1):
+        for node in range(len(rates)):
+            open_, before = start
+            after, total = 0.0, 0.0
+            miss = math.log(1.0 - rates[node])
+            for k in range(first[thing], first[thing + 1]):
+                if k > first[thing]:
+                    shown = (before + after) * comes[k]
+                    after = after * (1.0 - comes[k]) + open_ * goes[k]
+                    before *= 1.0 - comes[k]
+                    open_ = open_ * (1.0 - goes[k]) + shown
+                open_ *= rates[node] if seen[k] else math.exp(counts[k] * miss)
+                before *= without[k]
+                after *= without[k]
+                scale = before + open_ + after
+                total += math.log(scale)
+                before, open_, after = before / scale, open_ / scale, after / scale
+            told[node] = total + math.log(max(open_ + after, 1e-300)) + log_weights[node]
+            share[node] = open_ / max(open_ + after, 1e-300)
+        most = told.max()
+        weight = np.exp(told - most)
+        nats[thing] = most + math.log(weight.sum())
+        now[thing] = (weight * share).sum() / weight.sum()
+    return nats, now
 
 
 def probability(log_odds: FloatArray) -> FloatArray:
@@ -83,9 +109,72 @@ def probability(log_odds: FloatArray) -> FloatArray:
     return np.asarray(1.0 / (1.0 + np.exp(-np.clip(log_odds, -50.0, 50.0))))
 
 
-def _log_odds(score: float, within: tuple[float, float]) -> float:
-    score = float(np.clip(score, *within))
-    return math.log(score / (1.0 - score))
+def mean_odds(odds: FloatArray, sign: IntArray, m: int) -> FloatArray:
+    """Odds [m] of signs by those [n] of what shows the ``sign`` [n], whether each is right: such
+    sightings err alike, and their mean never says too much however they depend on one another
+    (V. Vovk, R. Wang, E-values, Annals of Statistics 49, 2021); 1 where none tells (NaN)."""
+    known = np.isfinite(odds)
+    count = np.bincount(sign[known], minlength=m)
+    return np.where(count > 0, np.bincount(sign[known], odds[known], m) / np.maximum(count, 1), 1.0)
+
+
+def existence_of(passes: Sequence[Sequence[float]]) -> float:
+    """Probability of a sign by its passes, each with the odds that it is one against boxes that
+    meet by chance, and against what stands there and is none: that every pass is chance is the less
+    likely the more there are, but what looks like a sign does so in all of them."""
+    by_chance, alike = np.array(passes).T
+    together = np.expm1(min(float(np.log1p(by_chance).sum()), 700.0))
+    odds = float(mean_odds(alike, np.zeros(len(alike), np.int64), 1)[0])
+    return float(1.0 / (1.0 + 1.0 / together + 1.0 / odds))
+
+
+def share_of(right: float, count: float, imagined: tuple[float, float]) -> float:
+    """Share of ``count`` things of which ``right`` are expected to be right, with some ``imagined``
+    that are and are not: parameters of its beta distribution beforehand."""
+    return (right + imagined[0]) / (count + sum(imagined))
+
+
+def expected_log_odds(
+    log_odds: FloatArray, weight: FloatArray, imagined: tuple[float, float]
+) -> float:
+    """What is added to the ``log_odds`` [n] of things, each counted ``weight`` [n] times, for how
+    many of them are right: the share that these themselves tell."""
+    shift = 0.0
+    for _ in range(_ROUNDS):
+        right = float(weight @ probability(log_odds + shift))
+        shift = float(logit(share_of(right, float(weight.sum()), imagined)))
+    return shift
+
+
+def existence_odds(
+    patterns: Sequence[Pattern], scores: Sequence[FloatArray]
+) -> tuple[FloatArray, FloatArray]:
+    """Odds [m] that the boxes of each thing show a sign, against boxes that meet by chance, and
+    against a thing that stands there and looks like one; by the ``patterns`` of frames that show
+    it or should and the ``scores`` of its boxes.
+
+    The rate of finding a sign is taken from those with many boxes, the share of signs among things
+    seen once, and how many look like one, from all. Where most single boxes of a drive were clearly
+    not confirmed, the others, seen at the edge of the picture or last before a gap, are hardly
+    signs either.
+    """
+    boxes = np.array([len(own) for own in scores], np.int64)
+    often = [k for k, n in enumerate(boxes.tolist()) if n >= limits.RATE_VIEWS]
+    rate = _found_rate([p for p in patterns if p.seen.sum() >= limits.RATE_VIEWS])
+    correlation = _correlation([scores[k] for k in often])
+    as_sign = pattern_nats(patterns, rate)
+    best = np.array([own.max() for own in scores], np.float64)
+    there = _logits(best) + limits.FITTING_BOX_NATS * (boxes - 1) + as_sign
+    single = boxes == 1
+    one = np.ones(int(single.sum()))
+    there[single] += expected_log_odds(there[single], one, (limits.IMAGINARY, limits.IMAGINARY))
+    thing = np.array([thing_nats(p.seen) for p in patterns]) - as_sign
+    thing -= [_by_scores(own, correlation) for own in scores]
+    thing += math.log(limits.STANDING / limits.THINGS_A_SIGN)
+    # one such thing is imagined
+    stands = probability(there)
+    thing += expected_log_odds(thing, stands, (1.0, 1.0 / limits.THINGS_A_SIGN))
+    return np.exp(np.clip(there, -50.0, 50.0)), np.exp(np.clip(-thing, -50.0, 50.0))
 
 
 def _logits(scores: FloatArray) -> FloatArray:
@@ -117,35 +206,6 @@ def _correlation(scores: Sequence[FloatArray]) -> float:
     return float(np.clip(share, limits.SCORE_CORRELATION, 1.0))
 
 
-def _base_rate(log_odds: FloatArray) -> float:
-    """Shift of the log odds [n] of things seen once, by how many such things are signs.
-
-    Where most single boxes of a drive were clearly not confirmed, the others, seen at the edge
-    of the picture or last before a gap, are hardly signs either: the share of signs among them
-    is found from their own odds (expectation maximisation), held at one half by a few
-    imaginary ones.
-    """
-    share = 0.5
-    for _ in range(_BASE_RATE_ROUNDS):
-        shift = np.log(share / (1.0 - share))
-        likely = float(probability(log_odds + shift).sum())
-        share = (0.5 * limits.IMAGINARY + likely) / (limits.IMAGINARY + len(log_odds))
-    return float(np.log(share / (1.0 - share)))
-
-
-def _things_rate(stands: FloatArray, log_odds: FloatArray) -> float:
-    """Logarithm of how many things that look like signs there are, against what is expected of
-    any street: by those of the landmarks that ``stands`` [n] and ``log_odds`` [n] of being no sign
-    tell (expectation maximisation), with a gamma prior that counts as one such thing.
-    """
-    rate = 1.0
-    for _ in range(_BASE_RATE_ROUNDS):
-        things = probability(log_odds + math.log(rate))
-        expected = limits.THINGS_A_SIGN * float(stands @ (1.0 - things))
-        rate = (1.0 + float(stands @ things)) / (1.0 + expected)
-    return math.log(rate)
-
-
 def _found_rate(patterns: Sequence[Pattern]) -> float:
     """Share of the frames that should show signs, between the first and the last that does, that
     do; neither of these counts, which are why the others do."""
@@ -165,55 +225,14 @@ def thing_nats(seen: BoolArray) -> float:
     return float(betaln(hits, len(seen) - hits + 1))
 
 
-def sign_nats(pattern: Pattern, rate: float) -> float:
-    """Log likelihood of what was seen of a sign in a drive that finds signs at a ``rate``."""
-    rates, weights = _rates(rate)
-    told = _pattern_nats(
-        pattern.t_s, pattern.seen, rates, limits.HIDDEN, limits.HIDDEN_S, limits.STRAY_FRAME
-    )
-    return float(np.logaddexp.reduce(told + np.log(weights)))
-
-
-@lru_cache(maxsize=64)
-def _rates(rate: float) -> tuple[FloatArray, FloatArray]:
-    """Nodes and weights [n] of the beta distribution of signs' own rates about ``rate``: even in
-    the power of the rate of misses that has a finite density at none."""
-    a, b = limits.RATE_SPREAD * rate, limits.RATE_SPREAD * (1.0 - rate)
-    x, weight = np.polynomial.legendre.leggauss(_NODES)
-    power = min(b, 1.0)
-    missed = (0.5 * (1.0 + x)) ** (1.0 / power)
-    weight = weight * missed ** (b - power) * (1.0 - missed) ** (a - 1.0)
-    return 1.0 - missed, weight / weight.sum()
-
-
-@kernel
-def _pattern_nats(
-    t_s: FloatArray,
-    seen: BoolArray,
-    rates: FloatArray,
-    hidden: float,
-    hidden_s: float,
-    stray: float,
-) -> FloatArray:
-    """Log likelihood [r] of what was ``seen`` at ``t_s`` [k] of a sign that is found at each of
-    the ``rates`` [r] where nothing hides it, and in a share ``stray`` of frames where something
-    does; that hides it ``hidden`` of the time, for ``hidden_s`` as a rule (forward algorithm)."""
-    told = np.zeros(len(rates))
-    for node in range(len(rates)):
-        open_, behind = 1.0 - hidden, hidden
-        for k in range(len(t_s)):
-            if k > 0:
-                stay = math.exp(-(t_s[k] - t_s[k - 1]) * (1.0 / hidden_s))
-                both = (1.0 - stay) * (open_ + behind)
-                open_ = stay * open_ + both * (1.0 - hidden)
-                behind = stay * behind + both * hidden
-            if seen[k]:
-                open_ *= rates[node]
-                behind *= stray
-            else:
-                open_ *= 1.0 - rates[node]
-                behind *= 1.0 - stray
-            total = open_ + behind
-            told[node] += math.log(total)
-            open_, behind = open_ / total, behind / total
-    return told
+def pattern_nats(patterns: Sequence[Pattern], rate: float) -> FloatArray:
+    """Log likelihood [m] of what was seen of signs in a drive that finds signs at a ``rate``."""
+    first = np.concatenate([[0], np.cumsum([len(p.seen) for p in patterns], dtype=np.int64)])
+    seen = np.concatenate([np.zeros(0, np.bool_), *(p.seen for p in patterns)])
+    step = np.concatenate([np.zeros(0), *(np.diff(p.t_s, prepend=p.t_s[:1]) for p in patterns)])
+    without = np.where(seen, limits.STRAY_FRAME, 1.0 - limits.STRAY_FRAME)
+    anew = -np.expm1(-step / limits.HIDDEN_S)
+    moves = anew * limits.HIDDEN, anew * (1.0 - limits.HIDDEN)
+    start = 1.0 - limits.HIDDEN, limits.HIDDEN
+    looks = Looks(first, seen, np.ones(len(seen)), without, *moves, start)
+    return sign_nats(looks, limits.RATE_SPREAD * rate, limits.RATE_SPREAD * (1.0 - rate))[0]

@@ -31,12 +31,12 @@ def largest_face_m(name: str) -> float:
     return limits.LARGEST_FACE_M if name.startswith(_LIMITED) else np.inf
 
 
-def face_probabilities(views: Views, landmarks: Sequence[Landmark], prior: SizePrior) -> FloatArray:
-    """Probability [m] that each of some landmarks is a face of a sign, if something stands there; 1
-    where the class has no largest face or bearings do not tell the size."""
+def face_odds(views: Views, landmarks: Sequence[Landmark], prior: SizePrior) -> FloatArray:
+    """Odds [m] that each of some landmarks is a face of a sign, against what is larger than any;
+    infinite where the class has no largest face or bearings do not tell the size."""
     nats = np.array([_told(views, mark, prior) for mark in landmarks], np.float64)
     odds = (1.0 / limits.NO_FACE - 1.0) * np.exp(np.clip(nats, -50.0, 50.0))
-    return np.where(np.isfinite(nats), odds / (1.0 + odds), 1.0)
+    return np.where(np.isfinite(nats), odds, np.inf)
 
 
 def _told(views: Views, mark: Landmark, prior: SizePrior) -> float:

@@ -172,8 +172,6 @@ drives 0.9 and more are."""
 FITTING_BOX_NATS = 3.0
 """What a further box that fits says for a sign. Chosen: that a false one fits by chance one time in
 twenty; more believes false boxes, less gives up signs of few views."""
-SCORE_LIMITS = (0.2, 0.9)
-"""A score is taken for a probability within these: those of detectors are too sure at the ends."""
 RATE_VIEWS = 5
 """Signs with so many views are real, and tell how often a sign is found."""
 RATE_LIMITS = (0.2, 0.95)
@@ -206,9 +204,9 @@ are to 0.03 (docs/detector.md); an external one may say 1 of every box."""
 SCORE_CORRELATION = 0.25
 """Of the log odds of one thing's boxes, at least, whatever a drive shows: what the classifier's
 views of a pass have (``vision/limits.py``, ``VIEW_CORRELATION``, measured on held-out tracks)."""
-IMAGINARY = 4.0
-"""Things seen once, half of them signs, that stand for what is expected before the drive tells.
-Chosen: few single boxes say little of how many are signs."""
+IMAGINARY = 2.0
+"""Things seen once that are signs, and as many that are none, that stand for what is expected
+before the drive tells. Chosen: few single boxes say little of how many are signs."""
 LARGEST_FACE_M = 2.4
 """Of warnings and regulations: the largest boards of AS 1742 and the VzKat."""
 SMALLEST_FACE_M, LARGEST_THING_M = 0.2, 10.0

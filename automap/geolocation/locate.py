@@ -19,8 +19,9 @@ from automap.geolocation.condition import conditions
 from automap.geolocation.contradiction import disagreement
 from automap.geolocation.control import ControlSigns
 from automap.geolocation.course_yaw import yaw_by_course
-from automap.geolocation.existence import existence_probabilities
-from automap.geolocation.face_sizes import face_probabilities
+from automap.geolocation.due_frames import patterns_of
+from automap.geolocation.existence import existence_odds, existence_of
+from automap.geolocation.face_sizes import face_odds
 from automap.geolocation.facing import find_facings
 from automap.geolocation.landmark import Landmark, SizePrior, fit_landmark
 from automap.geolocation.merging import combine
@@ -41,7 +42,7 @@ from automap.geolocation.supports import support_numbers
 from automap.geolocation.tracking import link_views
 from automap.geolocation.trajectory_adjustment import AdjustedTrajectory
 from automap.geolocation.views import CameraCorrection, Views, build_views
-from automap.records import Camera, Detections, FloatArray, IntArray, Sign, Trajectory
+from automap.records import Camera, Detections, IntArray, Sign, Trajectory
 
 _STAMP_ROUNDS = 4
 """Of the errors of stamps, and of the links with them."""
@@ -146,22 +147,26 @@ def _located(
     observations = nothing_observed(total, views)
     observations.note[views.row[misfits]] = "misfit"
 
-    there, alike = existence_probabilities(views, landmarks, trajectory, detections, found)
-    real = alike * face_probabilities(views, landmarks, rules.size)
+    patterns = patterns_of(views, landmarks, trajectory, detections, found)
+    by_chance, alike = existence_odds(patterns, [views.score[mark.rows] for mark in landmarks])
+    # a sign against whatever else stands there
+    real = 1.0 / (1.0 / alike + 1.0 / face_odds(views, landmarks, rules.size))
     carried = carried_views(views, rules.size)
-    kept, stands = [], []
-    for mark, *likely in zip(landmarks, there.tolist(), real.tolist(), strict=True):
+    kept, odds, shown = [], [], []
+    columns = landmarks, patterns, by_chance.tolist(), real.tolist()
+    for mark, pattern, *own in zip(*columns, strict=True):
         if not mark.ok:
             continue
         if carried[mark.rows].mean() > 0.5:
             observations.note[views.row[mark.rows]] = "moving"
-        elif likely[0] * likely[1] < rules.min_existence:
+        elif existence_of([own]) < rules.min_existence:
             observations.note[views.row[mark.rows]] = "unconfirmed"
         elif len(mark.rows) == 1 and mark.depth_m > rules.max_single_view_m:
             observations.note[views.row[mark.rows]] = "too_far"
         else:
             kept.append(mark)
-            stands.append(likely)
+            odds.append(own)
+            shown.append(pattern)
     covariances = camera_covariances(views, cameras, corrections, rules.camera)
     sightings = [
         make_sighting(views, mark, covariances, disagreement(views, mark, size), size)
@@ -181,15 +186,15 @@ def _located(
     path = make_path(trajectory, views.origin, passes.adjustment)
     joined = [[sightings[k] for k in group] for group in groups]
     facings, faces = find_facings(views, joined, path)
-    condition_of = conditions(views, joined, trajectory, detections, found)
+    condition_of = conditions(views, joined, [[shown[k] for k in g] for g in groups], detections)
     signs: list[Sign] = []
     places, own = [], []
     for number, (group, members) in enumerate(zip(groups, joined, strict=True), start=1):
         combined = combine(members, adjusted is not None)
         facing = facings[number - 1]
-        exists_at_all = _of_passes(np.array([stands[k] for k in group]))
+        existence = existence_of([odds[k] for k in group])
         sign = assemble_sign(
-            views, members, combined, path, facing, number, rules.assembly, exists_at_all
+            views, members, combined, path, facing, number, rules.assembly, existence
         )
         sign = replace(
             sign, n_back_views=behind.get(number - 1, 0), **vars(condition_of[number - 1])
@@ -218,15 +223,6 @@ def _located(
         signs, observations, corrections, sentences, adjusted, len(passes.controlled), rules.noise,
         faces,
     )  # fmt: skip
-
-
-def _of_passes(stands: FloatArray) -> float:
-    """Probability of a sign by its passes [k, 2]: each tells for itself that something is there,
-    but what looks like a sign does so in all, so that the odds of that are averaged, which never
-    says too much (V. Vovk, R. Wang, E-values, Annals of Statistics 49, 2021)."""
-    there, real = np.clip(stands, 0.0, 1.0 - 1e-12).T
-    odds = float(np.mean(real / (1.0 - real)))
-    return float(1.0 - np.prod(1.0 - there)) * odds / (1.0 + odds)
 
 
 def _find_landmarks(

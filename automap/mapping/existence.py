@@ -1,17 +1,15 @@
 """Whether a sign is there: seen, and not seen although it should have been.
 
 A drive that saw something tells how probable it is that it exists (``geolocation/existence.py``):
-posterior odds over those of any sighting are the likelihood ratio of what it saw. Drives err alike
-where they look at the same thing, so the ratios of a sign's sightings are averaged: the mean is
-never too large a ratio, however they depend on one another (V. Vovk, R. Wang, E-values,
-Annals of Statistics 49, 2021).
+posterior odds over those of any sighting are the likelihood ratio of what it saw, and those of a
+sign's sightings are averaged, as of the passes of one drive.
 
-How many saw it comes on top. Some signs are seen by nearly every drive, some are hidden or faded:
-the rate at which a real sign is seen has a beta distribution, whose mean comes from the data, and
-the chances of a series of drives are beta-binomial (J. G. Skellam, Journal of the Royal Statistical
-Society B 10, 1948). What is no sign is seen by hardly any other drive, or, where a thing that stays
-looks like one (a gable), as a sign is. A real sign can also be put up or taken down between two
-drives, at a small rate.
+How many saw it comes on top, by the same estimator as frames: the rate at which a real sign is seen
+has a beta distribution, whose mean comes from the data, and where no sign changes the chances of a
+series of drives are beta-binomial (J. G. Skellam, Journal of the Royal Statistical Society B 10,
+1948). A real sign can be put up or taken down between two drives, at a small rate. What is no sign
+is seen by hardly any other drive, or, where a thing that stays looks like one (a gable), as a sign
+is.
 """
 
 from __future__ import annotations
@@ -22,7 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import betaln
 
-from automap.geolocation.existence import probability
+from automap.geolocation.existence import Looks, mean_odds, probability, share_of, sign_nats
 from automap.jit import kernel
 from automap.mapping import limits
 from automap.mapping.sureness import SUREST
@@ -31,6 +29,8 @@ from automap.records import BoolArray, FloatArray, IntArray
 
 _ROUNDS, _TURNS = 12, 3
 """Of the expectation maximisation, from one spread to the next, and of spreads."""
+_SIGNS = 1 << 16
+"""Whose histories are weighed at once: of ten million pairs every array takes 80 MB."""
 _YEAR_S = 365.25 * 86400.0
 """A Julian year."""
 
@@ -100,10 +100,12 @@ def detection_rates(pairs: Chances, n_signs: int, n_drives: int) -> DetectionRat
     saw it is why it is known at all.
     """
     usual = limits.RATE_PRIOR[0] / sum(limits.RATE_PRIOR)
-    rates = DetectionRates(usual, np.full(max(n_drives, 1), usual), _share(0.0, 0.0))
+    rates = DetectionRates(
+        usual, np.full(max(n_drives, 1), usual), share_of(0.0, 0.0, limits.REAL_PRIOR)
+    )
     telling = np.bincount(pairs.sign, minlength=n_signs) >= limits.TELLING_DRIVES
     seen = np.bincount(pairs.sign[pairs.seen], minlength=n_signs).astype(np.float64)
-    evidence = np.log(_mean_ratio(pairs, _ratios(pairs), n_signs))
+    evidence = np.log(mean_odds(_ratios(pairs), pairs.sign, n_signs))
     for turn in range(_ROUNDS * _TURNS):
         belief = _mixture(pairs, rates, evidence)
         if turn % _ROUNDS == _ROUNDS - 1:
@@ -113,16 +115,11 @@ def detection_rates(pairs: Chances, n_signs: int, n_drives: int) -> DetectionRat
         overall = (hits.sum() + limits.RATE_PRIOR[0]) / (tries.sum() + sum(limits.RATE_PRIOR))
         overall = float(np.clip(overall, *limits.OVERALL_LIMITS))
         by_drive = (hits + limits.DRIVE_FREEDOM * overall) / (tries + limits.DRIVE_FREEDOM)
-        real = _share(float((belief * seen).sum()), float(seen.sum()))
+        real = share_of(float((belief * seen).sum()), float(seen.sum()), limits.REAL_PRIOR)
         rates = DetectionRates(
             overall, np.clip(by_drive, *limits.DRIVE_LIMITS), min(real, SUREST), rates.spread
         )
     return rates
-
-
-def _share(real: float, sightings: float) -> float:
-    """Share of sightings that are of real signs, ``real`` of them being expected."""
-    return (real + limits.REAL_PRIOR[0]) / (sightings + sum(limits.REAL_PRIOR))
 
 
 def _ratios(pairs: Chances) -> FloatArray:
@@ -132,16 +129,8 @@ def _ratios(pairs: Chances) -> FloatArray:
         return np.full(len(pairs), np.nan)
     told = np.clip(np.where(pairs.seen, pairs.told, np.nan), 1.0 - SUREST, SUREST)
     known = np.isfinite(told)
-    before = _share(float(told[known].sum()), float(known.sum()))
+    before = share_of(float(told[known].sum()), float(known.sum()), limits.REAL_PRIOR)
     return np.asarray(told / (1.0 - told) * (1.0 - before) / before)
-
-
-def _mean_ratio(pairs: Chances, ratio: FloatArray, n_signs: int) -> FloatArray:
-    """Mean [m] of the ratios of each sign's sightings; 1 where none is told."""
-    known = np.isfinite(ratio)
-    count = np.bincount(pairs.sign[known], minlength=n_signs)
-    total = np.bincount(pairs.sign[known], ratio[known], n_signs)
-    return np.where(count > 0, total / np.maximum(count, 1), 1.0)
 
 
 def _counts(pairs: Chances, rates: DetectionRates, n_signs: int) -> tuple[FloatArray, FloatArray]:
@@ -180,14 +169,23 @@ def _by_drive(
 
 def _mixture(pairs: Chances, rates: DetectionRates, evidence: FloatArray) -> FloatArray:
     """Probability [m] that each sign is real, if signs never changed; ``evidence`` [m] nats of
-    what the drives saw. Of its series of drives the first that saw it is why it is known."""
+    what the drives saw."""
     hits, misses = _counts(pairs, rates, len(evidence))
     a, b = rates.beta
-    real = betaln(a + hits, b + misses) - betaln(a + 1.0, b)
+    nats = betaln(a + hits, b + misses) - betaln(a, b)
+    return _real(nats, hits, misses, rates, evidence)
+
+
+def _real(
+    nats: FloatArray, hits: FloatArray, misses: FloatArray, rates: DetectionRates,
+    evidence: FloatArray,
+) -> FloatArray:  # fmt: skip
+    """Probability [m] of signs whose ``hits`` and ``misses`` [m] are as likely as ``nats`` [m]
+    say. That one drive saw it is why anything is known at all, sign or not."""
     c, d = limits.FALSE_BETA
-    fleeting = betaln(c + hits - 1.0, d + misses) - betaln(c, d)
-    false = np.logaddexp(math.log(limits.LASTING) + real, math.log1p(-limits.LASTING) + fleeting)
-    return probability(evidence + math.log(rates.real / (1.0 - rates.real)) + real - false)
+    fleeting = betaln(c + hits - 1.0, d + misses) - betaln(c, d) + math.log(rates.overall)
+    false = np.logaddexp(math.log(limits.LASTING) + nats, math.log1p(-limits.LASTING) + fleeting)
+    return probability(evidence + math.log(rates.real / (1.0 - rates.real)) + nats - false)
 
 
 def _with_spread(pairs: Chances, rates: DetectionRates, belief: FloatArray) -> DetectionRates:
@@ -210,82 +208,38 @@ def existence(
 ) -> FloatArray:
     """Probability [m] that each sign stands at the time of the last drive that passed it.
 
-    Weighs all histories with at most one change: false from the start, there throughout, taken
-    down after one of the drives, put up before one. ``drive_gps_s`` [d] are the drives' times.
+    Over all histories in which it stood for one of the drives at least. ``drive_gps_s`` [d] are the
+    drives' times.
     """
-    a, b = rates.beta
-    weight = np.where(pairs.seen, 0.0, rates.miss_weight(pairs.drive))
-    seen = pairs.seen, weight, _ratios(pairs), drive_gps_s[pairs.drive]
-    return _histories(pairs.sign, *seen, n_signs, rates.real, a, b)
-
-
-@kernel
-def _log_beta(a: float, b: float) -> float:
-    return math.lgamma(a) + math.lgamma(b) - math.lgamma(a + b)
-
-
-@kernel
-def _mean(ratio: FloatArray, start: int, stop: int) -> float:
-    """Mean of the known ratios of some sightings; 1 where none is."""
-    total, count = 0.0, 0
-    for k in range(start, stop):
-        if ratio[k] == ratio[k]:
-            total += ratio[k]
-            count += 1
-    return total / count if count > 0 else 1.0
-
-
-@kernel
-def _histories(
-    sign: IntArray,
-    seen: BoolArray,
-    weight: FloatArray,
-    ratio: FloatArray,
-    gps_s: FloatArray,
-    n_signs: int,
-    real: float,
-    a: float,
-    b: float,
-) -> FloatArray:
-    result = np.full(n_signs, real)
-    c, d = limits.FALSE_BETA
-    start = 0
-    while start < len(sign):
-        stop = start
-        hits, misses = 0.0, 0.0
-        while stop < len(sign) and sign[stop] == sign[start]:
-            hits += seen[stop]
-            misses += weight[stop]
-            stop += 1
-        base = _log_beta(a, b)
-        throughout = _log_beta(a + hits, b + misses) - base
-        # against what any sign that was seen once has
-        known = throughout - (_log_beta(a + 1.0, b) - base)
-        false = _log_beta(c + hits - 1.0, d + misses) - _log_beta(c, d)
-        there, gone = 1.0, 0.0
-        early_hits, early_misses = 0.0, 0.0
-        for k in range(start, stop - 1):
-            early_hits += seen[k]
-            early_misses += weight[k]
-            late_hits, late_misses = hits - early_hits, misses - early_misses
-            change = limits.LEAST_CHANGE
-            elapsed = gps_s[k + 1] - gps_s[k]
-            if elapsed > 0.0:
-                change = max(change, 1.0 - math.exp(-limits.CHANGE_PER_YEAR * elapsed / _YEAR_S))
-            down = _log_beta(a + early_hits, b + early_misses) - base
-            down += late_hits * math.log(limits.STRAY) + late_misses * math.log(1.0 - limits.STRAY)
-            up = _log_beta(a + late_hits, b + late_misses) - base
-            up += early_hits * math.log(limits.STRAY) + early_misses * math.log(1.0 - limits.STRAY)
-            # strays look like what is no sign
-            down -= math.log(_mean(ratio, k + 1, stop))
-            up -= math.log(_mean(ratio, start, k + 1))
-            gone += change * math.exp(min(down - throughout, 50.0))
-            there += change * math.exp(min(up - throughout, 50.0))
-        nothing = limits.LASTING + (1.0 - limits.LASTING) * math.exp(min(false - known, 50.0))
-        nothing *= (1.0 - real) / _mean(ratio, start, stop)
-        result[sign[start]] = real * there / (real * (there + gone) + nothing)
-        start = stop
+    ratio = _ratios(pairs)
+    edges = np.flatnonzero(np.diff(pairs.sign, prepend=-1, append=-1)).astype(np.int64)
+    signs = pairs.sign[edges[:-1]]
+    told = np.zeros((2, len(signs)))
+    for k in range(0, len(signs), _SIGNS):
+        first = edges[k : k + _SIGNS + 1]
+        looks = _looks(pairs, slice(first[0], first[-1]), ratio, rates, drive_gps_s)
+        looks = looks._replace(first=first - first[0])
+        told[:, k : k + _SIGNS] = sign_nats(looks, *rates.beta)
+    hits, misses = (count[signs] for count in _counts(pairs, rates, n_signs))
+    evidence = np.log(mean_odds(ratio, pairs.sign, n_signs))[signs]
+    result = np.full(n_signs, rates.real)
+    result[signs] = told[1] * _real(told[0], hits, misses, rates, evidence)
     return result
+
+
+def _looks(
+    pairs: Chances, rows: slice, ratio: FloatArray, rates: DetectionRates, drive_gps_s: FloatArray
+) -> Looks:
+    """Some of the pairs as looks at one thing, whose likelihood ratios are ``ratio`` [p]."""
+    seen, drive = pairs.seen[rows], pairs.drive[rows]
+    weight = np.where(seen, 1.0, rates.miss_weight(drive))
+    # a stray sighting is of what is no sign, and looks like that
+    stray = np.minimum(limits.STRAY / np.nan_to_num(ratio[rows], nan=1.0), 1.0)
+    without = np.where(seen, stray, (1.0 - limits.STRAY) ** weight)
+    elapsed = np.nan_to_num(np.diff(drive_gps_s[drive], prepend=np.nan))
+    change = -np.expm1(-limits.CHANGE_PER_YEAR * np.maximum(elapsed, 0.0) / _YEAR_S)
+    change = np.maximum(change, limits.LEAST_CHANGE)
+    return Looks(np.array([0, len(seen)]), seen, weight, without, change, change, (1.0, 1.0))
 
 
 def still_there(

@@ -20,11 +20,14 @@ from __future__ import annotations
 import argparse
 from dataclasses import dataclass, replace
 from typing import Any
+from unittest.mock import patch
 
 import numpy as np
 from scipy.special import expit, logit
 
 from automap.geolocation import locate
+from automap.geolocation.existence import existence_odds
+from automap.geolocation.face_sizes import face_odds
 from automap.geolocation.landmark import Landmark, SizePrior
 from automap.geolocation.rules import GeolocationRules
 from automap.geolocation.views import Views
@@ -111,32 +114,29 @@ def _scores(rng: np.random.Generator, sign: BoolArray, owner: IntArray) -> Float
 def told(one: Street) -> FloatArray:
     """Probability, and of what kind it is, of everything [n, 2] that boxes were joined to."""
     rows: list[tuple[float, float]] = []
-    by_boxes, by_size = locate.existence_probabilities, locate.face_probabilities
-    exists, world = np.zeros(0), one.world
+    odds: tuple[FloatArray, FloatArray] = (np.zeros(0), np.zeros(0))
 
     def boxes_tell(*given: Any) -> tuple[FloatArray, FloatArray]:
-        nonlocal exists
-        there, alike = by_boxes(*given)
-        exists = there * alike
-        return there, alike
+        nonlocal odds
+        odds = existence_odds(*given)
+        return odds
 
     def sizes_tell(views: Views, landmarks: list[Landmark], prior: SizePrior) -> FloatArray:
-        face = by_size(views, landmarks, prior)
+        face = face_odds(views, landmarks, prior)
         # what is asked before the camera is found does not count
         rows.clear()
-        for mark, p in zip(landmarks, (exists * face).tolist(), strict=True):
+        told = 1.0 / (1.0 + 1.0 / odds[0] + 1.0 / odds[1] + 1.0 / face)
+        for mark, p in zip(landmarks, told.tolist(), strict=True):
             if mark.ok:
                 rows.append((p, float(np.bincount(one.kind[views.row[mark.rows]]).argmax())))
         return face
 
-    locate.existence_probabilities = boxes_tell
-    locate.face_probabilities = sizes_tell  # type: ignore[assignment]
-    try:
-        rules = GeolocationRules(min_existence=0.0)
+    rules, world = GeolocationRules(min_existence=0.0), one.world
+    with (
+        patch.object(locate, "existence_odds", boxes_tell),
+        patch.object(locate, "face_odds", sizes_tell),
+    ):
         locate.locate_signs(world.trajectory, [world.detections], {"front": world.camera}, rules)
-    finally:
-        locate.existence_probabilities = by_boxes
-        locate.face_probabilities = by_size
     return np.array(rows)
 
 

@@ -181,6 +181,7 @@ def geolocation_sightings() -> Any:
     from automap.geolocation.assembly import AssemblyRules, assemble_sign
     from automap.geolocation.condition import conditions
     from automap.geolocation.control import ControlSigns, match_control
+    from automap.geolocation.due_frames import patterns_of
     from automap.geolocation.facing import find_facings
     from automap.geolocation.merging import (
         _link_cost,
@@ -213,6 +214,9 @@ def geolocation_sightings() -> Any:
     assert adjustment is not None
     path = make_path(drive.path, views.origin, adjustment)
     facings, faces = find_facings(views, joined, path)
+    marks = [sighting.landmark for sighting in seen]
+    shown = patterns_of(views, marks, drive.path, drive.detections, drive.cameras)
+    patterns = [[shown[k] for k in group] for group in groups]
     rules = AssemblyRules(1.1, 0.07, 30.0, (0.2, 1.05), (-1.0, 4.5), "round")
     bend = [
         np.array([[np.cos(a), -np.sin(a)], [np.sin(a), np.cos(a)]]) for a in 0.22 * np.arange(9)
@@ -269,9 +273,7 @@ def geolocation_sightings() -> Any:
                 for number, front in enumerate(fronts.tolist())
                 if front != NO_BACK
             },
-            "condition": table(
-                conditions(views, joined, drive.path, drive.detections, drive.cameras)
-            ),
+            "condition": table(conditions(views, joined, patterns, drive.detections)),
             "passes": [
                 {n: v for n, v in vars(join_passes(*way)).items() if n != "sightings"}
                 for way in (

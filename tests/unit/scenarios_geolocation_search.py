@@ -178,12 +178,11 @@ def geolocation_existence() -> Any:
         ),
     ]
     searched = {
-        d.camera: due_frames.searched_frames(d, drive.cameras[d.camera], assumed=True)
-        for d in drive.detections
+        d.camera: due_frames.searched_frames(d, drive.cameras[d.camera]) for d in drive.detections
     }
     holes = _some(drive.detections[1], np.r_[0:40, 70:110:3])
-    frame = np.concatenate([d.frame for d in drive.detections])[views.row]
     usual = due_frames.usual_heights(views, marks)
+    patterns = due_frames.patterns_of(views, marks, drive.path, drive.detections, drive.cameras)
     mark = marks[2]
     times = (drive.path.t_ns[::40] + 3_000_000).astype(np.int64)
     region = np.tile([200.0, 150.0, 900.0, 600.0], (len(times), 1))
@@ -202,11 +201,7 @@ def geolocation_existence() -> Any:
                 vars(s)
                 for s in (
                     *searched.values(),
-                    *(
-                        due_frames.searched_frames(d, drive.cameras[d.camera])
-                        for d in drive.detections
-                    ),
-                    due_frames.searched_frames(holes, drive.cameras[holes.camera], assumed=True),
+                    due_frames.searched_frames(holes, drive.cameras[holes.camera]),
                 )
             ],
             "usual": usual,
@@ -229,21 +224,12 @@ def geolocation_existence() -> Any:
                 )
                 for part in (np.array([[0.0, 0.0, 1279.0, 719.0]]), region)
             ],
-            "exist": existence.existence_probabilities(
-                views, marks, drive.path, drive.detections, drive.cameras
-            ),
+            "exist": existence.existence_odds(patterns, [views.score[m.rows] for m in marks]),
             "base": [
-                existence._base_rate(rng.normal(m, 2.0, n)) for m, n in ((-1.0, 7), (1.5, 12))
+                existence.expected_log_odds(rng.normal(m, 2.0, n), np.ones(n), (2.0, 2.0))
+                for m, n in ((-1.0, 7), (1.5, 12))
             ],
-            "patterns": [
-                vars(
-                    due_frames.pattern_of(
-                        *(views, m, frame, drive.path, searched, drive.cameras, usual),
-                        due_frames.in_motion_s(drive.path),
-                    )
-                )
-                for m in marks
-            ],
+            "patterns": [vars(p) for p in patterns],
             "carried": [carried_views(v, PRIOR) for v in (views, carried, lorry)],
             "moves": [moves_along(v, r, PRIOR) for v in (views, lorry) for r in tracked],
         }

@@ -172,6 +172,7 @@ def mapping_places() -> Any:
 @scenario
 def mapping_existence() -> Any:
     """Who had what in view, and what it says of being there."""
+    from automap.geolocation.existence import mean_odds
     from automap.mapping import existence as of
     from automap.mapping import visibility
     from automap.mapping.adjustment import rough_places
@@ -204,7 +205,7 @@ def mapping_existence() -> Any:
             "rates": [rates, of.detection_rates(plain, m, 4), rates.beta, other.beta],
             "weight": other.miss_weight(np.array([0, 1, 2, 3, 3])),
             "ratios": [of._ratios(p) for p in (pairs, plain)],
-            "mean": of._mean_ratio(pairs, of._ratios(pairs), m),
+            "mean": mean_odds(of._ratios(pairs), pairs.sign, m),
             "counts": of._counts(pairs, other, m),
             "mixture": of._mixture(pairs, other, rng.normal(size=m)),
             "spread": of._with_spread(pairs, other, belief),

@@ -17,7 +17,7 @@ from automap.geolocation import facing, limits
 from automap.geolocation.box_noise import scatter
 from automap.geolocation.class_sizes import _predicted, measured_size
 from automap.geolocation.due_frames import Pattern, searched_frames
-from automap.geolocation.existence import _found_rate, sign_nats, thing_nats
+from automap.geolocation.existence import _found_rate, pattern_nats, thing_nats
 from automap.geolocation.facing import (
     _GRID,
     _OCTAVES,
@@ -242,18 +242,19 @@ def test_frames_without_a_box_are_found_between_those_with_one() -> None:
         np.full(n, "", object), np.zeros((n, 4)), np.ones(n), np.full(n, -1),
     )  # fmt: skip
     view = camera(time_offset_s=0.05)
-    assumed = searched_frames(found, view, assumed=True)
+    assumed = searched_frames(found, view)
+    assert not assumed.known
     assert assumed.frame.tolist() == list(range(30, 301, 3))
     assert assumed.t_ns * 1e-9 == pytest.approx(10.05 + assumed.frame / 30.0, abs=1e-8)
     # what is known is not assumed, and nothing is said before the first box and after the last
     region = np.arange(16.0).reshape(4, 4)
     known = replace(found, looked=Looked(np.array([20, 30, 40, 310]), region))
-    for told in (searched_frames(known, view), searched_frames(known, view, assumed=True)):
-        assert told.frame.tolist() == [30, 40]
-        assert told.region.tolist() == region[1:3].tolist()
-    assert len(searched_frames(found, view).frame) == 0
+    told = searched_frames(known, view)
+    assert told.known
+    assert told.frame.tolist() == [30, 40]
+    assert told.region.tolist() == region[1:3].tolist()
     none = replace(found, **{k: getattr(found, k)[:0] for k in ("frame", "t_ns", "box")})
-    assert len(searched_frames(none, view, assumed=True).frame) == 0
+    assert len(searched_frames(none, view).frame) == 0
 
 
 def pattern(seen: str, step_s: float = 0.1) -> Pattern:
@@ -283,13 +284,13 @@ def test_a_signs_pattern_is_as_likely_as_drawn_ones_are_often() -> None:
         drawn[:, k] = rng.random(n) < np.where(hidden, limits.STRAY_FRAME, own)
     for text in ("11111", "11110", "01111", "10101", "11000"):
         often = np.mean((drawn == [c == "1" for c in text]).all(axis=1))
-        told = np.exp(sign_nats(pattern(text, 0.3), rate))
+        told = np.exp(pattern_nats([pattern(text, 0.3)], rate)[0])
         assert told == pytest.approx(often, abs=4.0 * np.sqrt(often / n) + 1e-5), text
 
 
 def test_what_is_seen_now_and_then_is_a_thing_and_what_a_lorry_hides_a_sign() -> None:
     def for_a_thing(text: str) -> float:
-        return thing_nats(pattern(text).seen) - sign_nats(pattern(text), 0.95)
+        return thing_nats(pattern(text).seen) - float(pattern_nats([pattern(text)], 0.95)[0])
 
     # one of thirty boxes of a thing in 33 frames: 1 / (2 * 528)
     assert thing_nats(pattern("1" + "0" * 31 + "1").seen) == pytest.approx(-np.log(2.0 * 528.0))

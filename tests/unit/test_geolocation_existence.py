@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from geolocation_scene import boxes, camera, drive_path, roadside
 
-from automap.geolocation.existence import _by_scores, _correlation
+from automap.geolocation.existence import _by_scores, _correlation, existence_of
 from automap.geolocation.face_sizes import largest_face_m, size_nats
 from automap.geolocation.landmark import SizePrior
 from automap.geolocation.limits import SCORE_CORRELATION
-from automap.geolocation.locate import _of_passes, locate_signs
+from automap.geolocation.locate import locate_signs
 from automap.geolocation.result import GeolocationResult
 from automap.geolocation.rules import GeolocationRules
 from automap.records import Detections, IntArray, Trajectory
@@ -56,12 +56,15 @@ def test_what_is_found_now_and_then_where_signs_are_found_in_each_frame_is_none(
 
 
 def test_a_thing_that_looks_like_a_sign_does_so_in_every_pass() -> None:
-    sure, doubted = [0.9, 1.0], [0.999, 0.5]
-    assert _of_passes(np.array([sure])) == pytest.approx(0.9)
-    assert _of_passes(np.array([sure, sure])) == pytest.approx(0.99)
-    assert _of_passes(np.array([doubted])) == pytest.approx(0.4995)
-    assert _of_passes(np.array([doubted, doubted])) == pytest.approx(0.5, abs=1e-5)
-    assert _of_passes(np.array([[0.999, 0.9], doubted])) == pytest.approx(5.0 / 6.0, abs=1e-5)
+    sure, doubted = [9.0, 1e20], [999.0, 1.0]
+    assert existence_of([sure]) == pytest.approx(0.9)
+    assert existence_of([sure, sure]) == pytest.approx(0.99)
+    # a sign, such a thing or boxes that meet by chance: one of the three
+    assert existence_of([doubted]) == pytest.approx(1.0 / (2.0 + 1.0 / 999.0))
+    assert existence_of([doubted, doubted]) == pytest.approx(0.5, abs=1e-5)
+    assert existence_of([[999.0, 9.0], doubted]) == pytest.approx(5.0 / 6.0, abs=1e-5)
+    # however sure each of many passes is
+    assert existence_of([[1e20, 1e20]] * 40) == pytest.approx(1.0)
 
 
 def test_a_single_box_before_many_frames_without_one_is_no_sign() -> None:

@@ -25,7 +25,7 @@ from automap.geolocation.bearing_rays import (
 from automap.geolocation.camera_hypotheses import Hypothesis, _mountings
 from automap.geolocation.due_frames import _aspect, apparent_heights
 from automap.geolocation.epipolar import PairGeometry
-from automap.geolocation.existence import _base_rate, probability
+from automap.geolocation.existence import expected_log_odds, probability
 from automap.geolocation.merging import class_agreement
 from automap.geolocation.path_relation import course_at, make_path, relate, side_of_path
 from automap.geolocation.time_minima import Minimum, alike, apart, starts
@@ -205,11 +205,16 @@ def test_the_share_of_signs_among_single_boxes_is_that_which_made_them(share: fl
     is_sign = rng.random(4000) < share
     d = 2.5
     evidence = np.where(is_sign, 0.5, -0.5) * d**2 + d * rng.normal(size=4000)
-    found = probability(np.array([_base_rate(evidence)]))[0]
+    found = probability(np.array([expected_log_odds(evidence, np.ones(4000), (2.0, 2.0))]))[0]
     assert found == pytest.approx(share, abs=0.03)
     # nothing told leaves one half, and a few things move it little
-    assert _base_rate(np.zeros(0)) == pytest.approx(0.0)
-    assert _base_rate(np.array([-30.0])) > _base_rate(np.full(50, -30.0))
+    few, many = (expected_log_odds(np.full(n, -30.0), np.ones(n), (2.0, 2.0)) for n in (1, 50))
+    assert expected_log_odds(np.zeros(0), np.zeros(0), (2.0, 2.0)) == pytest.approx(0.0)
+    assert few > many
+    # as many as are imagined, and no more than these where nothing counts
+    assert many == pytest.approx(np.log(2.0 / 52.0))
+    unlikely = np.full(50, -30.0)
+    assert expected_log_odds(unlikely, np.zeros(50), (1.0, 5.0)) == pytest.approx(-np.log(5.0))
 
 
 def test_a_face_is_looked_at_as_before_within_the_angle_it_was_seen_under() -> None:

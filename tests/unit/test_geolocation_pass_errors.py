@@ -11,7 +11,6 @@ from geolocation_scene import boxes, camera, drive_path, roadside
 from automap.geolocation import limits
 from automap.geolocation.boresight import evidence_of
 from automap.geolocation.box_noise import scatter
-from automap.geolocation.existence import _base_rate
 from automap.geolocation.landmark import Landmark, SizePrior, fit_landmark
 from automap.geolocation.landmark_kernels import N_COMMON
 from automap.geolocation.pass_errors import equations, pass_sd, solve_with_pass_errors
@@ -135,13 +134,6 @@ def test_scatter_of_white_and_of_alike_residuals() -> None:
     assert scatter(alike) > 1.5
     assert scatter([]) == 1.0
     assert scatter([0.1 * rng.normal(size=6)]) > 0.7, "a few boxes do not overrule the settings"
-
-
-def test_single_boxes_of_a_cluttered_drive_are_doubted() -> None:
-    clutter = np.concatenate([np.full(60, -8.0), np.full(5, 0.8)])
-    assert _base_rate(clutter) < -2.0
-    assert abs(_base_rate(np.array([0.0]))) < 0.5
-    assert _base_rate(np.full(30, 3.0)) > 1.0
 
 
 def test_noise_of_heights_is_not_taken_for_a_margin() -> None:
