@@ -134,7 +134,9 @@ def test_settings_that_change_between_nights(tmp_path: Path) -> None:
     kept = {e.done["key"] for e in store.entries()}
     assert kept == {last.key}
     assert made.sightings == sum(len(drive) for drive in scene()[:5])
-    assert len(list(store.leftovers(store.entries()))) == 5
+    # a worker may be at work on what is asked for now
+    left = [len(list(store.leftovers(store.entries(), k * 20))) for k in "abc"]
+    assert left == [2, 3, 5]
 
 
 def status_of(store: Store, order: Order) -> dict:
