@@ -222,7 +222,8 @@ def _client(scheduler: str | None, workers: int) -> Iterator[Any]:
         with (
             LocalCluster(
                 n_workers=1, threads_per_worker=workers, processes=False, memory_limit=0,
-                dashboard_address="127.0.0.1:0" if importlib.util.find_spec("bokeh") else None,
+                # without bokeh too there are servers, which else listen to the whole network
+                dashboard_address="127.0.0.1:0", worker_dashboard_address="127.0.0.1:0",
                 silence_logs=40,
             ) as cluster,
             Client(cluster, set_as_default=False) as client,

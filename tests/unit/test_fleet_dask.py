@@ -297,3 +297,18 @@ def test_the_end_of_a_worker_does_not_count_against_drives_that_wait(tmp_path: P
             children[0] = another()
         assert client.wait(240) == 0
     assert [entry.state() for entry in store.entries()] == ["done"] * 8
+
+
+def test_nobody_else_can_reach_what_runs_the_drives(tmp_path: Path) -> None:
+    """Servers of a cluster on this machine listen to this machine alone."""
+    import psutil
+
+    def listening() -> set[tuple[str, int]]:
+        found = psutil.Process().net_connections("tcp")
+        return {(c.laddr.ip, c.laddr.port) for c in found if c.status == psutil.CONN_LISTEN}
+
+    store, before = make_store(tmp_path, range(1)), listening()
+    during: set[tuple[str, int]] = set()
+    run(store, ORDER, workers=1, task=publish_made, progress=lambda *_: during.update(listening()))
+    assert during - before
+    assert {address for address, _ in during - before} == {"127.0.0.1"}
