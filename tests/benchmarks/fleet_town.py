@@ -18,6 +18,7 @@ stores against each other byte by byte, ``judge`` the map against the town and a
 from __future__ import annotations
 
 import argparse
+import hashlib
 import json
 import random
 import shutil
@@ -177,8 +178,18 @@ def _ends(store: Store, cost: FloatArray) -> str:
 
 
 def compare(folder: Path, one: str, other: str) -> None:
-    """Files of two stores' results and maps that differ."""
+    """Files of two stores' results and maps that differ, and those that are not what the drive's
+    marker says."""
     stores = [Store.at(str(folder / name)) for name in (one, other)]
+    for store in stores:
+        told, wrong = 0, []
+        for entry in store.entries():
+            for name, file in entry.done.get("files", {}).items():
+                data = store.place.read(f"{store.result(entry)}/{name}") or b""
+                told += 1
+                if hashlib.sha256(data).hexdigest() != file["sha256"]:
+                    wrong.append(f"{entry.name}/{name}")
+        print(f"{store.place.url}: {told} files, not as their marker says: {wrong or 'none'}")
     entries = [{e.digest: e.done for e in store.entries()} for store in stores]
     both = sorted(set(entries[0]) & set(entries[1]))
     differing: dict[str, int] = {}
