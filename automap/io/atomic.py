@@ -88,9 +88,11 @@ def atomic_path(path: Path) -> Iterator[Path]:
         put_in_place(temporary, path)
     except OSError as error:
         _discard(temporary)
-        named = getattr(error, "filename", None)
+        told = (getattr(error, name, None) for name in ("filename", "filename2"))
+        # a copy names both files
+        named = [Path(os.fsdecode(name)) for name in told if name is not None]
         # a failed read inside the block is not ours to reword
-        if named is not None and Path(os.fsdecode(named)) != temporary:
+        if named and temporary not in named:
             raise
         raise write_failure(path, error) from error
     except BaseException:

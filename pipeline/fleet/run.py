@@ -83,7 +83,7 @@ def run(
     store cannot be written to or the scheduler is gone, ConfigError without Dask.
     """
     entries = store.entries()
-    for name in store.leftovers(entries):
+    for name in store.leftovers(entries, order.key):
         store.place.remove(name)
     waiting = [entry for entry in entries if entry.state(order.key) == "waiting"]
     # a long one that came last would have one worker alone
@@ -138,7 +138,10 @@ class _Round:
         entry = one.entry
         return self.client.submit(
             self.task, self.store.place.url, entry.digest, entry.path, one.order,
-            key=f"{entry.digest}-{one.order.key[:8]}-{one.tries}-{one.lost}-{time.time_ns()}",
+            # by the first word Dask sees that all are alike, and hands each worker what it does
+            # next; else it would hand out all of them at once, count the end of a worker against
+            # every drive that waits there, and remember a kind of task for each drive
+            key=f"drive-{entry.digest}-{one.order.key[:8]}-{one.tries}-{one.lost}-{time.time_ns()}",
             # what is submitted within a moment comes in no order
             pure=False, priority=entry.size,
         )  # fmt: skip
@@ -219,7 +222,8 @@ def _client(scheduler: str | None, workers: int) -> Iterator[Any]:
         with (
             LocalCluster(
                 n_workers=1, threads_per_worker=workers, processes=False, memory_limit=0,
-                dashboard_address="127.0.0.1:0" if importlib.util.find_spec("bokeh") else None,
+                # without bokeh too there are servers, which else listen to the whole network
+                dashboard_address="127.0.0.1:0", worker_dashboard_address="127.0.0.1:0",
                 silence_logs=40,
             ) as cluster,
             Client(cluster, set_as_default=False) as client,

@@ -168,10 +168,12 @@ def _rate(told: dict[str, Any]) -> str:
 
 
 def write_status(store: Store, folder: Path | None = None) -> None:
-    """Write page, lines and metrics to ``STORE/status``, or to a folder."""
+    """Write page, lines and metrics to ``STORE/status``, or to a folder; StoreGoneError where the
+    store is not there any more."""
     from pipeline.fleet.page import status_page
     from pipeline.fleet.places import Folder
 
+    store.present()
     told, drives = status(store)
     place, below = (store.place, f"{FOLDER}/") if folder is None else (Folder(folder), "")
     lines = "".join(json.dumps(line, ensure_ascii=False) + "\n" for line in drives)

@@ -60,6 +60,12 @@ class StoreGoneError(StageError):
     """A store that was there and is not any more."""
 
 
+def result_name(key: str) -> str:
+    """The folder of a drive's results that settings of this ``key`` give: the same for every
+    attempt, so that what one that was killed has left is written over with the same."""
+    return key[:12]
+
+
 @dataclass(frozen=True)
 class Store:
     """A store at a place."""
@@ -151,12 +157,12 @@ class Store:
         """Where the files of a drive that is done lie."""
         return f"{DRIVES}/{entry.digest}/{entry.done['result']}"
 
-    def leftovers(self, entries: Sequence[Entry]) -> Iterator[str]:
+    def leftovers(self, entries: Sequence[Entry], key: str) -> Iterator[str]:
         """Results that no marker names, of drives that are done: attempts that were killed, and
-        what was replaced."""
+        what was replaced; but not those of ``key``, at which a worker may be just now."""
         for entry in entries:
             if entry.done:
-                kept = {entry.done["result"], DRIVE, DONE, ASIDE, REPLACED}
+                kept = {entry.done["result"], result_name(key), DRIVE, DONE, ASIDE, REPLACED}
                 for name in self.place.names(f"{DRIVES}/{entry.digest}"):
                     if name not in kept:
                         yield f"{DRIVES}/{entry.digest}/{name}"

@@ -21,7 +21,7 @@ from automap.errors import AutoMapError
 from automap.io import names
 from pipeline.fleet.add import parent_of
 from pipeline.fleet.orders import Order
-from pipeline.fleet.store import DONE, DRIVES, Store, StoreGoneError
+from pipeline.fleet.store import DONE, DRIVES, Store, StoreGoneError, result_name
 from pipeline.shared.kernel_cache import ensure_kernel_cache
 
 _EVERY_S = 0.2
@@ -174,9 +174,12 @@ def _killed_for_memory() -> int:
 def publish(
     store: Store, digest: str, out: Path, answer: dict[str, Any], key: str
 ) -> dict[str, Any]:
-    """Write the files aside, then the marker."""
-    # the same for every attempt: what one that was killed has left is written over with the same
-    result = key[:12]
+    """Write the files aside, then the marker; what is published already stays."""
+    already = store.entry(digest).done
+    if already.get("key") == key:
+        # by an attempt whose client was killed: its marker names the digests of its own report
+        return already
+    result = result_name(key)
     files = {}
     for path in sorted(out.rglob("*")):
         name = path.relative_to(out).as_posix()

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
+from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -28,7 +30,7 @@ from automap.simulation.gnss import arrivals
 from automap.simulation.imu import temperature, true_signals
 from automap.simulation.replay import Replayed, other_errors
 from automap.simulation.scenario import CameraSetup, Gnss, Scenario
-from automap.simulation.scene import Scene, build_scene
+from automap.simulation.scene import Scene, SceneSign, build_scene
 from automap.simulation.sensors import random_streams, simulate_sensors
 from automap.simulation.trajectory import DriveMotion, Motion
 from pipeline.shared.progress import Progress
@@ -45,13 +47,16 @@ def write_drive(
     folder: Path,
     seed: int | None = None,
     progress: Progress = lambda fraction, text: None,
+    signs: Sequence[SceneSign] = (),
 ) -> list[str]:
     """Simulate a scenario into an existing empty folder, in the layout of ``automap.drive/1``.
 
     Each sensor draws from its own random stream, so that changing one leaves the others as
-    they were. ``seed`` replaces the scenario's. Returns a sentence for each place where replayed
-    errors begin anew. Raises ConfigError for effects or sign classes that do not exist, InputError
-    for errors that cannot be replayed, OSError when the folder cannot be written.
+    they were. ``seed`` replaces the scenario's. ``signs`` stand there besides the scenario's own,
+    as those of a town through which other drives go too, in metres about its start. Returns a
+    sentence for each place where replayed errors begin anew. Raises ConfigError for effects or sign
+    classes that do not exist, InputError for errors that cannot be replayed, OSError when the
+    folder cannot be written.
     """
     _check_signs(scenario)
     streams = random_streams(scenario.seed if seed is None else seed)
@@ -70,6 +75,7 @@ def write_drive(
     if sensors.odometer is not None:
         write_odometer_csv(folder / ODOMETER_FILE, sensors.odometer)
     scene = build_scene(scenario, drive, streams.scene)
+    scene = replace(scene, signs=(*scene.signs, *signs))
     _write_signs(truth / names.TRUTH_SIGNS, scene)
     if scenario.camera is not None:
         (folder / "video").mkdir()

@@ -3,14 +3,10 @@
 from __future__ import annotations
 
 import json
-import os
 import random
 import shutil
-import signal
-import subprocess
 import sys
 import time
-from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 
@@ -28,6 +24,7 @@ from pipeline.fleet.run import run
 from pipeline.fleet.store import Store
 from pipeline.fleet.task import Result
 from pipeline.simulate.command import simulate
+from tests.fleet_crew import MAIN, Crew, kill, start
 from tests.unit.fleet_scene import ORDER, full, make_drives, map_bytes, publish_made, scene
 
 pytestmark = [
@@ -35,9 +32,6 @@ pytestmark = [
     pytest.mark.skipif(not sys.platform.startswith("linux"), reason="looks into /proc"),
 ]
 
-ROOT = Path(__file__).parents[2]
-MAIN = "from pipeline.cli import main; main()"
-DASK = "from distributed.cli.dask_{0} import main; main({1!r}, standalone_mode=False)"
 DRIVES, KILLS = 6, 14
 LONGEST_S = 900.0
 """For a fleet of six drives of half a minute; a hang is a failure."""
@@ -70,88 +64,6 @@ legs = [
 """
 
 
-def start(code: str, folder: Path, *arguments: str) -> subprocess.Popen[bytes]:
-    return subprocess.Popen(
-        [sys.executable, "-c", code, *arguments], cwd=folder,
-        env={**os.environ, "PYTHONPATH": str(ROOT)},
-        stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
-    )  # fmt: skip
-
-
-def kill(process: subprocess.Popen[bytes] | None) -> None:
-    if process is not None:
-        process.kill()
-        process.wait()
-
-
-def children(pid: int) -> list[int]:
-    """Processes that a process has started."""
-    found: list[int] = []
-    for path in Path(f"/proc/{pid}/task").glob("*/children"):
-        found += [int(word) for word in path.read_text().split()]
-    return found
-
-
-@dataclass
-class Crew:
-    """A scheduler, two workers and ``automap fleet run``, of which any may be killed."""
-
-    folder: Path
-    url: str
-    scheduler: subprocess.Popen[bytes] | None = None
-    workers: list[subprocess.Popen[bytes]] = field(default_factory=list)
-    client: subprocess.Popen[bytes] | None = None
-    address: str = ""
-
-    def keep_up(self) -> bool:
-        """Start what does not run; True where the client has done all."""
-        if self.client is not None and self.client.poll() == 0:
-            return True
-        if self.scheduler is None or self.scheduler.poll() is not None:
-            for process in (*self.workers, self.client):
-                kill(process)
-            self.workers, self.client = [], None
-            self._schedule()
-        self.workers = [worker for worker in self.workers if worker.poll() is None]
-        while len(self.workers) < 2:
-            words = [self.address, "--nthreads", "1", "--no-dashboard", "--no-nanny"]
-            self.workers.append(start(DASK.format("worker", words), self.folder))
-        if self.client is None or self.client.poll() is not None:
-            words = ["fleet", "run", self.url, "--scheduler", self.address, "--quiet"]
-            self.client = start(MAIN, self.folder, *words)
-        return False
-
-    def _schedule(self) -> None:
-        file = self.folder / "scheduler.json"
-        file.unlink(missing_ok=True)
-        words = ["--scheduler-file", str(file), "--port", "0", "--host", "127.0.0.1"]
-        self.scheduler = start(DASK.format("scheduler", [*words, "--no-dashboard"]), self.folder)
-        until = time.monotonic() + 120.0
-        while not file.is_file():
-            assert time.monotonic() < until, "no scheduler began"
-            time.sleep(0.1)
-        self.address = json.loads(file.read_text())["address"]
-
-    def kill_one(self, draw: random.Random) -> str:
-        """Kill a process drawn at random: which it was."""
-        kind = draw.choice(("worker", "drive", "client", "scheduler"))
-        drives = [pid for worker in self.workers for pid in children(worker.pid)]
-        if kind == "drive" and drives:
-            os.kill(draw.choice(drives), signal.SIGKILL)
-        elif kind == "scheduler":
-            kill(self.scheduler)
-        elif kind == "client":
-            kill(self.client)
-        else:
-            kind = "worker"
-            kill(self.workers.pop(draw.randrange(len(self.workers))))
-        return kind
-
-    def end(self) -> None:
-        for process in (self.client, *self.workers, self.scheduler):
-            kill(process)
-
-
 def forget(store: Store) -> None:
     """Leave of a store the list of its drives."""
     folder = store.place.folder
@@ -171,8 +83,8 @@ def command(folder: Path, *words: str) -> int:
 
 @pytest.mark.parametrize("seed", [1])
 def test_processes_that_are_killed_all_the_time_change_no_byte(seed: int, tmp_path: Path) -> None:
-    """Workers, the processes of drives, the client and the scheduler, every few seconds while six
-    drives are run, and the merge after it."""
+    """Workers, their nannies, the processes of drives, the client and the scheduler, every few
+    seconds while six drives are run, and the merge after it."""
     (tmp_path / "scenario.toml").write_text(SCENARIO)
     for k in range(DRIVES):
         simulate(tmp_path / "scenario.toml", tmp_path / "drives" / f"d{k}", seed=k + 1)
@@ -195,7 +107,7 @@ def test_processes_that_are_killed_all_the_time_change_no_byte(seed: int, tmp_pa
             time.sleep(draw.uniform(1.0, 5.0))
             # so many that every kind is hit; then it must come to an end by itself
             if len(killed) < KILLS and any(e.state() != "done" for e in store.entries()):
-                killed.append(crew.kill_one(draw))
+                killed += filter(None, [crew.kill_one(draw)])
     finally:
         crew.end()
     assert len(killed) >= 4

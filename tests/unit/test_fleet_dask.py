@@ -8,6 +8,8 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -221,28 +223,40 @@ def test_an_interrupt_ends_a_run_cleanly(tmp_path: Path) -> None:
     assert 1 <= done < 6
 
 
-@pytest.mark.slow
-def test_workers_that_are_killed_change_nothing(tmp_path: Path) -> None:
-    """A scheduler of its own with two workers, one of which is killed again and again."""
-    store = make_store(tmp_path, range(8))
-    file = tmp_path / "scheduler.json"
+@contextmanager
+def cluster(
+    folder: Path, workers: int
+) -> Iterator[tuple[str, list[subprocess.Popen[bytes]], Callable[[], subprocess.Popen[bytes]]]]:
+    """A scheduler's address, its workers, and what begins another one."""
+    file = folder / "scheduler.json"
     scheduler = start(
         "from distributed.cli.dask_scheduler import main; main(["
         f"'--scheduler-file', {str(file)!r}, '--port', '0', '--host', '127.0.0.1', "
         "'--no-dashboard'], standalone_mode=False)",
-        tmp_path,
+        folder,
     )
     working = (
         "from distributed.cli.dask_worker import main; main(["
         f"'--scheduler-file', {str(file)!r}, '--nthreads', '1', '--no-dashboard', '--no-nanny'], "
         "standalone_mode=False)"
     )
-    children = [start(working, tmp_path) for _ in range(2)]
+    children = [start(working, folder) for _ in range(workers)]
     try:
         until = time.monotonic() + 120.0
         while not file.is_file() and time.monotonic() < until:
             time.sleep(0.1)
-        address = json.loads(file.read_text())["address"]
+        yield json.loads(file.read_text())["address"], children, lambda: start(working, folder)
+    finally:
+        for child in (*children, scheduler):
+            child.kill()
+            child.wait()
+
+
+@pytest.mark.slow
+def test_workers_that_are_killed_change_nothing(tmp_path: Path) -> None:
+    """A scheduler of its own with two workers, one of which is killed again and again."""
+    store = make_store(tmp_path, range(8))
+    with cluster(tmp_path, 2) as (address, children, another):
         code = f"import test_fleet_dask as t; t.run_slowly({store.place.url!r}, {address!r})"
         client = start(code, tmp_path)
         for count in (1, 3, 5):
@@ -250,12 +264,8 @@ def test_workers_that_are_killed_change_nothing(tmp_path: Path) -> None:
             victim = children.pop(0)
             victim.kill()
             victim.wait()
-            children.append(start(working, tmp_path))
+            children.append(another())
         assert client.wait(240) == 0
-    finally:
-        for child in (*children, scheduler):
-            child.kill()
-            child.wait()
     assert {entry.state() for entry in store.entries()} == {"done"}
     merge(store)
     killed = map_bytes(store)
@@ -265,3 +275,40 @@ def test_workers_that_are_killed_change_nothing(tmp_path: Path) -> None:
     run(store, ORDER, workers=1, task=publish_made)
     merge(store)
     assert map_bytes(store) == killed
+
+
+@pytest.mark.slow
+def test_the_end_of_a_worker_does_not_count_against_drives_that_wait(tmp_path: Path) -> None:
+    """The only worker is killed after each drive. Whoever began four times in vain is put aside
+    here, but drives that waited all the while did not begin."""
+    store = make_store(tmp_path, range(8))
+    with cluster(tmp_path, 1) as (address, children, another):
+        code = (
+            "import test_fleet_dask as t\n"
+            "from pipeline.fleet import run\n"
+            "run.LOST = 1\n"
+            f"t.run_slowly({store.place.url!r}, {address!r})"
+        )
+        client = start(code, tmp_path)
+        for count in range(1, 7):
+            wait_for(store, count)
+            children[0].kill()
+            children[0].wait()
+            children[0] = another()
+        assert client.wait(240) == 0
+    assert [entry.state() for entry in store.entries()] == ["done"] * 8
+
+
+def test_nobody_else_can_reach_what_runs_the_drives(tmp_path: Path) -> None:
+    """Servers of a cluster on this machine listen to this machine alone."""
+    import psutil
+
+    def listening() -> set[tuple[str, int]]:
+        found = psutil.Process().net_connections("tcp")
+        return {(c.laddr.ip, c.laddr.port) for c in found if c.status == psutil.CONN_LISTEN}
+
+    store, before = make_store(tmp_path, range(1)), listening()
+    during: set[tuple[str, int]] = set()
+    run(store, ORDER, workers=1, task=publish_made, progress=lambda *_: during.update(listening()))
+    assert during - before
+    assert {address for address, _ in during - before} == {"127.0.0.1"}
