@@ -43,6 +43,8 @@ from tests.fleet_crew import MAIN, Crew, kill, start
 
 LOOK_S = 2.0
 """Memory and processes are looked at so often; it costs a few milliseconds."""
+MERGED_S = (2.0, 20.0)
+"""How long a merge that is killed has had."""
 SHARES = (0.1, 0.5, 1.0)
 MATCH_M = 3.0
 PASSED_OFTEN = 3
@@ -150,7 +152,7 @@ def run(folder: Path, name: str, kill_every: float | None, seed: int = 1) -> Non
     seconds = time.monotonic() - started
     for _ in range(5 if kill_every is not None else 0):
         merging = start(MAIN, folder, "fleet", "merge", str(store_folder), "--workers", "2")
-        time.sleep(draw.uniform(2.0, kill_every or 0.0))
+        time.sleep(draw.uniform(*MERGED_S))
         kill(merging)
     fleet(folder, "merge", store_folder, "--workers", 2, "--quiet")
     entries = store.entries()
