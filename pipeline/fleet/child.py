@@ -23,9 +23,11 @@ from automap.io.atomic import write_json
 if TYPE_CHECKING:
     from automap.mapping.sightings import DriveSigns
 
+FULL = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EROFS})
+"""What it says of a disk on which nothing can be written."""
 PASSING = frozenset(
     {
-        *(errno.EIO, errno.ESTALE, errno.ETIMEDOUT, errno.ENOSPC, errno.EDQUOT, errno.EROFS),
+        *(errno.EIO, errno.ESTALE, errno.ETIMEDOUT),
         *(errno.ECONNRESET, errno.ECONNREFUSED, errno.ENOTCONN, errno.EHOSTUNREACH),
         *(errno.ENETUNREACH, errno.EMFILE, errno.ENFILE, errno.EBUSY, errno.EAGAIN),
     }
@@ -34,11 +36,14 @@ PASSING = frozenset(
 
 
 def kind_of(error: BaseException) -> str:
-    """``memory``, ``io`` for what may pass, else ``data``: it will be the same every time."""
+    """``memory``, ``full`` where it could not be written, ``io`` for what may pass, else ``data``:
+    it will be the same every time."""
     link: BaseException | None = error
     while link is not None:
         if isinstance(link, MemoryError):
             return "memory"
+        if isinstance(link, OSError) and link.errno in FULL:
+            return "full"
         if isinstance(link, OSError) and link.errno in PASSING:
             return "io"
         link = link.__cause__ or link.__context__

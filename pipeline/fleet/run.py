@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     from pipeline.settings.load import Settings
 
 TRIES = 3
-"""Of a drive whose files could not be read, or that lacked memory: what a network does for a
-moment it does not do three times in the minutes between."""
+"""Of a drive whose files could not be read, or that lacked memory or room for temporary files: what
+a network does for a moment it does not do three times in the minutes between."""
 LOST = 10
 """A drive whose worker or process was ended from outside is done again so often: that is not its
 fault, but a drive that ends its machine must not go round for ever."""
@@ -167,13 +167,13 @@ class _Round:
     def _settled(self, one: _Try, result: Result) -> _Try | None:
         """Take a result in; the drive once more where it is to be done again at once."""
         digest, tried = one.entry.digest, one.tries + 1
-        if result.kind == "store":
+        if result.kind == "store" or (result.kind == "full" and tried == TRIES):
             raise StageError(
                 f"{result.error} What is done stays, and the same command goes on from here."
             )
         if result.kind == "lost" and one.lost + 1 < LOST:
             return _Try(one.entry, one.order, one.tries, one.lost + 1)
-        if result.kind == "io" and tried < TRIES:
+        if result.kind in ("io", "full") and tried < TRIES:
             return _Try(one.entry, one.order, tried, one.lost)
         if result.kind == "memory" and tried < TRIES:
             order = one.order

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import errno
 import hashlib
 import json
 import os
+import platform
 import shutil
 import signal
 import subprocess
@@ -20,6 +20,7 @@ from typing import Any
 from automap.errors import AutoMapError
 from automap.io import names
 from pipeline.fleet.add import parent_of
+from pipeline.fleet.child import kind_of
 from pipeline.fleet.orders import Order
 from pipeline.fleet.store import DONE, DRIVES, Store, StoreGoneError, result_name
 from pipeline.shared.kernel_cache import ensure_kernel_cache
@@ -30,14 +31,15 @@ _LEFT_OUT = frozenset({names.IMU, names.TRAJECTORY_FILTER, names.INNOVATIONS, ".
 """What only a further run in the same folder reads: two thirds of the bytes."""
 _THREADS = ("OPENBLAS", "OMP", "MKL", "NUMEXPR", "NUMBA", "ARROW_IO", "OPENCV_FOR")
 _SCRATCH = "automap-fleet."
-_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EROFS)
+_LEAST_ROOM = 1 << 16
+"""Bytes: a disk that cannot take so many is full, whatever a library says of it."""
 
 
 @dataclass(frozen=True)
 class Result:
     """What became of a drive: ``kind`` "done"; "memory", "io", "lost" (its process was ended from
     outside) or "data" with the ``error`` in a sentence; "store" where nothing can be written to
-    the store, which is no drive's fault."""
+    the store and "full" where the machine has no room to work on it, which is no drive's fault."""
 
     digest: str
     kind: str
@@ -56,24 +58,29 @@ def run_task(url: str, digest: str, path: str, order: Order) -> Result:
         return _done(digest, entry.done)
     order.settings()
     _remove_abandoned()
-    with tempfile.TemporaryDirectory(prefix=f"{_SCRATCH}{os.getpid()}.") as scratch:
+    try:
+        folder = tempfile.TemporaryDirectory(prefix=f"{_SCRATCH}{os.getpid()}.")
+    except OSError as error:
+        return _no_room(digest, path) if kind_of(error) == "full" else _unread(digest, path, error)
+    with folder as scratch:
         out = Path(scratch) / "out"
         try:
             drive = _fetched(path, Path(scratch) / "drive")
             answer = _supervised(drive, out, Path(scratch), order)
         except OSError as error:
-            return Result(digest, "io", f"{path}: {error.strerror or error}")
+            if kind_of(error) == "full":
+                return _no_room(digest, path)
+            return _unread(digest, path, error)
         except AutoMapError as error:
-            # the disk for what is worked on is full, say
             return Result(digest, "io", str(error))
         if "error" in answer:
+            if answer["kind"] == "full" or not _has_room(Path(scratch)):
+                return _no_room(digest, path)
             return _failed(digest, answer, path, drive)
         try:
             marker = publish(store, digest, out, answer, order.key)
         except (OSError, AutoMapError) as error:
-            cause = error if isinstance(error, OSError) else error.__cause__
-            full = isinstance(cause, OSError) and cause.errno in _FULL
-            of_store = full or isinstance(error, StoreGoneError)
+            of_store = kind_of(error) == "full" or isinstance(error, StoreGoneError)
             return Result(digest, "store" if of_store else "io", str(error))
     return _done(digest, marker)
 
@@ -84,6 +91,28 @@ def _remove_abandoned() -> None:
         pid = path.name.removeprefix(_SCRATCH).partition(".")[0]
         if pid.isdigit() and not Path(f"/proc/{pid}").exists():
             shutil.rmtree(path, ignore_errors=True)
+
+
+def _no_room(digest: str, path: str) -> Result:
+    """What is worked on lies there until the drive is done."""
+    return Result(
+        digest, "full",
+        f"{path}: the disk of temporary files on {platform.node()} is full "
+        f"({tempfile.gettempdir()}); free some space, or name another folder in TMPDIR.",
+    )  # fmt: skip
+
+
+def _unread(digest: str, path: str, error: OSError) -> Result:
+    return Result(digest, "io", f"{path}: {error.strerror or error}")
+
+
+def _has_room(folder: Path) -> bool:
+    try:
+        with tempfile.TemporaryFile(dir=folder) as file:
+            file.write(bytes(_LEAST_ROOM))
+    except OSError as error:
+        return kind_of(error) != "full"
+    return True
 
 
 def _done(digest: str, marker: dict[str, Any]) -> Result:

@@ -43,6 +43,8 @@ from tests.fleet_crew import MAIN, Crew, kill, start
 
 LOOK_S = 2.0
 """Memory and processes are looked at so often; it costs a few milliseconds."""
+MERGED_S = (2.0, 20.0)
+"""How long a merge that is killed has had."""
 SHARES = (0.1, 0.5, 1.0)
 MATCH_M = 3.0
 PASSED_OFTEN = 3
@@ -150,7 +152,7 @@ def run(folder: Path, name: str, kill_every: float | None, seed: int = 1) -> Non
     seconds = time.monotonic() - started
     for _ in range(5 if kill_every is not None else 0):
         merging = start(MAIN, folder, "fleet", "merge", str(store_folder), "--workers", "2")
-        time.sleep(draw.uniform(2.0, kill_every or 0.0))
+        time.sleep(draw.uniform(*MERGED_S))
         kill(merging)
     fleet(folder, "merge", store_folder, "--workers", 2, "--quiet")
     entries = store.entries()
@@ -230,7 +232,7 @@ def judge(folder: Path, name: str) -> None:
 
 def figures(name: str, town: Town, passes: Any, signs: Sequence[Sign]) -> None:
     """Errors, coverage, signs missed and false."""
-    lat, lon, height = town.geodetic(town.city.position)
+    lat, lon, height = town.geodetic(town.centres())
     true = SignPoints(
         lat, lon, np.array(town.city.names, np.object_)[town.city.code],
         np.full((len(lat), 2, 2), np.nan), np.zeros(len(lat)),
@@ -239,6 +241,7 @@ def figures(name: str, town: Town, passes: Any, signs: Sequence[Sign]) -> None:
     placed = np.isfinite(found.lat_rad)
     pairs = match(found, true, MATCH_M)
     rows, owner = pairs.estimate, pairs.truth
+    extra = np.setdiff1d(np.arange(len(signs)), rows)
     north, east = 6335439.0, 6378137.0  # radii of curvature on the equator
     error = np.column_stack(
         [
@@ -256,10 +259,12 @@ def figures(name: str, town: Town, passes: Any, signs: Sequence[Sign]) -> None:
     often = passes >= PASSED_OFTEN
     right = [signs[k].class_name == true.class_name[j] for k, j in zip(rows, owner, strict=True)]
     existence = np.array([sign.existence for sign in signs])
+    again = len(match(points_of([signs[k] for k in extra.tolist()]), true, MATCH_M))
     distance = np.hypot(*error[:, :2].T)
     print(
         f"{name}: {len(signs)} signs ({int(placed.sum())} placed), {len(rows)} of the town's; "
-        f"false {1 - len(rows) / len(signs):.4f} (stated {1 - existence.mean():.4f}); missed of "
+        f"false {len(extra) / len(signs):.4f}, {again} of {len(extra)} beside one of the town's "
+        f"(stated {1 - existence.mean():.4f}); missed of "
         f"{int(often.sum())} passed {PASSED_OFTEN} times {1 - hit[often].mean():.4f}; error median "
         f"{np.median(distance):.3f} m, 95 % {np.quantile(distance, 0.95):.3f} m; inside 95 % "
         f"ellipses {np.mean(square < gate(0.05, 2)):.3f}, "

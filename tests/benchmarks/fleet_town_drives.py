@@ -81,8 +81,12 @@ class Town:
         """Signs [n] on the streets of a drive that nothing hides."""
         return np.isin(self.city.block, self.route(number)) & ~self.hidden(number)
 
+    def centres(self) -> FloatArray:
+        """Middles of the signs [n, 3] east, north, up of where the IMU drives."""
+        return np.asarray(self.city.position - [0.0, 0.0, Vehicle().imu_height_m])
+
     def geodetic(self, enu: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Latitude and longitude in rad and height of points [n, 3] east, north, up of the road."""
+        """Latitude and longitude in rad and height of points [n, 3] east, north, up."""
         north, east = (float(v) for v in metres_per_radian(np.radians(LAT_DEG), HEIGHT_M))
         lat = np.radians(LAT_DEG) + enu[:, 1] / north
         return lat, np.radians(LON_DEG) + enu[:, 0] / east, HEIGHT_M + enu[:, 2]
@@ -171,7 +175,7 @@ def scenario_of(town: Town, number: int) -> dict[str, Any]:
 
 def signs_of(town: Town, number: int, start: dict[str, Any]) -> list[SceneSign]:
     """The signs about a drive that it can see, in metres about its start."""
-    city, vehicle = town.city, Vehicle()
+    city = town.city
     route = town.route(number)
     ends = np.vstack([city.starts[route], city.starts[route] + city.steps[route]])
     low, high = ends.min(axis=0) - NEAR_M, ends.max(axis=0) + NEAR_M
@@ -179,11 +183,11 @@ def signs_of(town: Town, number: int, start: dict[str, Any]) -> list[SceneSign]:
     about = ((plan > low) & (plan < high)).all(axis=1) & ~town.hidden(number)
     rows = np.flatnonzero(about)
     ref = tuple(np.radians([start["lat_deg"], start["lon_deg"]]).tolist())
-    position = city.position[rows]
-    # the IMU's height above the road belongs to the path
-    up = position - [0.0, 0.0, vehicle.imu_height_m]
-    centre = local_ned(*town.geodetic(up), (*ref, HEIGHT_M))
-    foot = local_ned(*town.geodetic(up * [1.0, 1.0, 0.0]), (*ref, HEIGHT_M))
+    middle = town.centres()[rows]
+    centre = local_ned(*town.geodetic(middle), (*ref, HEIGHT_M))
+    foot = local_ned(
+        *town.geodetic(middle - city.position[rows] * [0.0, 0.0, 1.0]), (*ref, HEIGHT_M)
+    )
     classes = load_vocabulary().classes
     return [
         SceneSign(

@@ -92,10 +92,11 @@ def fill(mount: Path, left: int) -> Path:
     return filler
 
 
-def fleet(*words: object) -> tuple[int, str]:
+def fleet(*words: object, temporary: Path | None = None) -> tuple[int, str]:
     """``automap fleet``: its exit code, and the last line that it says of an error."""
     command = [sys.executable, "-c", MAIN, "fleet", *map(str, words)]
-    done = subprocess.run(command, capture_output=True, text=True)
+    more = {} if temporary is None else {"TMPDIR": str(temporary)}
+    done = subprocess.run(command, capture_output=True, text=True, env={**os.environ, **more})
     return done.returncode, (done.stderr.strip().splitlines() or [""])[-1]
 
 
@@ -125,9 +126,13 @@ def _night(folder: Path, mount: Path, url: Path, night: int, paths: list[Path]) 
         fillers, before = [fill(mount, len(paths) * LEFT_KB << 10)], os.readlink(url / "map")
         code, said = fleet("run", url, "--workers", 2, "--quiet")
         expect("run on a full disk", code, 4)
+        # temporary files lie on the same disk, as on a machine that has one
+        again, then = fleet("run", url, "--workers", 2, "--quiet", temporary=mount)
+        expect("run with temporary files on a full disk", again, 4)
         store = Store.at(str(url))
         states = [entry.state() for entry in store.entries()]
         expect("put aside on a full disk", states.count("aside"), 0)
+        said += f" / {then}"
         told = f"; full: {said!r}, {states.count('waiting')} wait"
         fillers.append(fill(mount, 1 << 16))
         code, said = fleet("merge", url, "--workers", 2, "--quiet")

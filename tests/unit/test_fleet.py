@@ -126,6 +126,28 @@ def test_a_full_disk_is_told_with_the_file_and_what_to_do(
         place_at(str(tmp_path / "store")).put(tmp_path / "report.html", "drives/d/report.html")
 
 
+@pytest.mark.parametrize("how", ["raised", "answered", "hidden"])
+def test_a_machine_without_room_is_no_fault_of_a_drive(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, how: str
+) -> None:
+    """The disk of temporary files is full: so says the system, the drive's process, or only the
+    disk, where a library says something else."""
+    store = make_store(tmp_path, range(1))
+    (entry,) = store.entries()
+
+    def answered(drive: Path, out: Path, scratch: Path, order: Order) -> dict[str, str]:
+        if how == "raised":
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        return {"kind": "full" if how == "answered" else "data", "error": "a sentence"}
+
+    monkeypatch.setattr(task, "_supervised", answered)
+    monkeypatch.setattr(task, "_has_room", lambda folder: how != "hidden")
+    monkeypatch.setattr(Order, "settings", lambda order: None)
+    result = task.run_task(store.place.url, entry.digest, entry.path, ORDER)
+    assert result.kind == "full"
+    assert result.error.startswith(f"{entry.path}: the disk of temporary files on ")
+
+
 def test_a_status_is_not_put_into_a_store_that_is_gone(tmp_path: Path) -> None:
     store = make_store(tmp_path, range(1))
     shutil.rmtree(tmp_path / "store")
@@ -286,7 +308,7 @@ def changed(stage):  # type: ignore[no-untyped-def]
     [
         (MemoryError(), "memory"),
         (OSError(errno.EIO, "Input/output error"), "io"),
-        (OSError(errno.ENOSPC, "No space left"), "io"),
+        (OSError(errno.ENOSPC, "No space left"), "full"),
         (FileNotFoundError(errno.ENOENT, "No such file"), "data"),
         (ValueError("not a number"), "data"),
     ],

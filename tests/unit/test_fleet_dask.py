@@ -106,6 +106,19 @@ def test_what_may_pass_is_tried_again_and_bad_data_never(
     assert list(ran.aside.values()) == ([] if good else [f"{entry.path}: {kind}."])
 
 
+def test_a_machine_without_room_for_temporary_files_puts_no_drive_aside(tmp_path: Path) -> None:
+    """It is tried again, as another drive may have taken the room for a moment; then the run
+    ends."""
+    store = make_store(tmp_path, range(1))
+    marks = tmp_path / "marks"
+    marks.mkdir()
+    with pytest.raises(StageError, match=r": full\. What is done stays"):
+        run(store, ORDER, workers=1, task=partial(tried, marks, "full", 9))
+    assert len(memories(marks, store)) == 3
+    assert {entry.state() for entry in store.entries()} == {"waiting"}
+    assert len(run(store, ORDER, workers=1, task=partial(tried, marks, "full", 4)).done) == 1
+
+
 def test_a_full_store_puts_no_drive_aside(tmp_path: Path) -> None:
     store = make_store(tmp_path, range(3))
     with pytest.raises(StageError, match=r"the disk is full\. What is done stays"):
