@@ -9,7 +9,7 @@ from functools import cache
 
 from automap.io import header_words as words_of
 from automap.io.table_form import TableKind
-from automap.io.table_units import Quantity, unit_named
+from automap.io.table_units import UNITS, Quantity, unit_named
 
 _BRACKET = re.compile(r"[\[({]([^\[\](){}]*)[\])}]")
 _WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+")
@@ -60,14 +60,25 @@ class HeaderName:
         """The unit that the name tells, None when it tells none."""
         if self.bracket:
             return unit_named(self.bracket, quantity)
+        for n in (3, 2):
+            if len(self.words) >= n:
+                written = _written(self.words[-n:])
+                told = {q for q in UNITS if any(unit_named(text, q) for text in written)}
+                if quantity in told and (len(self.words) > n or quantity == "time"):
+                    return next(filter(None, (unit_named(text, quantity) for text in written)))
+                if told:
+                    # the h of km/h is no hour
+                    return None
         last = _LAST.search(self.text.strip())
         found = unit_named(last.group(1), quantity) if last else None
-        for n in (3, 2, 1):
-            if found is None and self.words and (len(self.words) > n or quantity == "time"):
-                end = self.words[-n:]
-                written = ("/".join(end), "".join(end), f"{end[0]}/{''.join(end[1:])}")
-                found = next(filter(None, (unit_named(text, quantity) for text in written)), None)
+        if found is None and self.words and (len(self.words) > 1 or quantity == "time"):
+            return unit_named(self.words[-1], quantity)
         return found
+
+
+def _written(words: tuple[str, ...]) -> tuple[str, ...]:
+    """How the words at the end of a name may have been written as a unit."""
+    return "/".join(words), "".join(words), f"{words[0]}/{''.join(words[1:])}"
 
 
 @dataclass(frozen=True)

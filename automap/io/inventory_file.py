@@ -22,18 +22,26 @@ from automap.records import BoolArray, FloatArray
 ROLES = {
     "id": (
         *("id", "signid", "assetid", "objectid", "zeichenid", "nummer", "nr", "number", "ref"),
+        *("lfdnr", "laufendenummer", "inventarnummer", "inventarnr", "schildnr", "standortnr"),
         *("osmid", "fid", "gid", "uuid", "name"),
     ),
     "class": (
         *("class", "trafficsign", "signclass", "signcode", "signtype", "vzkat", "vznr", "vz"),
         *("zeichennummer", "zeichennr", "verkehrszeichen", "zeichen", "mutcd", "mutcdcode", "code"),
+        *("vznummer", "vzkatnr", "vzkatnummer", "zeichencode", "vzcode"),
         *("type", "typ", "value", "klasse", "category"),
     ),
     "lat": ("lat", "latitude", "latdeg", "breite", "geogrbreite", "latitudedeg", "breitengrad"),
-    "lon": ("lon", "lng", "long", "longitude", "londeg", "laenge", "laengengrad", "longitudedeg"),
+    "lon": (
+        *("lon", "lng", "long", "longitude", "londeg", "laenge", "laengengrad", "longitudedeg"),
+        "geogrlaenge",
+    ),
     "x": ("x", "easting", "east", "rechtswert", "rw", "ostwert", "e", "xcoord", "koordx"),
     "y": ("y", "northing", "north", "hochwert", "hw", "nordwert", "n", "ycoord", "koordy"),
-    "facing": ("facing", "facingdeg", "direction", "bearing", "azimuth", "richtung", "heading"),
+    "facing": (
+        *("facing", "facingdeg", "direction", "bearing", "azimuth", "azimut", "heading"),
+        *("richtung", "ausrichtung", "blickrichtung", "orientation", "orientierung"),
+    ),
     "sd": ("sd", "sdm", "accuracy", "accuracym", "sigma", "genauigkeit", "precision"),
     "value": ("speed", "speedlimit", "limit", "maxspeed", "wert", "text", "aufschrift"),
 }
@@ -49,8 +57,8 @@ _COMPASS = {name: 22.5 * k for k, name in enumerate(_POINTS)}
 @dataclass(frozen=True)
 class InventoryFile:
     """Listed signs [n] as they are told: ``ids``, ``codes`` ("" none), positions in rad (NaN for
-    none), ``facing_rad`` and ``sd_m`` (NaN unknown); the names of the
-    columns by role; sentences about what is doubtful."""
+    none), ``facing_rad`` and ``sd_m`` (NaN unknown); the names of the columns by role, and of those
+    ``unread``; sentences about what is doubtful."""
 
     ids: list[str]
     codes: list[str]
@@ -59,6 +67,7 @@ class InventoryFile:
     facing_rad: FloatArray
     sd_m: FloatArray
     columns: dict[str, str]
+    unread: tuple[str, ...] = ()
     warnings: list[str] = field(default_factory=list)
 
     def __len__(self) -> int:
@@ -76,8 +85,9 @@ def read_inventory(
 
     ``stated`` names columns by role (``ROLES``), others are guessed; ``crs`` replaces the file's
     own; ``near`` are latitudes and longitudes (rad) where the signs should be: coordinates that
-    only fit there the other way round are turned, with a warning. Raises InputError for a list
-    without positions or in an unknown coordinate system, ConfigError for an unknown role or column.
+    only lie there when they are read otherwise (``_near_readings``) are, with a warning. Raises
+    InputError for a list without positions or in an unknown coordinate system, ConfigError for an
+    unknown role or column.
     """
     table = read_layer(path, layer)
     columns = _columns(path, table, stated or {})
@@ -87,8 +97,8 @@ def read_inventory(
     if system is None:
         x, y, system = _guessed_system(path, x, y, warnings)
     lon, lat = to_degrees(x, y, system, path)
-    if near is not None and np.isfinite(lat).any():
-        lon, lat = _right_way_round(path, (x, y), (lon, lat), system, near, warnings)
+    if near is not None:
+        lon, lat = _near_readings(path, (x, y), (lon, lat), system, near, warnings)
     lon, lat = _on_earth(path, lon, lat)
     outside = int((~(np.isfinite(lon) & np.isfinite(lat))).sum())
     if outside:
@@ -134,6 +144,7 @@ def read_inventory(
         np.radians(facing),
         np.where(sd > 0.0, sd, np.nan),
         columns,
+        tuple(name for name in table.columns if name not in columns.values()),
         warnings,
     )
 
@@ -195,7 +206,7 @@ def _guessed_system(
     return x, y, "OGC:CRS84"
 
 
-def _right_way_round(
+def _near_readings(
     path: Path,
     given: tuple[FloatArray, FloatArray],
     found: tuple[FloatArray, FloatArray],
@@ -203,14 +214,28 @@ def _right_way_round(
     near: tuple[FloatArray, FloatArray],
     warnings: list[str],
 ) -> tuple[FloatArray, FloatArray]:
-    """Longitudes and latitudes, turned where only that brings entries to the map."""
-    if _about(*found, near).any():
-        return found
-    turned = to_degrees(given[1], given[0], system, path)
-    if _about(*turned, near).any():
-        warnings.append(f"{path}: its coordinates are the other way round; they were turned.")
-        return turned
-    return found
+    """Longitudes and latitudes [n], those of entries that only another reading brings to the map by
+    that: the other way round, degrees among metres, the number of the zone ahead of an easting."""
+    (x, y), (lon, lat) = given, (each.copy() for each in found)
+    known = int((np.isfinite(x) & np.isfinite(y)).sum())
+    for what, east, north, crs in (
+        ("are the other way round; they were turned", y, x, system),
+        ("are degrees and not of the system; they are taken as such", x, y, "OGC:CRS84"),
+        ("are degrees and not of the system; they are taken as such", y, x, "OGC:CRS84"),
+        ("begin with the number of the zone; it was taken off", x % 1e6, y, system),
+    ):
+        away = ~_about(lon, lat, near)
+        if not away.any():
+            break
+        other = to_degrees(east[away], north[away], crs, path)
+        good = _about(*other, near)
+        n = int(good.sum())
+        if n:
+            at = np.flatnonzero(away)[good]
+            lon[at], lat[at] = other[0][good], other[1][good]
+            whose = "its coordinates" if n == known else f"coordinates of {n} of {known} entries"
+            warnings.append(f"{path}: {whose} {what}.")
+    return lon, lat
 
 
 def _about(lon: FloatArray, lat: FloatArray, near: tuple[FloatArray, FloatArray]) -> BoolArray:

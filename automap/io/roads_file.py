@@ -19,9 +19,17 @@ from automap.io.vector_layer import (
 )
 from automap.records import Roads
 
-_IDS = ("roadid", "id", "osmid", "wayid", "strid", "linkid", "segmentid", "ref", "nr", "fid", "gid")
-_NAMES = ("name", "roadname", "strname", "streetname", "strassenname", "bezeichnung", "ref")
-_STARTS = ("chainagestart", "startm", "fromm", "frommeasure", "vonstation", "startchainage")
+_IDS = (
+    *("roadid", "strassenschluessel", "strassennummer", "strassennr", "id", "osmid", "wayid"),
+    *("strid", "linkid", "segmentid", "ref", "nr", "fid", "gid"),
+)
+_NAMES = (
+    *("name", "roadname", "strname", "streetname", "strassenname", "strasse", "bezeichnung", "ref"),
+)
+_STARTS = (
+    *("chainagestart", "startm", "fromm", "frommeasure", "startchainage"),
+    *("vonstation", "vonm", "stationvon", "anfangsstation"),
+)
 _KINDS = ("highway", "fclass", "roadclass", "roadtype", "functionalclass", "roadkind")
 _ONE_WAYS = ("oneway", "onewaydir", "einbahn")
 _ALONG = frozenset({"yes", "true", "1", "f", "ft"})

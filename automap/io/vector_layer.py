@@ -24,6 +24,7 @@ _TABLES = (".csv", ".tsv", ".txt")
 _PARQUET = (".parquet", ".geoparquet", ".pq")
 _REDIRECTION = re.compile(rb"<OGR\w+DataSource")
 """Files of GDAL's that are no data but say where any are: other files and the net."""
+_SPELLED = str.maketrans({"ä": "ae", "ö": "oe", "ü": "ue", "ß": "ss"})
 _KNOWN = "GeoPackage, GeoJSON, Shapefile, Parquet or CSV"
 
 
@@ -219,8 +220,10 @@ def texts(values: npt.NDArray[np.object_]) -> list[str]:
 
 
 def column_named(columns: Mapping[str, Any], names: tuple[str, ...]) -> str | None:
-    """The column of one of ``names`` (the first that is there), whatever its case and marks."""
+    """The column of one of ``names`` (the first that is there), whatever its case and marks; its
+    umlauts as two letters."""
     plain = {
-        "".join(c for c in name.lower() if c.isalnum()): name for name in reversed(list(columns))
+        "".join(c for c in name.lower().translate(_SPELLED) if c.isalnum()): name
+        for name in reversed(list(columns))
     }
     return next((plain[name] for name in names if name in plain), None)

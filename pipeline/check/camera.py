@@ -32,7 +32,7 @@ def judge(drive: Drive, video: VideoInput) -> Iterator[tuple[Path, list[Finding]
 
 
 def check(drive: Drive, video: VideoInput) -> Iterator[tuple[Path | str, list[Finding]]]:
-    """Findings on one camera, file by file."""
+    """Findings on one camera, file by file, but for the errors, which ``judge`` has."""
     headers: list[VideoHeader] = []
     for path in video.chapters:
         try:
@@ -43,7 +43,8 @@ def check(drive: Drive, video: VideoInput) -> Iterator[tuple[Path | str, list[Fi
         header, counted = _counted(path, header)
         headers.append(header)
         yield path, [*_chapter(video, header), *counted]
-    yield drive.manifest_file, geometry(drive, video, headers)
+    found = geometry(drive, video, headers)
+    yield drive.manifest_file, [finding for finding in found if finding.severity != "error"]
     if headers and video.frames is None:
         yield drive.manifest_file, _start(video, headers)
     if not headers and video.detections is None:
@@ -52,7 +53,7 @@ def check(drive: Drive, video: VideoInput) -> Iterator[tuple[Path | str, list[Fi
             drive.manifest_file,
             [Finding("warning", f"{section} has neither a readable video nor detections")],
         )
-    yield from _listed(video)
+    yield from _listed(video, headers)
 
 
 def _counted(path: Path, header: VideoHeader) -> tuple[VideoHeader, list[Finding]]:
@@ -78,8 +79,7 @@ def _chapter(video: VideoInput, header: VideoHeader) -> list[Finding]:
         findings.append(
             Finding("warning", "its first picture cannot be decoded", "copy the file again")
         )
-    mismatch = size_mismatch(video, header.width, header.height)
-    return findings if mismatch is None else [*findings, mismatch]
+    return findings
 
 
 def size_mismatch(video: VideoInput, wide: int, high: int) -> Finding | None:
@@ -175,8 +175,16 @@ def _start(video: VideoInput, headers: list[VideoHeader]) -> list[Finding]:
     return []
 
 
-def _listed(video: VideoInput) -> Iterator[tuple[Path, list[Finding]]]:
-    """The frames file and the detections."""
+def _other_video(listed: int, shown: int) -> list[Finding]:
+    """A warning where more frames are listed than a video has, or fewer."""
+    if listed == shown:
+        return []
+    text = f"it lists {listed} frames, the video has {shown}"
+    return [Finding("warning", text, "are both of this drive? Frames without a stamp are left out")]
+
+
+def _listed(video: VideoInput, headers: list[VideoHeader]) -> Iterator[tuple[Path, list[Finding]]]:
+    """The frames file, beside how many frames the video has, and the detections."""
     from automap.io.detections_csv import read_detections_csv
     from automap.io.frame_times import frame_times
     from automap.records import FrameTimes
@@ -190,6 +198,9 @@ def _listed(video: VideoInput) -> Iterator[tuple[Path, list[Finding]]]:
         else:
             span = float(times.t_ns[-1] - times.t_ns[0]) * 1e-9
             findings = [Finding("ok", f"stamps of {len(times)} frames over {span:.1f} s")]
+            counts = [header.frames for header in headers]
+            if counts and len(counts) == len(video.chapters) and all(counts):
+                findings += _other_video(len(times), sum(counts))
             yield video.frames, findings + [Finding("warning", text) for text in times.warnings]
     if video.detections is None:
         return

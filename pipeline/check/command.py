@@ -159,12 +159,12 @@ def _manifest(drive: Drive) -> list[Finding]:
     findings += [Finding("warning", text) for text in drive.warnings]
     findings += _presets(drive)
     site = drive.site
-    if site.country is None and site.traffic_side is None:
+    if site.country is None:
         findings.append(
             Finding(
                 "info",
-                "no [site]",
-                "add country and traffic_side for the right sign faces and sides",
+                "no country in [site]",
+                'add country = "DE", or another of two letters, for the right sign faces and codes',
             )
         )
     return findings

@@ -8,8 +8,9 @@ from automap.errors import InputError
 from automap.evaluation.plausibility import Finding, overlap_s
 from automap.fusion.limits import FIX_EDGE_S, LEAST_FIXES
 from automap.io.drive import Drive
+from automap.io.frame_times import frame_times
 from automap.io.recording import Recording, imu_time
-from automap.io.video import VideoInput
+from automap.io.video import VideoInput, read_header
 from automap.records import NO_TIME, FloatArray, IntArray
 from automap.timebase import gps_to_iso, unix_to_gps
 from pipeline.check import limits
@@ -93,6 +94,8 @@ def camera_clock(drive: Drive, recording: Recording, video: VideoInput) -> list[
     else:
         base = drive.gnss.arrival_time if arrived else "gps_ns"
     own = video.section.time
+    if own == base and recording.imu is not None:
+        return _outside(video, np.asarray(recording.imu.t_ns, np.int64))
     if fixes is None or own == base:
         return []
     section = f"[video.{video.name}] time = {own!r}"
@@ -106,6 +109,32 @@ def camera_clock(drive: Drive, recording: Recording, video: VideoInput) -> list[
             )
         ]
     return [Finding("info", f"{section} is brought to the trajectory's {base!r}")]
+
+
+def _outside(video: VideoInput, t_ns: IntArray) -> list[Finding]:
+    """A warning where a camera's frames lie before or after the readings' stamps [n], ns, of the
+    same clock."""
+    try:
+        if video.frames is not None:
+            stamps = frame_times(video).t_ns[[0, -1]]
+        else:
+            length_s = sum(read_header(path).duration_s for path in video.chapters)
+            start = video.section.start_ns or 0
+            stamps = np.array([start, start + int(np.nan_to_num(length_s) * 1e9)])
+    except (InputError, IndexError):
+        # said of the file itself
+        return []
+    if not (video.frames or video.chapters) or overlap_s(stamps, t_ns) >= 0.0:
+        return []
+    frames, drive = (f"{each[0] * 1e-9:.1f} to {each[-1] * 1e-9:.1f} s" for each in (stamps, t_ns))
+    return [
+        Finding(
+            "warning",
+            f"[video.{video.name}] no frame was taken during the drive: its stamps are {frames} of "
+            f"{video.section.time}, the readings' {drive}",
+            "its signs cannot be placed: correct time and start_ns, or the frames file",
+        )
+    ]
 
 
 def _arrivals(drive: Drive, recording: Recording) -> list[Finding]:

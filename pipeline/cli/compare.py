@@ -61,6 +61,7 @@ def command(
     listed by themselves, as unsure.
     """
     from automap.export.inventory import WORK
+    from automap.io.csv_columns import listed
     from pipeline.compare.command import columns_of, compare_with_inventory, summary_text
 
     result = compare_with_inventory(
@@ -73,6 +74,10 @@ def command(
     elif not quiet:
         kinds = result.summary["kinds"]
         click.echo(f"{result.summary['signs']} signs, {result.summary['listed']} listed -> {out}")
+        read = [f"{role} is {name}" for role, name in result.summary["columns"].items()]
+        unread = tuple(result.summary["columns_not_used"])
+        read += [f"not used: {listed(unread)}"] if unread else []
+        click.echo(f"  columns      {', '.join(read)}")
         for kind, number in kinds.items():
             unsure = number - result.summary["sure"][kind]
             beside = f" ({unsure} unsure)" if unsure and kind in WORK else ""

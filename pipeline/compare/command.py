@@ -246,6 +246,7 @@ def _summary(
         "automap": __version__,
         "inventory": inventory.name,
         "columns": read.columns,
+        "columns_not_used": list(read.unread),
         "country": country,
         "signs": n_signs,
         "listed": len(read),

@@ -13,6 +13,7 @@ from automap.io.video import image_size
 from automap.records import FloatArray
 from pipeline.init.draft import Draft
 from pipeline.init.found import Found
+from pipeline.init.video_start import DATED
 
 Ask = Callable[[str, Sequence[str]], str]
 """Asks for one of some answers; for any where there are none, and "" is none."""
@@ -38,9 +39,8 @@ def cameras(draft: Draft, found: Found, ask: Ask | None) -> None:
         ("detections", found.detections),
     ):
         for path in paths:
-            stem = re.sub(r"_?(frames|detections)$", "", path.stem)
-            name = re.sub(r"[^\w-]", "_", re.sub(r"[-_]?\d+$", "", stem) or stem)
-            parts.setdefault(name or "front", {}).setdefault(what, []).append(path)
+            parts.setdefault(_name(path), {}).setdefault(what, []).append(path)
+    _only(parts)
     for name, files in parts.items():
         section = f"video.{name}"
         if "files" in files:
@@ -53,14 +53,38 @@ def cameras(draft: Draft, found: Found, ask: Ask | None) -> None:
                 draft.set(section, key, files[key][0], why)
         clock = draft.get("imu", "time") or "boot_ns"
         draft.set(section, "time", clock, "taken as the clock of the inertial readings")
-        if "frames" not in files:
-            draft.note(section, "no frame times: add start_ns, the time of the first frame")
+        if "frames" not in files and "files" in files:
+            draft.note(section, "no frame times: they are start_ns and the stamps in the video")
         size = image_size(tuple(files["files"])) if "files" in files else None
         chosen = _calibration(found, name, size, len(parts))
         if chosen is not None:
             _calibrated(draft, section, *chosen, size)
         else:
             _uncalibrated(draft, section, size, ask)
+
+
+def _name(path: Path) -> str:
+    """What a camera is called: the name of a file without its date, number and kind."""
+    stem = re.sub(r"_?(frames|detections)$", "", path.stem)
+    bare = DATED.sub("", stem)
+    if bare != stem:
+        # 2026_0314_202000_001F is the first chapter of F, and what is ahead of a date its series
+        bare = re.sub(r"\d+", "", bare)
+    bare = re.sub(r"[-_]?\d+$", "", bare).strip("-_. ") or ("front" if bare != stem else stem)
+    return re.sub(r"[^\w-]", "_", bare) or "front"
+
+
+def _only(parts: dict[str, dict[str, list[Path]]]) -> None:
+    """Frame times and boxes of no other name are those of an only video."""
+    of_video = [name for name, files in parts.items() if "files" in files]
+    others = [name for name, files in parts.items() if "files" not in files]
+    if len(of_video) == 1:
+        for what in ("frames", "detections"):
+            listed = [name for name in others if what in parts[name]]
+            if len(listed) == 1 and what not in parts[of_video[0]]:
+                parts[of_video[0]][what] = parts[listed[0]].pop(what)
+        for name in [name for name in others if not parts[name]]:
+            del parts[name]
 
 
 def _calibration(

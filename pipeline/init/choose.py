@@ -158,4 +158,6 @@ def _site(draft: Draft, ask: Ask | None) -> None:
     if _COUNTRY.fullmatch(country):
         draft.set("site", "country", country.upper(), "as you said: the faces of its signs")
     else:
-        draft.note("site", 'add country = "DE" and traffic_side = "right" for the right sign faces')
+        draft.note(
+            "site", 'add country = "DE", or another of two letters, for the right sign faces'
+        )

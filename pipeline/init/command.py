@@ -9,6 +9,8 @@ from pathlib import Path
 from automap.errors import ConfigError, InputError
 from automap.io import names
 from automap.io.atomic import write_text
+from automap.io.csv_columns import listed
+from automap.io.csv_layout import read_layout
 from automap.io.named_table import look_at_table
 from pipeline.importers.parts import copy_or_link
 from pipeline.importers.target import Import, new_drive
@@ -138,15 +140,36 @@ def _told(found: Found, joined: Joined | None, draft: Draft | None = None) -> li
     passed = [f"{p}: not used: {why}" for p, why in found.passed.items() if p not in parts]
     if draft is not None:
         zones = [s for s in draft.sections if draft.why(s, "utc_offset_h") == AS_UTC]
-        for section in zones:
-            file = draft.get(section, "file")
-            passed.append(f"{file}: its times name no zone and are taken as UTC")
-        passed += dict.fromkeys(draft.doubts)
+        files = dict.fromkeys(draft.get(section, "file") for section in zones)
+        passed += [f"{file}: its times name no zone and are taken as UTC" for file in files]
+        passed += [*_unread(found, draft), *dict.fromkeys(draft.doubts)]
     if joined is None:
         return passed
     gyro, accel = (path.name for path in parts)
     passed = [text.replace(ALONE, "; another table of that sensor is used") for text in passed]
     return [f"{names.IMU_TABLE} is made of {gyro} and {accel}", *passed]
+
+
+def _unread(found: Found, draft: Draft) -> list[str]:
+    """The columns of the drive's tables that nothing is read of, a sentence a table."""
+    told = []
+    for table in found.tables:
+        forms = [
+            draft.get(section, "columns")
+            for section in draft.sections
+            if getattr(draft.get(section, "file"), "name", None) == table.path.name
+        ]
+        if not forms or None in forms:
+            continue
+        read = {each for form in forms for each in form.values()}
+        left = tuple(
+            name
+            for at, name in enumerate(read_layout(table.path).names, 1)
+            if name and not {name, at} & read
+        )
+        if left:
+            told.append(f"{table.path}: columns that are not used: {listed(left)}")
+    return told
 
 
 def _unpack(source: Path, out: Path | None, found: Found, ask: Ask | None, force: bool) -> Outcome:

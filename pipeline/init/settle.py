@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tempfile
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -26,6 +27,7 @@ from pipeline.check.axes import SCALE_CODE, WeighedAxes, weigh_axes
 from pipeline.check.steadiness import usable_receiver
 from pipeline.importers.level_axes import SLOW, is_slow, level_axes
 from pipeline.init.draft import AS_UTC, Draft
+from pipeline.init.video_start import start_videos
 
 _ZONES_H = (-12.0, 14.25, 0.25)
 """The zones of the world and their steps, h."""
@@ -48,6 +50,7 @@ def settle(draft: Draft) -> None:
         return
     _accel_unit(draft)
     _clock(draft)
+    _videos(draft)
     _wheels(draft)
     _fix_units(draft)
     weighed = _gyro_unit(draft)
@@ -117,6 +120,13 @@ def _clock(draft: Draft) -> None:
         clock = draft.get("imu", "time")
         if clock in ("unix_ns", "gps_ns"):
             _zone(draft, "gnss", span, unix_to_gps(seconds) if clock == "unix_ns" else seconds)
+
+
+def _videos(draft: Draft) -> None:
+    """When videos began, on the clock of the stamps."""
+    read = _read(draft) if any(name.startswith("video.") for name in draft.sections) else None
+    if read is not None and read[1].imu is not None:
+        start_videos(draft, np.asarray(read[1].imu.t_ns * 1e-9, np.float64))
 
 
 def _wheels(draft: Draft) -> None:
@@ -218,7 +228,10 @@ def _gyro_unit(draft: Draft) -> tuple[Recording, WeighedAxes] | None:
         if read is None or read[1].imu is None:
             return None
         drive, recording = read
-        seen[unit] = recording, weigh_axes(drive, recording, *usable_receiver(drive, recording))
+        fixes, clock = usable_receiver(drive, recording)
+        weighed = weigh_axes(drive, recording, fixes, clock)
+        # speeds in a wrong unit do not say how fast the vehicle is
+        seen[unit] = replace(recording, fixes=fixes), weighed
         scaled = any(f.code == SCALE_CODE for f in seen[unit][1].findings)
         assert recording.imu is not None
         fast = plausibility.gyro_size(recording.imu.gyro).severity != "ok"

@@ -13,8 +13,10 @@ import numpy as np
 import pytest
 
 from automap.io.drive import load_drive
+from pipeline.check.command import check_drive
 from pipeline.init.choose import draft_of
 from pipeline.init.found import look
+from pipeline.init.settle import settle
 from tests.unit.foreign_tables import SAMPLE
 
 MATRIX = np.array([[1003.25, 0.0, 641.5], [0.0, 998.75, 355.125], [0.0, 0.0, 1.0]])
@@ -115,3 +117,61 @@ def test_without_a_video_the_size_of_its_pictures_is_asked(folder: Path) -> None
     section, _ = _said(folder, ["1242 x 375", "81"])
     assert (section["width"], section["height"]) == (1242, 375)
     assert section["camera_matrix"][0][0] == pytest.approx(727.1, abs=0.1)
+
+
+@pytest.mark.parametrize(
+    ("name", "camera", "ahead_h"),
+    [
+        ("20260314_092000.mp4", "front", 0.0),
+        ("2026_0314_202000_001F.MP4", "F", 11.0),
+        ("NO20260314-202000-000123R.mp4", "NO-R", 11.0),
+        ("VID_20260314_092000123.mp4", "VID", 0.0),
+    ],
+)
+def test_a_dated_name_tells_when_a_video_began(
+    folder: Path, name: str, camera: str, ahead_h: float
+) -> None:
+    """To a second, in the zone in which it is of the drive; dates and numbers name no camera."""
+    shutil.rmtree(folder / "video")
+    shutil.copy(SAMPLE / "video/front.mp4", folder / name)
+    _on_unix_time(folder)
+    draft = draft_of(look(folder), folder, None)
+    settle(draft)
+    section = f"video.{camera}"
+    second = 1773480000.0
+    assert draft.get(section, "start_ns") * 1e-9 == pytest.approx(second, abs=1.0)
+    assert draft.get(section, "time_offset_sigma_s") == 1.0
+    assert (f"{ahead_h:+g} h" in draft.why(section, "start_ns")) == bool(ahead_h)
+
+
+def test_a_name_of_another_day_tells_no_beginning(folder: Path) -> None:
+    shutil.rmtree(folder / "video")
+    shutil.copy(SAMPLE / "video/front.mp4", folder / "20260311_092000.mp4")
+    _on_unix_time(folder)
+    draft = draft_of(look(folder), folder, None)
+    settle(draft)
+    assert draft.get("video.front", "start_ns") is None
+    assert any("20260311_092000.mp4" in doubt for doubt in draft.doubts)
+    (folder / "drive.toml").write_text(draft.manifest("d"), encoding="utf-8")
+    told = [each.text for each in check_drive(folder).findings]
+    assert any("no frame was taken during the drive" in text for text in told)
+
+
+def test_frame_times_of_another_name_are_the_only_videos(folder: Path) -> None:
+    (folder / "video/front.mp4").rename(folder / "video/cam.mp4")
+    (folder / "video/front_frames.csv").rename(folder / "frames.csv")
+    draft = draft_of(look(folder), folder, None)
+    assert [s for s in draft.sections if s.startswith("video.")] == ["video.cam"]
+    assert draft.get("video.cam", "frames").name == "frames.csv"
+
+
+def _on_unix_time(folder: Path) -> None:
+    """The sample's readings by UNIX time, with fixes and without arrival times."""
+    (folder / "gnss_arrival.csv").unlink()
+    head, *rows = (folder / "imu.csv").read_text().splitlines()
+    start = int(rows[0].split(",")[0])
+    moved = [
+        f"{int(t) - start + 1773480000_000000000},{values}"
+        for t, values in (row.split(",", 1) for row in rows)
+    ]
+    (folder / "imu.csv").write_text("\n".join([head, *moved]) + "\n")

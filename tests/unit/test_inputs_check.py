@@ -275,7 +275,24 @@ def test_a_camera_that_does_not_fit_its_video(drive: Path) -> None:
     assert "192x128, the video has 96x64" in _errors(check_drive(drive))
     _edit(drive, "192", "96")
     _edit(drive, "height = 128", "height = 64")
-    assert "another resolution" in _errors(check_drive(drive))
+    errors = _errors(check_drive(drive))
+    assert errors.count("another resolution") == 1
+    _edit(drive, "schema", 'accept = ["camera_matrix"]\nschema')
+    assert check_drive(drive).usable
+
+
+def test_frames_of_another_video_are_told(drive: Path) -> None:
+    from test_inputs_video import _make
+
+    (drive / "video").mkdir()
+    _make(drive / "video" / "front.mp4", list(range(0, 2000, 40)))
+    manifest = drive / "drive.toml"
+    manifest.write_text(manifest.read_text() + "[video.front]\nwidth = 96\nheight = 64\n")
+    rows = [f"{k},{BOOT_NS + k * 40_000_000}" for k in range(60)]
+    for n, told in ((60, True), (50, False)):
+        text = "\n".join(["frame,t_ns", *rows[:n]])
+        (drive / "video" / "front_frames.csv").write_text(text + "\n")
+        assert (f"lists {n} frames, the video has 50" in check_drive(drive).text()) == told
 
 
 def test_a_focal_length_in_millimetres_stops_a_run(drive: Path) -> None:

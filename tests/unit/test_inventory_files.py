@@ -217,3 +217,52 @@ def test_what_openstreetmap_has_is_left_to_people() -> None:
     tasks = maproulette_tasks([moved, gone, new, doubtful]).strip("\n").split("\n")
     kinds = [json.loads(task[1:])["features"][0]["properties"]["kind"] for task in tasks]
     assert kinds == ["moved", "missing", "new"]
+
+
+def _utm_list(path: Path, rows: list[tuple[str, str]]) -> None:
+    lines = [f"ST-{k};274-60;{x};{y};90" for k, (x, y) in enumerate(rows)]
+    head = "Lfd. Nr.;VZ-Nummer;Rechtswert;Hochwert;Ausrichtung"
+    path.write_text("\n".join([head, *lines]), encoding="latin-1")
+
+
+def test_a_german_list_is_read_by_its_own_names_and_metres_of_any_kind(tmp_path: Path) -> None:
+    """Degrees among metres, a zone ahead of eastings and turned rows lie on the map too."""
+    lon, lat = np.array([8.401, 8.402, 8.403, 8.404]), np.array([49.01, 49.011, 49.012, 49.013])
+    east, north = Transformer.from_crs("OGC:CRS84", "EPSG:25832", always_xy=True).transform(
+        lon, lat
+    )
+    _utm_list(
+        tmp_path / "list.csv",
+        [
+            (f"{east[0]:.2f}".replace(".", ","), f"{north[0]:.2f}".replace(".", ",")),
+            (f"{lon[1]:.7f}", f"{lat[1]:.7f}"),
+            (f"32{east[2]:.2f}", f"{north[2]:.2f}"),
+            (f"{north[3]:.2f}", f"{east[3]:.2f}"),
+        ],
+    )
+    near = np.radians(lat), np.radians(lon)
+    read = read_inventory(tmp_path / "list.csv", crs="EPSG:25832", near=near)
+    np.testing.assert_allclose(np.degrees(read.lat_rad), lat, atol=2e-7)
+    np.testing.assert_allclose(np.degrees(read.lon_rad), lon, atol=2e-7)
+    assert read.columns == {
+        "id": "Lfd. Nr.", "class": "VZ-Nummer", "x": "Rechtswert", "y": "Hochwert",
+        "facing": "Ausrichtung",
+    }  # fmt: skip
+    assert read.unread == ()
+    told = " ".join(read.warnings)
+    for what in ("1 of 4 entries are the other way round", "are degrees", "number of the zone"):
+        assert what in told
+
+
+def test_a_place_elsewhere_is_not_brought_to_the_map(tmp_path: Path) -> None:
+    _utm_list(tmp_path / "list.csv", [("456000.0", "5429000.0"), ("600000.0", "5600000.0")])
+    near = np.radians([49.01]), np.radians([8.4])
+    read = read_inventory(tmp_path / "list.csv", crs="EPSG:25832", near=near)
+    assert np.degrees(read.lat_rad[1]) == pytest.approx(50.54, abs=0.02)
+    assert any("more than 10 km from the map" in text for text in read.warnings)
+
+
+def test_columns_of_degrees_have_umlauts(tmp_path: Path) -> None:
+    (tmp_path / "list.csv").write_text("Nr;Zeichen;Breite;Länge\n1;206;49,5;8,5\n", "latin-1")
+    read = read_inventory(tmp_path / "list.csv")
+    assert np.degrees([read.lat_rad[0], read.lon_rad[0]]) == pytest.approx([49.5, 8.5])

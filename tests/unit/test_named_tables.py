@@ -272,3 +272,19 @@ def test_wheel_speeds_in_any_unit(tmp_path: Path) -> None:
     wheels = read_odometer_csv(_write(tmp_path, text)).data
     np.testing.assert_allclose(wheels.speed, (36.0 + np.arange(20)) / 3.6)
     np.testing.assert_array_equal(np.diff(wheels.t_ns), 10**9)
+
+
+@pytest.mark.parametrize(
+    ("name", "told"),
+    [
+        ("Tempo km/h", {"speed": "km/h"}),
+        ("speed_km_h", {"speed": "km/h"}),
+        ("yaw rate deg s", {"rate": "deg/s"}),
+        ("t ms", {"time": "ms", "speed": "m/s"}),
+        ("time h", {"time": "h"}),
+    ],
+)
+def test_the_end_of_a_unit_is_no_unit_of_its_own(name: str, told: dict[str, str]) -> None:
+    """km/h tells no hours, deg/s no seconds."""
+    taken = take_apart(name)
+    assert {q: unit for q in ("time", "speed", "rate") if (unit := taken.unit(q))} == told
