@@ -34,7 +34,8 @@ from typing import Any
 import numpy as np
 
 from automap.evaluation.sign_matching import match, points_of
-from automap.gates import gate
+from automap.frames import wrap_pi
+from automap.gates import gate, sigmas
 from automap.io.signs_table import read_signs
 from automap.records import FloatArray, Sign, SignPoints
 from pipeline.fleet.store import Store
@@ -261,6 +262,8 @@ def figures(name: str, town: Town, passes: Any, signs: Sequence[Sign]) -> None:
     existence = np.array([sign.existence for sign in signs])
     again = len(match(points_of([signs[k] for k in extra.tolist()]), true, MATCH_M))
     distance = np.hypot(*error[:, :2].T)
+    facing = np.array([[signs[k].facing_rad, signs[k].facing_sd_rad] for k in rows.tolist()])
+    turn = np.abs(wrap_pi(facing[:, 0] - town.city.facing[owner]))
     print(
         f"{name}: {len(signs)} signs ({int(placed.sum())} placed), {len(rows)} of the town's; "
         f"false {len(extra) / len(signs):.4f}, {again} of {len(extra)} beside one of the town's "
@@ -270,7 +273,9 @@ def figures(name: str, town: Town, passes: Any, signs: Sequence[Sign]) -> None:
         f"ellipses {np.mean(square < gate(0.05, 2)):.3f}, "
         f"heights {np.mean(up < gate(0.05, 1)):.3f}; "
         f"rms of normalised errors {np.sqrt(np.mean(square / 2)):.2f}, heights "
-        f"{np.sqrt(np.mean(up)):.2f}; class right {np.mean(right):.4f}",
+        f"{np.sqrt(np.mean(up)):.2f}; class right {np.mean(right):.4f}; "
+        f"facing inside 95 % {np.mean(turn < sigmas(0.05) * facing[:, 1]):.3f}, off by more than "
+        f"60 deg {np.mean(turn > np.radians(60.0)):.3f}",
         flush=True,
     )
 
