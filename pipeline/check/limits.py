@@ -13,6 +13,11 @@ FASTEST_M_S = 70.0
 """Between two fixes no car is faster (250 km/h)."""
 FIX_GAP_S, FIX_GAP_STEPS = 5.0, 5.0
 """A time without fixes that is told, s and in usual steps."""
+FEW_STEPS = 5
+"""Latitudes, and longitudes, that differ: of numbers with five decimals ten end at the fourth by
+chance once in 1e10 drives, of those with seven once in 1e30."""
+ROUNDED = 1e-5
+"""Parts of a step within which a number, radians between, is the one that was written."""
 LOST_SHARE = 0.2
 """Of the epochs without a fix. Chosen: a start in a garage and some bridges lose less."""
 LATE_PROBABILITY = 2.7e-3

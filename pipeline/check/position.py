@@ -1,4 +1,4 @@
-"""Checks of where on Earth and when the fixes are.
+"""Checks of where on Earth and when the fixes are, and how coarsely that is written.
 
 ``countries.csv`` holds the box around each part of every country, in degrees, from Natural
 Earth's borders at 1:110 million (public domain, https://www.naturalearthdata.com). Small islands
@@ -15,8 +15,9 @@ from importlib.resources import files
 
 import numpy as np
 
+from automap.earth import MEAN_RADIUS
 from automap.evaluation.plausibility import Finding
-from automap.records import Fixes, FloatArray
+from automap.records import Fixes, FixType, FloatArray
 from automap.timebase import gps_to_iso, unix_to_gps
 from pipeline.check import limits
 
@@ -38,7 +39,7 @@ def check(fixes: Fixes, country: str | None, written_s: float | None) -> list[Fi
     ``country``: ISO code of two letters as the manifest gives it; ``written_s``: when the log was
     last written, UNIX time, None when unknown.
     """
-    return [*_dates(fixes, written_s), *_country(fixes, country)]
+    return [*_dates(fixes, written_s), *_country(fixes, country), *_coarse(fixes)]
 
 
 @cache
@@ -94,3 +95,25 @@ def _dates(fixes: Fixes, written_s: float | None) -> list[Finding]:
     )
     advice = "the receiver's date, or the clock of the recorder, is wrong; signs get that date"
     return [Finding("warning", text, advice, "date_ahead")]
+
+
+def _coarse(fixes: Fixes) -> list[Finding]:
+    """A warning for positions that were cut to steps far above what a receiver errs by."""
+    good = (fixes.fix_type >= FixType.TWO_D) & np.isfinite(fixes.lat_rad)
+    lat, lon = (np.unique(np.degrees(each[good])) for each in (fixes.lat_rad, fixes.lon_rad))
+    if min(len(lat), len(lon)) < limits.FEW_STEPS:
+        return []
+    for unit, most, digits in (("a degree", 1.0, range(5)), ("a minute", 60.0, range(3))):
+        for n in digits:
+            steps = np.concatenate([lat, lon]) * most * 10.0**n
+            if np.all(np.abs(steps - np.rint(steps)) < limits.ROUNDED):
+                step_m = np.radians(1.0 / (most * 10.0**n)) * MEAN_RADIUS
+                return [
+                    Finding(
+                        "warning",
+                        f"positions come in steps of {step_m:.3g} m, with {n} decimals of {unit}",
+                        "export them with seven decimals of a degree: velocities and the IMU make "
+                        "up for a part of it only",
+                    )
+                ]
+    return []

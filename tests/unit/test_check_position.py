@@ -137,3 +137,18 @@ def test_a_dilution_that_stands_for_none_is_unknown() -> None:
         without_placeholders(replace(fixes, hdop=hdop), "log", told).hdop, hdop
     )
     assert len(told) == 1
+
+
+@pytest.mark.parametrize(
+    ("parts", "said"),
+    [(1e4, "steps of 11.1 m, with 4 decimals of a degree"),
+     (6e3, "steps of 18.5 m, with 2 decimals of a minute"), (1e5, None), (1e7, None), (6e5, None)],
+)  # fmt: skip
+def test_coarse_positions_are_told(parts: float, said: str | None) -> None:
+    """Where the step is far above a receiver's errors: four decimals of a minute are usual."""
+    fixes = at(49.0, 8.4)
+    way = np.linspace(0.0, 4e-3, len(fixes))
+    cut = [np.radians(np.rint((each + way) * parts) / parts) for each in (49.0, 8.4)]
+    fixes = replace(fixes, lat_rad=cut[0], lon_rad=cut[1])
+    told = [finding.text for finding in check(fixes, None, None)]
+    assert (told == []) if said is None else (said in told[0])
