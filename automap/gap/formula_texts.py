@@ -71,8 +71,6 @@ REMEMBERED = (
     # receivers that run on; of velocities that is what a low-pass does, which has a name
     ("position_along", "lag(acceleration, 2)"),
     ("position_across", "lag(lateral_acceleration, 2)"),
-    # a course that hangs behind by a play
-    ("velocity_across", "(speed * (heading - play(heading, 0.01)))"),
 )
 """Formulas of what has been: channel and text. Widths and times are refined where one is found."""
 ON_VEHICLE = (
