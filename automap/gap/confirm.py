@@ -64,8 +64,14 @@ class Confirmed:
         )
 
 
-def confirmed(held_out: Sequence[OpenDrive], model: GapModel, values: Values) -> Confirmed:
-    """Judge effects at ``values`` on held-out drives under ``model``."""
+def confirmed(
+    held_out: Sequence[OpenDrive],
+    model: GapModel,
+    values: Values,
+    must_gain: Collection[str] = (),
+) -> Confirmed:
+    """Judge effects at ``values`` on held-out drives under ``model``; of those that ``must_gain``
+    it is not enough that nothing speaks against them."""
     kept: dict[str, Mapping[str, float]] = dict(values)
     warnings: list[str] = []
     kept_out: list[KeptOut] = []
@@ -79,10 +85,10 @@ def confirmed(held_out: Sequence[OpenDrive], model: GapModel, values: Values) ->
         without = fit_held_out(held_out, model, fewer, fits)
         whitener = whitener_of(fits[0])
         gain = total_score(fits, whitener) - total_score(without, whitener)
-        if gain < -limits.HELD_OUT_SLACK:
+        if gain < (0.0 if effect in must_gain else -limits.HELD_OUT_SLACK):
             kept, fits = fewer, without
             warnings.append(
-                f"{effect} explains the fitted data, but the held-out data are {-gain:.0f} nats "
+                f"{effect} explains the fitted data, but the held-out data are {-gain:.2g} nats "
                 "less likely with it; it is not named"
             )
             kept_out.append(KeptOut(effect, False, -gain))

@@ -9,41 +9,34 @@ have a say, for a value is told of both.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from automap.effects import CATALOGUE
 from automap.gap import limits
+from automap.gap.beside import Beside
 from automap.gap.evidence import evidence
-from automap.gap.fit import Fit, Values
-from automap.gap.linear import Column, Direct, Linear, NodeMotion, conditional, linearised
+from automap.gap.fit import Fit
+from automap.gap.linear import Column, Direct, Linear, NodeMotion
 from automap.gap.motion import Motion
 from automap.gap.result import Drift
-from automap.gap.selection import Chosen, Selection
 from automap.records import BoolArray, FloatArray
 
-ColumnsOf = Callable[[Fit, Motion, NodeMotion], list[Column]]
 Key = tuple[str, str]
 """Effect and parameter."""
 TREND, SETTLING, STEP, DRIVE = "trend", "settling", "step", "drive"
 
 
-def drifts(
-    selection: Selection, chosen: Chosen, columns_of: ColumnsOf, fits: Sequence[Fit], values: Values
-) -> dict[str, Drift]:
+def drifts(asked: Beside, fits: Sequence[Fit]) -> dict[str, Drift]:
     """The named effects of a choice that are likelier to change than not, and how the parameter
-    changes that shows it most.
-
-    ``columns_of`` the columns of the choice along a drive, ``fits`` of all drives with the effects
-    held at ``values``, which a drive each may have.
-    """
-    layout = selection.linear.layout
+    changes that shows it most, by ``fits`` of all drives."""
+    layout = asked.selection.linear.layout
     acting = [
         (layout[i].effect, layout[i].parameter)
-        for name, part, _ in chosen.parts
-        if not selection.candidates[name].terms
+        for name, part, _ in asked.chosen.parts
+        if not asked.selection.candidates[name].terms
         for i in part
     ]
     if not acting:
@@ -51,20 +44,19 @@ def drifts(
     edges = _edges(fits)
     number = iter(range(len(fits)))
 
-    def columns(fit: Fit, motion: Motion, at: NodeMotion) -> list[Column]:
-        whole = columns_of(fit, motion, at)
-        own = [c for c in whole if (c.effect, c.parameter) in acting]
+    def blocks(fit: Fit, motion: Motion, at: NodeMotion) -> list[Column]:
         drive = next(number)
-        return whole + [b for c in own for b in _blocks(c, fit, motion, at, edges, drive)]
+        own = (c for c in asked.columns_of(fit, motion, at) if (c.effect, c.parameter) in acting)
+        return [b for c in own for b in _blocks(c, fit, motion, at, edges, drive)]
 
-    linear, shapes = _changes(linearised(fits, columns, values), acting, edges, len(fits))
-    known = conditional(linear, selection.given_in(chosen, linear))
-    noise = selection.inflated.get(False, 1.0)
+    raw = asked.linear(fits, blocks, may_act=True)
+    linear, shapes = _changes(raw, acting, edges, len(fits))
+    known = asked.known(linear)
     found: dict[str, list[tuple[float, Drift]]] = {}
     for i, ((effect, parameter), kind, at_s) in shapes.items():
         if not known.shows((i,)):
             continue
-        told = evidence(known, (i,), noise)
+        told = evidence(known, (i,), asked.noise)
         # what one stretch alone says is no change that lasts
         nats = told.nats if told.predicted_without_best > 0.0 else min(told.nats, 0.0)
         change, sd = float(told.estimate[0]), float(told.sd[0])

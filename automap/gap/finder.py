@@ -9,6 +9,7 @@ from automap.errors import InputError
 from automap.fusion.delay_states import COURSE_DISTANCE_STATE
 from automap.fusion.options import FusionOptions
 from automap.gap import limits
+from automap.gap.beside import Beside
 from automap.gap.camera.search import CameraGap
 from automap.gap.candidates import library
 from automap.gap.confirm import costs
@@ -268,9 +269,8 @@ def _followed(
 
     names = {effect: name for name, effect in found.effects.items()}
     known = {names.get(effect, effect): its for effect, its in values.items()}
-    asked = found.selection, chosen, columns
-    changing = drifts(*asked, (*fitted, *held_out), known)
-    return changing, responses(*asked, fitted, known)
+    asked = Beside(found.selection, chosen, columns, known)
+    return drifts(asked, (*fitted, *held_out)), responses(asked, fitted, held_out)
 
 
 def _unclear(fits: Sequence[Fit], model: GapModel, exclude: Collection[str]) -> Identifiability:

@@ -47,6 +47,9 @@ QUANTITIES = (
     "jerk_z",
     "time",
     "time^2",
+    # what sun or standing air warms at rest, and wind cools
+    "lag(step(1 - speed), 20)",
+    "lag(speed, 20)",
 )
 ON_FIXES = tuple(
     (on, text)

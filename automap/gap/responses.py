@@ -9,7 +9,7 @@ steps of one a candidate. Nothing is named by them; that something is missing, a
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -19,14 +19,14 @@ from automap.effects.formula_text import parse_formula
 from automap.effects.user import INERTIAL, OF_FIXES
 from automap.fusion.layout import CHANNELS
 from automap.gap import limits
+from automap.gap.beside import Beside
 from automap.gap.candidates import signal_column
 from automap.gap.chance import strongest_by_chance
 from automap.gap.evidence import evidence, shown_by
-from automap.gap.fit import Fit, Values
-from automap.gap.linear import Column, NodeMotion, conditional, linearised
+from automap.gap.fit import Fit
+from automap.gap.linear import Column, Conditional, NodeMotion, Part
 from automap.gap.misfit import AFTER, Misfit
 from automap.gap.motion import Motion
-from automap.gap.selection import Chosen, Selection
 from automap.records import FloatArray
 
 MANOEUVRES = {
@@ -40,77 +40,93 @@ MANOEUVRES = {
 STEPS_S = (0.0, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0)
 """Edges of the steps of a response: from a filter's to what warms, each step twice as long as all
 before, so that none is longer than what it is behind."""
-ColumnsOf = Callable[[Fit, Motion, NodeMotion], list[Column]]
 
 
 @dataclass(frozen=True)
 class Response:
     """What a channel does after a manoeuvre, by ``name``: log ``odds`` for it, the chance that any
-    is as strong where nothing is missing, the filter's channel in which it shows most, and the
-    variance there, times modelled."""
+    is as strong where nothing is missing, the filter's channel in which it shows most, the
+    variance there, times modelled, and its steps [p]."""
 
     name: str
     odds: float
     p_value: float
     channel: int
     size: float
+    steps: FloatArray
 
 
-def responses(
-    selection: Selection, chosen: Chosen, columns_of: ColumnsOf, fits: Sequence[Fit], values: Values
-) -> tuple[Misfit, ...]:
-    """The strongest response beside a choice that a thousand to one speaks for, as for any name,
-    else the strongest that chance hardly makes; ``columns_of``, ``fits``, ``values`` as of
-    ``strongest_responses``."""
-    likeliest, rarest = strongest_responses(selection, chosen, columns_of, fits, values)
-    if likeliest is not None and likeliest.odds >= limits.LEAST_ODDS:
-        found, p = likeliest, math.exp(-likeliest.odds)
-    elif rarest is not None and rarest.p_value <= limits.SUSPECTED:
-        found, p = rarest, rarest.p_value
-    else:
-        return ()
-    return (Misfit(CHANNELS[found.channel], AFTER, found.name, found.size, p),)
+def responses(asked: Beside, fits: Sequence[Fit], held_out: Sequence[Fit]) -> tuple[Misfit, ...]:
+    """The likeliest response beside a choice where a thousand to one speaks for it on the drives
+    that were fitted, as for any name, and twenty to one on those held out; else the one that
+    chance makes least often, where it hardly does."""
+    likeliest, rarest = strongest_responses(asked, fits)
+    if (
+        likeliest is not None
+        and likeliest.odds >= limits.LEAST_ODDS
+        and gain_of(likeliest, asked, held_out) >= limits.CLOSE_NATS
+    ):
+        return (_told(likeliest),)
+    if rarest is not None and rarest.p_value <= limits.SUSPECTED:
+        return (_told(rarest),)
+    return ()
+
+
+def _told(found: Response) -> Misfit:
+    return Misfit(CHANNELS[found.channel], AFTER, found.name, found.size, found.p_value)
 
 
 def strongest_responses(
-    selection: Selection, chosen: Chosen, columns_of: ColumnsOf, fits: Sequence[Fit], values: Values
+    asked: Beside, fits: Sequence[Fit]
 ) -> tuple[Response | None, Response | None]:
     """Of all channels' responses to all manoeuvres the likeliest whose parts predict one another,
     and the one that chance makes least often by the drives' own scatter, which many stretches
-    must show.
-
-    ``columns_of`` the columns of the choice along a drive, ``fits`` of the fitted drives with its
-    effects held at ``values``.
-    """
-
-    def columns(fit: Fit, motion: Motion, at: NodeMotion) -> list[Column]:
-        return columns_of(fit, motion, at) + response_columns(at)
-
-    linear = linearised(fits, columns, values, may_act=False)
-    groups: dict[str, list[int]] = {}
-    for i, column in enumerate(linear.layout):
-        if f" {AFTER} " in column.effect:
-            groups.setdefault(column.effect, []).append(i)
-    known = conditional(linear, selection.given_in(chosen, linear))
-    parts = {name: tuple(part) for name, part in groups.items() if known.shows(tuple(part))}
+    must show."""
+    known = _known(asked, fits)
+    parts = _parts(known)
     prior = math.log(limits.OUTSIDE_LIBRARY) - math.log(max(len(parts), 1))
-    noise = selection.inflated.get(False, 1.0)
+    found = {name: evidence(known, part, asked.noise) for name, part in parts.items()}
 
     def told(name: str, odds: float, p: float) -> Response:
-        return Response(name, odds, p, *shown_by(known, parts[name]))
+        return Response(name, odds, p, *shown_by(known, parts[name]), found[name].estimate)
 
-    odds = {}
-    for name, part in parts.items():
-        found = evidence(known, part, noise)
-        if found.predicted_without_best > 0.0:
-            odds[name] = found.nats + prior
+    odds = {n: e.nats + prior for n, e in found.items() if e.predicted_without_best > 0.0}
     likeliest = max(odds, key=lambda name: odds[name], default=None)
     best = strongest_by_chance(known, list(parts.values()), limits.NULL_DRAWS)
-    names = list(parts)
+    # by its odds no chance is more than one
+    least = {name: min(math.exp(-value), 1.0) for name, value in odds.items()}
     return (
-        None if likeliest is None else told(likeliest, odds[likeliest], math.exp(-odds[likeliest])),
-        None if best is None else told(names[best.number], best.nats, best.p_value),
+        None if likeliest is None else told(likeliest, odds[likeliest], least[likeliest]),
+        None if best is None else told(list(parts)[best.number], best.nats, best.p_value),
     )
+
+
+def gain_of(found: Response, asked: Beside, fits: Sequence[Fit]) -> float:
+    """Nats by which other drives are likelier with a response as it was found."""
+    known = _known(asked, fits, [found.name])
+    part = _parts(known).get(found.name, ())
+    if len(part) != len(found.steps):
+        return 0.0
+    along = found.steps @ known.score[list(part)]
+    return float(along - 0.5 * found.steps @ known.info(part) @ found.steps)
+
+
+def _known(asked: Beside, fits: Sequence[Fit], names: Collection[str] = ()) -> Conditional:
+    """Fits made linear in all responses, or in those by ``names``, beside a choice."""
+
+    def more(fit: Fit, motion: Motion, at: NodeMotion) -> list[Column]:
+        return [c for c in response_columns(at) if not names or c.effect in names]
+
+    return asked.known(asked.linear(fits, more, may_act=False))
+
+
+def _parts(known: Conditional) -> dict[str, Part]:
+    """The columns of each response that shows."""
+    groups: dict[str, list[int]] = {}
+    for i, column in enumerate(known.linear.layout):
+        if f" {AFTER} " in column.effect:
+            groups.setdefault(column.effect, []).append(i)
+    return {name: tuple(part) for name, part in groups.items() if known.shows(tuple(part))}
 
 
 def response_columns(at: NodeMotion) -> list[Column]:

@@ -14,6 +14,7 @@ from dataclasses import replace
 from automap.effects import CATALOGUE
 from automap.effects.catalogue import bias_walks, pairs_of_sign
 from automap.gap import limits
+from automap.gap.candidates import is_course
 from automap.gap.confirm import Confirmed, confirmed
 from automap.gap.drive import OpenDrive
 from automap.gap.fit import Fit
@@ -110,7 +111,7 @@ class Search:
         self.log("fitting all parameters")
         free = replace(here.model, options=self.screening.options)
         full = fitted_about(free, here.estimate, here.fits).joint()
-        stands = confirmed(self.held_out, here.model, here.values())
+        stands = self._confirmed(here, selection, chosen)
         nothing_else = self.screening.selection(here, slow=False, may_act=False)
         return Found(
             *(self.base, here, full, selection, chosen, self.screening.effects, self.close),
@@ -184,7 +185,7 @@ class Search:
         self.log("checking on held-out data")
         # fits are large, and of these seldom one is asked for again
         self.held = []
-        stands = confirmed(self.held_out, here.model, here.values())
+        stands = self._confirmed(here, selection, found)
         gone = [n for n in found.names if self.screening.effects[n] not in stands.values]
         if not gone:
             return None
@@ -194,6 +195,15 @@ class Search:
             self._bar(selection.key(name, part) for part in selection.candidates[name].parts)
             found = found.without(name)
         return found
+
+    def _confirmed(self, here: Fitted, selection: Selection, chosen: Chosen) -> Confirmed:
+        """What held-out data say of a set. There are hundreds of formulas, so one must be borne out
+        there; not so a course of time, which other drives need not have."""
+        every = ((name, selection.candidates[name].terms) for name in chosen.names)
+        doubtful = [
+            self.screening.effects[n] for n, terms in every if terms and not is_course(terms)
+        ]
+        return confirmed(self.held_out, here.model, here.values(), doubtful)
 
     def _free_delays(self, effects: Iterable[str]) -> None:
         """Fit a receiver's delays that held-out data do not know at the same value on every drive

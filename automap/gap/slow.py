@@ -24,7 +24,7 @@ from automap.gap.motion import Motion
 from automap.gap.result import coefficient_names, equation
 from automap.records import FloatArray, IntArray
 
-AMOUNT = re.compile(r"((?:lag|play)\([^,()]+, )([\d.e+-]+)(?=\))")
+AMOUNT = re.compile(r"((?:lag|play)\((?:[^,()]|\([^,()]*\))+, )([\d.e+-]+)(?=\))")
 """How long something that remembers does so, or how wide its play is, in its text."""
 WIDER = 4.0
 """Factor by which that may be off what was tried: of a play of that width half is left."""

@@ -41,8 +41,8 @@ FIGURES: dict[str, tuple[str, ...]] = {
 }
 """What a receiver states of its errors, and the levels of what these are made of."""
 GNSS_LEVELS = (*RECEIVER_LEVELS, *FIGURES)
-BEHIND, ARM = "gnss_course_distance", "gnss_lever_arm"
-USUAL = (BEHIND, "gnss_speed_offset")
+BEHIND, ARM, TOO_LOW = "gnss_course_distance", "gnss_lever_arm", "gnss_speed_offset"
+USUAL = (BEHIND, TOO_LOW)
 """Effects of every receiver."""
 
 
@@ -282,10 +282,13 @@ def usual_finding(
     whitener = whitener_of(final[0])
     before = (total_score(final, whitener) - total_score(held, whitener)) / epochs(final)
     close = (ARM,) if effect == BEHIND and ARM not in found.chosen.names else ()
+    # a step of what is cut off is twice what that takes away in the mean
+    steps = f"speeds that are cut off, not rounded, in steps of {-2.0 * value:.2g} m/s"
     told = {parameter.name: ParameterValue(value, sd, parameter.unit)}
     return Finding(
         *(effect, told, nats, exceeds(2.0 * nats, 1)),
         *(gap + before, gap, close, advice(effect, close)),
+        steps if effect == TOO_LOW and value < 0.0 else "",
     )
 
 

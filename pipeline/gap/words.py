@@ -91,16 +91,11 @@ def drift_words(drift: Drift) -> str:
     factor, unit = (math.degrees(1.0), "°") if drift.unit == "rad" else (1.0, drift.unit)
     size, sd = with_sd(factor * drift.change, factor * drift.sd, unit)
     what = drift.parameter.replace("_", " ")
-    sign = "less" if drift.change < 0.0 else "more"
+    way = "falls" if drift.change < 0.0 else "grows"
+    change = f"its {what} {way} by {size} (give or take {sd}) {drift.when}"
     if not drift.sure:
-        return (
-            f"It may be no constant: a change of its {what} by {size} (give or take {sd}) to the "
-            f"{sign} {drift.when} is likelier than none."
-        )
-    return (
-        f"It is not constant: its {what} changes by {size} (give or take {sd}) to the {sign} "
-        f"{drift.when}, so the number told is right in the mean alone."
-    )
+        return f"It may be no constant: that {change} is likelier than that it stays."
+    return f"It is not constant: {change}, so the number told is right in the mean alone."
 
 
 def _without(effect: str, instead: Sequence[str]) -> str:

@@ -3,8 +3,9 @@
     python tests/benchmarks/gap_nulls.py FIRST LAST
 
 Of cases null-FIRST-real to null-LAST-real the base model is fitted with the receiver's delays
-given, and the strongest of all candidates judged, without a search. A line a case, then how far
-the chances are from even ones (Kolmogorov and Smirnov).
+given, and the strongest of all candidates judged, without a search; so are what follows manoeuvres
+in ways of its own, by chance and by odds (log). A line a case, then how far the chances are from
+even ones (Kolmogorov and Smirnov).
 """
 
 from __future__ import annotations
@@ -18,9 +19,11 @@ sys.path.insert(0, str(Path(__file__).parents[2]))
 
 from automap.fusion.options import FusionOptions
 from automap.gap import limits
+from automap.gap.beside import Beside
 from automap.gap.chance import strongest_by_chance
 from automap.gap.drive import in_vehicle_axes, open_drive
 from automap.gap.noise import Log, open_fits
+from automap.gap.responses import Response, strongest_responses
 from automap.gap.screening import Screening
 from automap.gap.selection import Chosen
 from pipeline.gap.inputs import gap_drives, gap_model
@@ -31,8 +34,10 @@ def silent(text: str) -> None:
     """No word of what is going on."""
 
 
-def strongest(case_id: str, log: Log = silent) -> tuple[str, float]:
-    """The strongest candidate of a case, and its chance."""
+def strongest(
+    case_id: str, log: Log = silent
+) -> tuple[str, float, Response | None, Response | None]:
+    """The strongest candidate of a case, its chance, and the likeliest and rarest response."""
     drawn = draw_case(case_id)
     assert drawn.setting.replay is not None
     own = drawn.setting.replay.series()
@@ -53,20 +58,29 @@ def strongest(case_id: str, log: Log = silent) -> tuple[str, float]:
     known = selection.given(Chosen())
     best = strongest_by_chance(known, [part for _, part in parts], limits.NULL_DRAWS)
     assert best is not None
-    return parts[best.number][0], best.p_value
+    beside = Beside(selection, Chosen(), lambda *about: [], {})
+    later = strongest_responses(beside, base.fits)
+    return parts[best.number][0], best.p_value, *later
 
 
 def main(first: int, last: int) -> None:
     """All cases, one after another."""
     from scipy.stats import kstest
 
-    chances = []
+    chances, later = [], []
     for number in range(first, last + 1):
-        name, chance = strongest(f"null-{number}-real")
+        name, chance, likeliest, rarest = strongest(f"null-{number}-real")
         chances.append(chance)
-        print(f"null-{number}-real {chance:.3f} {name}", flush=True)
-    mean = sum(chances) / len(chances)
-    print(f"mean {mean:.2f}, as even ones: p {kstest(chances, 'uniform').pvalue:.3f}")
+        line = f"null-{number}-real {chance:.3f} {name}"
+        if rarest is not None:
+            later.append(rarest.p_value)
+            line += f"; {rarest.p_value:.3f} {rarest.name}"
+        if likeliest is not None:
+            line += f"; odds {likeliest.odds:.1f} {likeliest.name}"
+        print(line, flush=True)
+    for words, each in (("candidates", chances), ("responses", later)):
+        mean, even = sum(each) / max(len(each), 1), kstest(each, "uniform").pvalue
+        print(f"{words}: mean {mean:.2f}, as even ones: p {even:.3f}")
 
 
 if __name__ == "__main__":

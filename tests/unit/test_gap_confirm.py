@@ -117,6 +117,14 @@ def test_what_held_out_data_speak_against_is_dropped(monkeypatch: pytest.MonkeyP
     assert "20 nats" in found.warnings[0]
 
 
+def test_a_formula_must_be_borne_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    score = {"gyro_scale": 50.0, "gnss_latency": -1.0, "gnss_lever_arm": -1.0}
+    held(monkeypatch, score, dict.fromkeys(VALUES, 0.9))
+    found = confirmed([DRIVE], base_model(), VALUES, must_gain=["gnss_lever_arm"])
+    assert list(found.values) == ["gyro_scale", "gnss_latency"]
+    assert [one.effect for one in found.kept_out] == ["gnss_lever_arm"]
+
+
 def test_what_makes_positions_worse_is_dropped_alone(monkeypatch: pytest.MonkeyPatch) -> None:
     level = {"gyro_scale": 0.95, "gnss_latency": 1.2, "gnss_lever_arm": 1.0}
     held(monkeypatch, dict.fromkeys(VALUES, 30.0), level)

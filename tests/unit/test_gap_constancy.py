@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from automap.gap import base_model
+from automap.gap.beside import Beside
 from automap.gap.candidates import named_columns
 from automap.gap.constancy import drifts
 from automap.gap.drive import GapDrive, open_drive
@@ -43,7 +44,7 @@ def told(*drives: GapDrive) -> dict[str, Drift]:
     def columns(fit: Fit, *about) -> list:  # type: ignore[no-untyped-def, type-arg]
         return named_columns([EFFECT], fit, *about)
 
-    return drifts(selection, chosen, columns, fits, values)
+    return drifts(Beside(selection, chosen, columns, values), fits)
 
 
 @pytest.mark.parametrize("share", [0.0, 0.5, 1.0])

@@ -103,3 +103,4 @@ def test_speeds_that_are_all_too_low_are_no_silence(offset: float, told: bool) -
     if finding is not None:
         value = finding.parameters["along"]
         assert value.value == pytest.approx(offset, abs=3.0 * value.sd)
+        assert ("cut off" in finding.resembles) is (offset < 0.0)

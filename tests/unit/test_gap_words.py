@@ -12,6 +12,7 @@ from automap.gap import Finding, GapResult, Unexplained, base_model
 from automap.gap.misfit import Misfit
 from automap.gap.result import (
     Cost,
+    Drift,
     Extent,
     HeldPositions,
     KeptOut,
@@ -28,6 +29,16 @@ from pipeline.gap.sizes import about, with_sd
 from pipeline.gap.words import LEVELS, cost_words, finding_words, how_sure, in_words, position_words
 
 COST = Cost(Extent(0.32, 0.61), Extent(0.0, 0.0004), Extent(2e-3, 4e-3), Extent(1e-3, 2e-3))
+
+
+@pytest.mark.parametrize("sure", [True, False])
+def test_a_value_that_changes_is_told_by_how_much(sure: bool) -> None:
+    drift = Drift("yaw", "trend", -0.01, 0.001, "rad", 0.0, 40.0, sure)
+    parameters = {"yaw": ParameterValue(0.01, 0.001, "rad")}
+    one = Finding("imu_mounting", parameters, 60.0, 1e-20, 1.0, 0.5, (), "", str(drift), drift)
+    _, text = finding_words(one, None)
+    assert ("It is not constant" in text) is sure
+    assert "its yaw falls by 0.57° (give or take 0.06°) over the drive" in text
 
 
 def finding(effect: str, sd_share: float = 0.1, **values: float) -> Finding:
