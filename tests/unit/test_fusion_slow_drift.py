@@ -102,6 +102,10 @@ def test_the_sigmas_hold_a_drift_and_it_is_told() -> None:
     wider = drifting(alone, drifts)
     expected = np.hypot(alone.sd_pos_ned[:, :2], drifts[0].sd_m)
     assert np.allclose(wider.sd_pos_ned[:, :2], expected)
+    # twelve metres in two minutes, which change by 0.16 m/s where they do most
+    assert 0.02 < drifts[0].rate_sd.max() < 0.3
+    expected = np.hypot(alone.sd_vel_ned[:, :2], drifts[0].rate_sd)
+    assert np.allclose(wider.sd_vel_ned[:, :2], expected)
     assert (wider.sd_pos_ned[:, 2] == alone.sd_pos_ned[:, 2]).all()
     # where something else parts positions and velocities, that tells how far
     parted = Reason("positions_parted", "", error_m=20.0)

@@ -62,10 +62,11 @@ correlate by 0.1 to 0.3 after five."""
 @dataclass(frozen=True)
 class Waves:
     """``var`` [k, 2] m^2 north and east of what the positions of k epochs are off by for minutes
-    beyond what was taken, about their mean, and the odds of such an error over those beforehand,
-    ``gain`` nats."""
+    beyond what was taken, about their mean, ``rate_var`` [k, 2] m^2/s^2 of its change, and the odds
+    of such an error over those beforehand, ``gain`` nats."""
 
     var: FloatArray
+    rate_var: FloatArray
     gain: float
 
 
@@ -137,7 +138,7 @@ def waves_of(
             z = at.z.copy()
             z[:2] -= (both[..., : 2 * count] @ amplitude).transpose(2, 0, 1)
             rest = replace(at, z=z)
-    return _averaged(told, wave, taken, order / t[-1]) if told else None
+    return _averaged(told, t, taken, order / t[-1]) if told else None
 
 
 def _nats(at: Epochs, options: FusionOptions, levels: Mapping[str, float]) -> float:
@@ -202,13 +203,13 @@ def _own_sd(scale: float) -> FloatArray:
 
 def _averaged(
     told: Sequence[tuple[float, FloatArray, FloatArray]],
-    wave: FloatArray,
+    t: FloatArray,
     taken: float,
     rate: FloatArray,
 ) -> Waves:
-    """What amplitudes [2 c] of ``wave`` [k, c] make, over all kinds of errors by the odds that they
-    have; ``told`` nats, information matrix and vector by the time that velocities err for, ``rate``
-    [c] half periods a second, ``taken`` m the slow error that is known."""
+    """What amplitudes [2 c] of waves make at ``t`` [k] s, over all kinds of errors by the odds that
+    they have; ``told`` nats, information matrix and vector by the time that velocities err for,
+    ``rate`` [c] half periods a second, ``taken`` m the slow error that is known."""
     count = 2 * len(rate)
     scores, squares, drifts = [], [], []
     for nats, information, vector in told:
@@ -222,10 +223,14 @@ def _averaged(
     weight /= weight.sum()
     square = np.tensordot(weight, np.array(squares), axes=1)
     parts = square[: len(rate), : len(rate)], square[len(rate) :, len(rate) :]
-    var = np.stack([np.einsum("kc,cd,kd->k", wave, part, wave) for part in parts], axis=1)
+    phase = np.pi * np.outer(t, rate)
+    var, rate_var = (
+        np.stack([np.einsum("kc,cd,kd->k", wave, part, wave) for part in parts], axis=1)
+        for wave in (np.cos(phase), np.pi * rate * np.sin(phase))
+    )
     drifting = float(weight[drifts].sum())
     odds = max(drifting, 1e-300) / max(1.0 - drifting, 1e-300)
-    return Waves(var, math.log(odds * (1.0 - DRIFT_PROBABILITY) / DRIFT_PROBABILITY))
+    return Waves(var, rate_var, math.log(odds * (1.0 - DRIFT_PROBABILITY) / DRIFT_PROBABILITY))
 
 
 def _kinds(rate: FloatArray) -> Iterator[tuple[float, FloatArray, float]]:

@@ -29,10 +29,11 @@ from automap.records import Fixes, FloatArray, Trajectory
 @dataclass(frozen=True)
 class Drift:
     """At ``gps_s`` [k] s positions err for minutes by ``sd_m`` [k, 2] m north and east, beyond what
-    was taken; by ``gain`` nats likelier than not."""
+    was taken, which changes by ``rate_sd`` [k, 2] m/s; by ``gain`` nats likelier than not."""
 
     gps_s: FloatArray
     sd_m: FloatArray
+    rate_sd: FloatArray
     gain: float
 
     @property
@@ -95,7 +96,8 @@ def slow_drifts(
         one = waves_of(take(at, placed), velocity[placed], waves, options, levels, path is not None)
         if one is not None:
             var = one.var + DRIFT_MEAN * one.var.mean(axis=0)
-            found.append(Drift(gps_s[placed], np.sqrt(var), one.gain - math.log(count)))
+            gain = one.gain - math.log(count)
+            found.append(Drift(gps_s[placed], np.sqrt(var), np.sqrt(one.rate_var), gain))
     return found
 
 
@@ -122,11 +124,16 @@ def drift_doubts(drifts: list[Drift], start_gps_s: float, sd_m: float) -> Iterat
 
 
 def drifting(path: Trajectory, drifts: list[Drift]) -> Trajectory:
-    """The ``path`` as unsure as its fixes drift."""
-    sd = np.zeros((len(path.gps_s), 3))
+    """The ``path`` as unsure as its fixes drift, which it follows."""
+    sd, rate = np.zeros((2, len(path.gps_s), 3))
     for drift in drifts:
         there = (path.gps_s >= drift.gps_s[0]) & (path.gps_s <= drift.gps_s[-1])
-        for axis, one in enumerate(drift.sd_m.T):
-            here = np.interp(path.gps_s[there], drift.gps_s, one)
-            sd[there, axis] = np.maximum(sd[there, axis], here)
-    return replace(path, sd_pos_ned=np.hypot(path.sd_pos_ned, sd))
+        for whole, part in ((sd, drift.sd_m), (rate, drift.rate_sd)):
+            for axis, one in enumerate(part.T):
+                here = np.interp(path.gps_s[there], drift.gps_s, one)
+                whole[there, axis] = np.maximum(whole[there, axis], here)
+    return replace(
+        path,
+        sd_pos_ned=np.hypot(path.sd_pos_ned, sd),
+        sd_vel_ned=np.hypot(path.sd_vel_ned, rate),
+    )
