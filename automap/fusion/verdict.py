@@ -153,8 +153,8 @@ def weigh(
         levels = fix_levels(dated, options)
         alone = smooth_fixes(dated, clock, options, levels)
         sd = _level_sd(stretch for _, stretch in known())
-        by_imu = result.noise_factors if believed else {}
-        more, drifts = pattern_doubts(dated, alone, options, levels, sd, of_receiver, by_imu)
+        by_imu = (path, result.noise_factors) if believed else ()
+        more, drifts = pattern_doubts(dated, alone, options, levels, sd, of_receiver, *by_imu)
         of_receiver += more
     except InputError:
         alone = None

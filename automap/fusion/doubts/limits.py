@@ -96,10 +96,23 @@ the power at so many rates next to half of theirs, down to three tenths."""
 OFFSET_INSTANTS = 16
 """So many instants are tried for an offset that begins within a drive, spread over it, and as many
 at which positions jump most. Chosen: minutes of a usual drive."""
-DRIFT_WAVE_S, DRIFT_WINDOW_S, DRIFT_STEPS = 120.0, 600.0, 40
+DRIFT_WAVE_S, DRIFT_WINDOW_S = 120.0, 600.0
 """Errors of minutes are waves of two time constants of a receiver's slow error and longer, which it
-has less of than of shorter ones; in windows of five such, as levels are refined on. Sizes are tried
-to a step of 7 %."""
+has less of than of shorter ones; in windows of five such, as levels are refined on."""
+DRIFT_PROBABILITY = 1.0 / 14.0
+"""A piece of five minutes errs for minutes by more than stated so often: of twelve of two recorded
+phones none does, and the thirteenth does by Laplace's rule of succession."""
+DRIFT_TIMES_S = (30.0, 60.0, 120.0, 240.0)
+"""Time constants of such errors: from what a wave of ``DRIFT_WAVE_S`` shows to what windows do."""
+DRIFT_SIZES, DRIFT_STEPS = (0.5, 16.0), 20
+"""Their sizes in that of the slow error that is stated, to a step of a fifth: from what it hides to
+what levels are tried to."""
+DRIFT_MEAN = 2.0
+"""What grows from nothing as a random walk has a mean square of its mean over a drive, T/3, that is
+so many times the variance about the mean, T/6; no innovation shows the mean."""
+MEASURED_SCALE, OTHER_SCALE = 5e-4, 0.05
+"""Velocities of recorded phones are too long and turned by so much (3 and 8e-4 too short, 3e-4 and
+4e-4 rad, by the way of half an hour each); one receiver in twenty, chosen, is of another kind."""
 CLIMB_WAY_M = 200.0
 """Heights are compared with the climb over so much road: a hill's length, some ten seconds."""
 LEAST_HEIGHT_SD_M = 0.1
