@@ -10,17 +10,20 @@ import pytest
 from automap.signs.classes import load_classes
 from automap.signs.faces import draw_face
 from pipeline.train.art import Face
-from pipeline.train.composed import crossing_face, on_board, prohibition
+from pipeline.train.composed import crossing_face, mandatory, on_board, prohibition
 from pipeline.train.drawings import Drawings, group_of_kind
 from pipeline.train.layouts import bars, road_layout, words
-from pipeline.train.numbers import letter_symbol, on_plate
+from pipeline.train.numbers import letter_symbol, on_plate, worded_board
 from pipeline.train.people import person
 from pipeline.train.pictograms import ground_of, redrawn, regrounded, silhouette_of
 from pipeline.train.recipes import other_prohibition, recipes, words_of
 from pipeline.train.symbols import (
+    forked_arrow,
     hand_in_hand,
     opposite_arrows,
+    pointing_arrow,
     riding,
+    ring_of_arrows,
     strange_symbol,
     turn_arrow,
 )
@@ -233,3 +236,64 @@ def test_pictures_of_no_class_keep_away_from_those_of_classes() -> None:
         # wider than one road: something leaves it, and no crossroads of two straight ones
         assert road.any(axis=0).sum() > 1.5 * np.median(road.sum(axis=1))
         assert not (road == road[:, ::-1]).all()
+
+
+def middle_of(picture: Image) -> npt.NDArray[np.float64]:
+    """Mean column and row of what is drawn, from the middle, of the picture's size."""
+    rows, columns = np.nonzero(picture > 127)
+    size = np.array(picture.shape[::-1])
+    return np.asarray((np.array([columns.mean(), rows.mean()]) + 0.5) / size - 0.5)
+
+
+@pytest.mark.parametrize(("degrees", "way"), [(0, (0, -1)), (90, (1, 0)), (-90, (-1, 0)),
+                                              (135, (1, 1)), (-135, (-1, 1))])  # fmt: skip
+def test_arrows_point_where_they_are_turned(degrees: float, way: tuple[int, int]) -> None:
+    rng = np.random.default_rng(21)
+    for _ in range(30):
+        # the head is wider than the shaft, so that more is drawn towards it
+        assert middle_of(pointing_arrow(degrees, rng)) @ way > 0.0
+
+
+def test_forked_arrows_have_a_head_for_each_way() -> None:
+    rng = np.random.default_rng(22)
+    for _ in range(30):
+        left, right = (forked_arrow(("straight", way), rng) for way in ("left", "right"))
+        assert middle_of(left)[0] < middle_of(left[:, ::-1])[0]
+        assert middle_of(right)[0] > middle_of(right[:, ::-1])[0]
+        both = forked_arrow(("left", "right"), rng)
+        assert abs(middle_of(both)[0]) < 0.03
+
+
+def test_arrows_around_a_circle_leave_its_middle_free_and_are_three() -> None:
+    rng = np.random.default_rng(23)
+    for _ in range(30):
+        picture = ring_of_arrows(rng)
+        count, _, stats, _ = cv2.connectedComponentsWithStats((picture > 127).astype(np.uint8))
+        large = stats[1:count, cv2.CC_STAT_AREA] > 0.1 * stats[1:count, cv2.CC_STAT_AREA].sum()
+        assert large.sum() <= 3
+        high, wide = picture.shape
+        assert picture[high * 2 // 5 : high * 3 // 5, wide * 2 // 5 : wide * 3 // 5].mean() < 60
+
+
+def test_orders_are_white_on_a_blue_disc_and_ended_ones_have_a_red_bar() -> None:
+    symbol = pointing_arrow(0.0, np.random.default_rng(24))
+    plain, ended = (
+        [mandatory(symbol, np.random.default_rng(k), barred) for k in range(20)]
+        for barred in (False, True)
+    )
+    for face, other in zip(plain, ended, strict=True):
+        blue = face[:, :, 0].astype(int) - face[:, :, 2] > 40
+        assert 0.3 < float((blue & (face[:, :, 3] > 127)).mean()) < 0.79
+        assert face[0, 0, 3] == 0
+        assert red_share(face) < 0.005
+        assert red_share(other) > 0.03
+
+
+@pytest.mark.parametrize("corners", [3, 8])
+def test_boards_with_words_are_mostly_red_with_something_white_inside(corners: int) -> None:
+    rng = np.random.default_rng(25)
+    for _ in range(30):
+        face = worded_board(corners, "", rng)
+        assert red_share(face) > (0.22 if corners == 3 else 0.4)
+        rows = slice(8, 56) if corners == 3 else slice(36, 76)
+        assert face[rows, 30:82, 1].max() > 150
