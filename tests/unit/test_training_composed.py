@@ -138,7 +138,7 @@ def test_classes_are_drawn_by_rule_with_free_pictures_only() -> None:
     assert rules.composed("regulatory--no-pedestrians--g2", rng) is not None
     # nothing shows a bicycle
     assert rules.composed(NO_BICYCLES, rng) is None
-    assert rules.composed("regulatory--stop--g1", rng) is None
+    assert rules.composed("regulatory--yield--g1", rng) is None
     assert rules.redrawn("regulatory--stop--g1", image, rng) is None
     for name in ("regulatory--no-u-turn--g1", "regulatory--no-stopping--g5"):
         face = rules.composed(name, rng)
