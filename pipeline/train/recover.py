@@ -127,7 +127,8 @@ def with_outputs(net: FaceNet, had: list[str], wanted: list[str]) -> FaceNet:
             weight[row] = state["out.weight"][had.index(name)]
             bias[row] = state["out.bias"][had.index(name)]
     grown.load_state_dict({**state, "out.weight": weight, "out.bias": bias})
-    return grown.eval()
+    grown.eval()
+    return grown
 
 
 def _normalise(net: nn.Module, convolution: nn.Module, norm: nn.BatchNorm2d, x: Tensor) -> None:

@@ -44,7 +44,7 @@ def pointing_arrow(degrees: float, rng: Random) -> Image:
     upright = _drawn([path], rng)
     side = round(float(np.hypot(*upright.shape))) + 4
     shift = (np.array([side, side]) - upright.shape[::-1]) / 2
-    turn = cv2.getRotationMatrix2D((side / 2, side / 2), -degrees, 1.0)
+    turn = np.array(cv2.getRotationMatrix2D((side / 2, side / 2), -degrees, 1.0), np.float64)
     turn[:, 2] += turn[:, :2] @ shift
     return cropped(np.asarray(cv2.warpAffine(upright, turn, (side, side)), np.uint8))
 

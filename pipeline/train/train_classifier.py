@@ -183,6 +183,7 @@ def main() -> None:
     prepare(options, seed=2)
     faces = load_faces(options.data / "sign-art", options.work / "faces.pkl")
     maker = CropMaker(*face_data(options.data, options.work), faces)
+    maker.require_every_class()
     names = maker.names
     timed = options.seconds > 0.0
     recipe = replace(TIMED if timed else RECIPE, stored={"labels": names})
