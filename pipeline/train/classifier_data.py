@@ -67,6 +67,18 @@ class CropMaker:
         self.art, self.unknown = self._drawings.art, self._drawings.unknown
         self.names = [*classes, *self._drawings.kinds, NO_SIGN]
 
+    def require_every_class(self) -> None:
+        """Raise ValueError for classes of which there is no picture to learn from.
+
+        Without this a training on a part of the faces takes these classes for none, in silence.
+        """
+        without = [name for name in load_classes() if name not in self.art | self._real]
+        if without:
+            raise ValueError(
+                f"no drawing and no crop of {', '.join(without)}; give the training all faces of "
+                "sign-art, those that are kept out of it too"
+            )
+
     def real(self, rng: Random) -> tuple[Image, str]:
         """A crop of a real sign."""
         names = list(self._real)

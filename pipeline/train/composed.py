@@ -55,6 +55,32 @@ def prohibition(symbol: Image, bar: bool, rng: Random) -> Image:
     return face
 
 
+def mandatory(symbol: Image, rng: Random, barred: bool = False) -> Image:
+    """A white ``symbol``, white on black of any size, on a blue disc with a rim or none; BGRA.
+
+    A red bar ends what such a sign orders.
+    """
+    face = np.zeros((_SIDE, _SIDE, 4), np.uint8)
+    blue = np.array([rng.uniform(110, 200), rng.uniform(50, 110), rng.uniform(0, 50)])
+    white = rng.uniform(215, 255, 3)
+    y, x = np.mgrid[0:_SIDE, 0:_SIDE] - (_SIDE - 1) / 2
+    away, rim = np.hypot(x, y), 0.0
+    face[:, :, :3] = blue
+    if rng.random() < 0.6:
+        # at the very edge, or with a blue line around it
+        rim, edge = _SIDE * rng.uniform(0.01, 0.06), _SIDE * rng.choice([0.0, rng.uniform(0, 0.04)])
+        outer = _SIDE / 2 - edge
+        cover = np.clip(outer - away, 0.0, 1.0) * np.clip(away - outer + rim, 0.0, 1.0)
+        face[:, :, :3] = face[:, :, :3] * (1 - cover[:, :, None]) + white * cover[:, :, None]
+        rim += edge
+    face[:, :, 3] = 255 * np.clip(_SIDE / 2 - away, 0.0, 1.0)
+    inner = _SIDE - 2 * rim
+    set_symbol(face, symbol, inner * rng.uniform(0.55, 0.9), white, rng)
+    if barred:
+        _bar(face, inner, np.array([rng.uniform(15, 70), rng.uniform(15, 60), 210.0]), rng)
+    return face
+
+
 def _bar(face: Image, inner: float, red: Floats, rng: Random) -> None:
     """A bar across the ring's disc, at about 45 degrees."""
     angle = np.radians(rng.normal(45.0, 4.0)) * (1 if rng.random() < 0.65 else -1)

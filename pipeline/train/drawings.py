@@ -19,6 +19,7 @@ from pipeline.train.numbers import (
     on_plate,
     other_end,
     other_number,
+    worded_board,
 )
 from pipeline.train.pictograms import (
     ground_of,
@@ -32,6 +33,7 @@ from pipeline.train.recipes import (
     COMPOSED,
     LIMIT_OF,
     SHOWS,
+    other_order,
     other_prohibition,
     recipes,
     stands_on_plate,
@@ -48,10 +50,15 @@ _CIRCLES = {"red": "red-circle", "blue": "blue-circle", "green": "green-circle",
             "yellow": "yellow-circle", "orange": "yellow-circle"}  # fmt: skip
 _OTHER_NUMBER, _OTHER_LETTER, _OTHER_END = (
     "red-circle/number", "blue-square/letter", "white-circle/number")  # fmt: skip
+_OTHER_ORDER = "blue-circle/strange"
 """Kinds of unknown faces drawn by rule; letters in red rings are among the numbers."""
 _STRANGE_GROUPS = ("yellow-diamond", "red-triangle-up", "red-circle", "blue-circle", "blue-square")
+_WORDED = "red-triangle-down/words"
+_WORDED_SHARE = 0.02
+"""Red boards on their point with words, as Japan's for stop, and their share of unknown faces."""
 _GENERATED_KINDS = (
-    _OTHER_NUMBER, _OTHER_LETTER, _OTHER_END, *(f"{group}/strange" for group in _STRANGE_GROUPS)
+    _OTHER_NUMBER, _OTHER_LETTER, _OTHER_END, _WORDED,
+    *(f"{group}/strange" for group in _STRANGE_GROUPS),
 )  # fmt: skip
 _STRANGE, _OTHERWISE = 0.25, (0.45, 0.25, 0.2, 0.1)
 """Share of the unknown faces of these groups whose picture is one that no class shows; of these a
@@ -228,6 +235,8 @@ class Drawings:
 
     def other(self, rng: Random) -> tuple[Image, str]:
         """A drawing, BGRA, of a face that is no class, and its kind."""
+        if not self._held and rng.random() < _WORDED_SHARE:
+            return self._perhaps_varied(worded_board(3, "", rng), "red-triangle-down", rng), _WORDED
         groups = list(self.unknown)
         share = np.array([len(self.unknown[g]) ** 0.5 for g in groups])
         group = groups[int(rng.choice(len(groups), p=share / share.sum()))]
@@ -244,6 +253,8 @@ class Drawings:
                 letters = "ABCDEFGIJKLMNOQRSTUVWXYZ123456789"
                 letter = letters[int(rng.integers(len(letters)))]
                 return letter_face(letter, rng), _OTHER_LETTER
+            if group == "blue-circle":
+                return self._perhaps_varied(other_order(rng), group, rng), _OTHER_ORDER
             if group == "white-circle":
                 return end_face(other_end(rng), rng), _OTHER_END
         if group in _STRANGE_GROUPS and rng.random() < _STRANGE:

@@ -8,13 +8,13 @@ import numpy.typing as npt
 from automap.signs.classes import load_classes
 from pipeline.train.art import Face
 from pipeline.train.drawings import Drawings, group_of_kind
-from pipeline.train.numbers import limit_face, other_number
+from pipeline.train.numbers import limit_face, other_number, worded_board
 from pipeline.train.variants import varied
 
 Image = npt.NDArray[np.uint8]
 Random = np.random.Generator
 
-_VARIED, _LIMITS = 0.5, 0.06
+_VARIED, _LIMITS, _WORDED = 0.5, 0.06, 0.05
 _COMPOSED = 0.35
 """Share of the faces that are drawn as for the classifier: composed by rule, on other grounds."""
 _LABELLED_GROUPS = ("red-circle", "blue-circle", "white-circle", "red-triangle-up",
@@ -58,6 +58,9 @@ class FaceChooser:
         """One face, BGRA, and its kind."""
         if rng.random() < _LIMITS:
             return limit_face(other_number(rng), rng), 0
+        if rng.random() < _WORDED:
+            corners = 8 if rng.random() < 0.7 else 3
+            return varied(worded_board(corners, "", rng), rng), 0
         if rng.random() < _COMPOSED:
             draw = self._drawings.named if rng.random() < 0.5 else self._drawings.other
             composed, name = draw(rng)

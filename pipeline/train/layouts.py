@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from automap.records import FloatArray
 from pipeline.train.numbers import text_cover
+from pipeline.train.symbols import cropped
 
 Image = npt.NDArray[np.uint8]
 Random = np.random.Generator
@@ -42,7 +43,7 @@ def road_layout(rng: Random) -> Image:
         aside = np.array([[c, -s], [s, c]]) @ ahead
         _stroke(picture, np.array([start, start + aside * rng.uniform(0.3, 0.5)]),
                 wide * rng.uniform(0.7, 1.0))  # fmt: skip
-    return _cropped(picture)
+    return cropped(picture)
 
 
 def words(rng: Random) -> Image:
@@ -58,7 +59,7 @@ def words(rng: Random) -> Image:
         x = (row.shape[1] - cover.shape[1]) // 2
         row[: cover.shape[0], x : x + cover.shape[1]] = 255 * cover
         rows.append(row)
-    return _cropped(np.vstack(rows))
+    return cropped(np.vstack(rows))
 
 
 def bars(rng: Random) -> Image:
@@ -72,7 +73,7 @@ def bars(rng: Random) -> Image:
         picture[round(low) : round(high), inset // 2 : _SIDE - inset // 2] = 255
     if rng.random() < 0.3:
         picture = np.asarray(picture.T, np.uint8)
-    return _cropped(picture)
+    return cropped(picture)
 
 
 def _bend(rng: Random) -> FloatArray:
@@ -112,10 +113,3 @@ def _head(picture: Image, tip: FloatArray, ahead: FloatArray, wide: float, rng: 
     aside = np.array([-ahead[1], ahead[0]]) * rng.uniform(0.9, 1.5)
     corners = np.array([tip + ahead * rng.uniform(1.0, 2.0), tip + aside, tip - aside])
     cv2.fillPoly(picture, [_pixels(corners)], 255, cv2.LINE_AA, 4)
-
-
-def _cropped(picture: Image) -> Image:
-    rows, columns = np.nonzero(picture > 127)
-    return np.asarray(
-        picture[rows.min() : rows.max() + 1, columns.min() : columns.max() + 1], np.uint8
-    )

@@ -34,6 +34,9 @@ _LOGGED, _STORED = 50, 100
 _LOGGED_TIMED, _STORED_S = 250, 20.0
 _DECAYING = 0.6
 """Part of a training of a given time over which the rate falls."""
+_GOING_ON = 0.6
+"""Part of the rate of a training of a given time that goes on from weights. Chosen: a full rate
+takes apart what they know, a small one leaves little time for what is new."""
 
 
 @dataclass(frozen=True)
@@ -122,6 +125,7 @@ def fit(
         if "optimizer" in state:
             optimizer.load_state_dict(state["optimizer"])
     join(options.work / f"{recipe.name}-meeting", options.rank, options.ranks)
+    rate = recipe.rate * (_GOING_ON if timed and state else 1.0)
     started = stored = time.time()
     seen: list[dict[str, Tensor]] = []
     for batch in batches:
@@ -129,7 +133,7 @@ def fit(
         if elapsed >= options.seconds if timed else step >= options.steps:
             break
         for group in optimizer.param_groups:
-            group["lr"] = recipe.rate * rate_share(step, recipe.warm_up, options, elapsed)
+            group["lr"] = rate * rate_share(step, recipe.warm_up, options, elapsed)
         loss, figures = judge(net, batch)
         optimizer.zero_grad(set_to_none=True)
         loss.backward()

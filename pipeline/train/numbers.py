@@ -25,6 +25,8 @@ END_OF = 80
 _STROKES = "strokes"
 _TYPES = ("DejaVuSans-Bold", "DejaVuSans", "DejaVuSansMono-Bold", "STIXGeneralBol", "cmss10",
           _STROKES, _STROKES)  # fmt: skip
+_SCRIPTS = ((0x410, 0x42F), (0x391, 0x3A1), (0x531, 0x556), (0x10D0, 0x10F0), (0x621, 0x64A))
+"""Letters of Cyrillic, Greek, Armenian, Georgian and Arabic."""
 _SIDE = 112
 _CONSTRUCTED = 0.65
 """Share of numbers whose digits are constructed."""
@@ -162,6 +164,58 @@ def end_face(number: int, rng: Random) -> Image:
     bar = np.clip(half * _SIDE - near + 0.5, 0.0, 1.0) * np.clip(middle - away, 0.0, 1.0)
     face[:, :, :3] = face[:, :, :3] * (1 - bar[:, :, None]) + ink * bar[:, :, None]
     return face
+
+
+def worded_board(corners: int, text: str, rng: Random) -> Image:
+    """White words on a red octagon, or on a red triangle that stands on its point; BGRA.
+
+    ``corners`` 8 or 3; without ``text`` the words are letters of any script, or strokes.
+    """
+    face = np.zeros((_SIDE, _SIDE, 4), np.uint8)
+    red = (rng.uniform(15, 70), rng.uniform(15, 60), rng.uniform(150, 230))
+    white = rng.uniform(215, 255, 3)
+    first = np.pi / 8 if corners == 8 else np.pi / 2
+    angle = first + 2.0 * np.pi / corners * np.arange(corners)
+    outline = np.stack([np.cos(angle), np.sin(angle)], 1)
+    outline = (outline - outline.min(axis=0)) / np.ptp(outline, axis=0) * (_SIDE - 1)
+    middle = outline.mean(axis=0)
+    rim = rng.uniform(0.0, 0.12) if rng.random() < 0.85 else 0.0
+    # a red line around the rim in some countries
+    edge = rng.uniform(0.01, 0.04) if rng.random() < 0.3 else 0.0
+    for inset, colour in ((0.0, red), (edge, white), (edge + rim, red)):
+        points = middle + (outline - middle) * (1.0 - inset)
+        cv2.fillPoly(face, [(points * 16).round().astype(np.int32)], (*colour, 255), cv2.LINE_AA, 4)
+    room = (0.8, rng.uniform(0.3, 0.5)) if corners == 8 else (0.5, rng.uniform(0.18, 0.28))
+    wide, high = _SIDE * (1.0 - rim) * np.array(room)
+    if text or rng.random() < 0.4:
+        any_letters = "".join(rng.choice(list("ABDEGHILNOPRSTU"), int(rng.integers(2, 6))))
+        cover = text_cover(text or any_letters, rng, wide, high)
+    else:
+        drawn = _foreign_word(rng)
+        scale = min(high / drawn.shape[0], wide / drawn.shape[1])
+        size = tuple(max(3, round(v * scale)) for v in drawn.shape[::-1])
+        cover = np.asarray(cv2.resize(drawn, size, interpolation=cv2.INTER_AREA) / 255, np.float32)
+    _print(face, cover, (float(middle[0]), float(middle[1])), white)
+    return face
+
+
+def _foreign_word(rng: Random) -> Image:
+    """A word of another script, or of characters of strokes as in East Asia, white on black."""
+    if rng.random() < 0.5:
+        low, high = _SCRIPTS[int(rng.integers(len(_SCRIPTS)))]
+        letters = rng.integers(low, high + 1, int(rng.integers(2, 6))).tolist()
+        return typed("".join(map(chr, letters)), "DejaVuSans-Bold")
+    characters = []
+    for _ in range(rng.integers(1, 4)):
+        part = np.zeros((96, 96), np.uint8)
+        for _ in range(rng.integers(4, 10)):
+            start, long = rng.uniform(10, 86, 2), rng.uniform(20, 80)
+            angle = rng.choice([0.0, 0.0, np.pi / 2, np.pi / 2, rng.uniform(0, np.pi)])
+            end = np.clip(start + long * np.array([np.cos(angle), np.sin(angle)]), 6, 90)
+            ends = [tuple(round(float(v)) for v in point) for point in (start, end)]
+            cv2.line(part, ends[0], ends[1], 255, int(rng.integers(6, 12)), cv2.LINE_AA)
+        characters.append(part)
+    return np.asarray(np.hstack(characters), np.uint8)
 
 
 def on_plate(face: Image, rng: Random, words: str = "") -> Image:

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from automap.signs.classes import load_classes
 from pipeline.train.art import Face
-from pipeline.train.composed import crossing_face, prohibition
+from pipeline.train.composed import crossing_face, mandatory, prohibition
 from pipeline.train.numbers import (
     END_OF,
     LIMITS,
@@ -19,10 +19,20 @@ from pipeline.train.numbers import (
     letter_symbol,
     limit_face,
     limit_name,
+    text_cover,
+    worded_board,
 )
 from pipeline.train.people import person
 from pipeline.train.pictograms import redrawn, silhouette_of
-from pipeline.train.symbols import hand_in_hand, opposite_arrows, riding, turn_arrow
+from pipeline.train.symbols import (
+    forked_arrow,
+    hand_in_hand,
+    opposite_arrows,
+    pointing_arrow,
+    riding,
+    ring_of_arrows,
+    turn_arrow,
+)
 
 Image = npt.NDArray[np.uint8]
 Random = np.random.Generator
@@ -55,6 +65,22 @@ _NO_PICTURE = {
     "regulatory--no-heavy-goods-vehicles--g1": ("truck", None),
 }
 """Subject, and whether a bar crosses it; None: in some countries."""
+_STOP = "regulatory--stop--g1"
+_ORDERS = {
+    "regulatory--go-straight--g1": lambda rng: pointing_arrow(0.0, rng),
+    "regulatory--turn-right--g1": lambda rng: pointing_arrow(90.0, rng),
+    "regulatory--turn-left--g1": lambda rng: pointing_arrow(-90.0, rng),
+    "regulatory--keep-right--g1": lambda rng: pointing_arrow(rng.normal(135.0, 4.0), rng),
+    "regulatory--keep-left--g1": lambda rng: pointing_arrow(rng.normal(-135.0, 4.0), rng),
+    "regulatory--turn-right-ahead--g1": lambda rng: turn_arrow("right", rng),
+    "regulatory--turn-left-ahead--g1": lambda rng: turn_arrow("left", rng),
+    "regulatory--go-straight-or-turn-right--g1": lambda rng: forked_arrow(
+        ("straight", "right"), rng
+    ),
+    "regulatory--go-straight-or-turn-left--g1": lambda rng: forked_arrow(("straight", "left"), rng),
+    "regulatory--roundabout--g1": lambda rng: ring_of_arrows(rng),
+}
+"""What the blue discs of orders show: known by one drawing each, by rule in every country."""
 SHOWS = {
     "warning--bicycles-crossing--g1": "bicycle",
     "warning--bicycles-crossing--g3": "bicycle",
@@ -68,7 +94,8 @@ SHOWS = {
     "warning--two-way-traffic--g2": "opposite arrows",
 }
 """Classes that show a subject as they are, by the subject."""
-COMPOSED = frozenset({*_LETTERS, _END, *_NO_WAY, *_NO_LETTER, *_NO_PICTURE, _CROSSING, *SHOWS})
+COMPOSED = frozenset({*_LETTERS, _END, *_NO_WAY, *_NO_LETTER, *_NO_PICTURE, _CROSSING, _STOP,
+                      *_ORDERS, *SHOWS})  # fmt: skip
 """Classes other than limits that are drawn by rule or with other pictures of their subject."""
 _RIDDEN, _BY_RULE = 0.35, 0.5
 """Shares of the bicycles with a rider, and of people put together of strokes."""
@@ -91,6 +118,10 @@ class Recipes:
             return end_face(END_OF, rng)
         if name in _NO_WAY:
             return prohibition(turn_arrow(_NO_WAY[name], rng), bool(rng.random() < 0.9), rng)
+        if name in _ORDERS:
+            return mandatory(_ORDERS[name](rng), rng)
+        if name == _STOP:
+            return worded_board(8, "STOP" if rng.random() < 0.5 else "", rng)
         if name in _NO_LETTER:
             return prohibition(letter_symbol(_NO_LETTER[name], rng), True, rng)
         if name in _NO_PICTURE:
@@ -144,6 +175,23 @@ def other_prohibition(rng: Random) -> Image:
         return prohibition(turn_arrow("straight", rng), bool(rng.random() < 0.7), rng)
     letter = _OTHER_LETTERS[int(rng.integers(len(_OTHER_LETTERS)))]
     return prohibition(letter_symbol(letter, rng), bool(rng.random() < 0.7), rng)
+
+
+def other_order(rng: Random) -> Image:
+    """A blue disc that is no class: a number, ways to both sides, or an order that ends."""
+    kind = int(rng.integers(4))
+    if kind == 0:
+        number = str(5 * int(rng.integers(1, 27)))
+        high = rng.uniform(50.0, 90.0)
+        symbol = np.asarray(255 * text_cover(number, rng, 90.0, high), np.uint8)
+        return mandatory(symbol, rng, bool(rng.random() < 0.3))
+    if kind == 1:
+        ways = ("straight", "left", "right") if rng.random() < 0.3 else ("left", "right")
+        return mandatory(forked_arrow(ways, rng), rng)
+    if kind == 2:
+        return mandatory(turn_arrow("u", rng), rng)
+    names = list(_ORDERS)
+    return mandatory(_ORDERS[names[int(rng.integers(len(names)))]](rng), rng, barred=True)
 
 
 def words_of(name: str) -> str:

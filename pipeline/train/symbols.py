@@ -35,7 +35,67 @@ def turn_arrow(way: str, rng: Random) -> Image:
         path = _u_turn(rng) if way == "u" else _left_turn(rng)
     if way == "right" or (way != "left" and rng.random() < 0.5):
         path = path * [-1.0, 1.0] + [1.0, 0.0]
-    return _drawn(path, rng)
+    return _drawn([path], rng)
+
+
+def pointing_arrow(degrees: float, rng: Random) -> Image:
+    """A straight arrow, long or short, turned clockwise from upright, as white on black."""
+    path = np.array([[0.5, 1.0], [0.5, rng.uniform(0.1, 0.45)]])
+    upright = _drawn([path], rng)
+    side = round(float(np.hypot(*upright.shape))) + 4
+    shift = (np.array([side, side]) - upright.shape[::-1]) / 2
+    turn = np.array(cv2.getRotationMatrix2D((side / 2, side / 2), -degrees, 1.0), np.float64)
+    turn[:, 2] += turn[:, :2] @ shift
+    return cropped(np.asarray(cv2.warpAffine(upright, turn, (side, side)), np.uint8))
+
+
+def forked_arrow(ways: tuple[str, ...], rng: Random) -> Image:
+    """One shaft that forks into arrows, as white on black: of ``ways`` straight, left and right."""
+    top, bend = rng.uniform(0.3, 0.5), rng.uniform(0.0, 1.0)
+    reach = rng.uniform(0.25, 0.45)
+    angle = np.linspace(0.0, np.pi / 2, 8)
+    round_ = bend * min(reach, 0.9 - top)
+    aside = np.stack([round_ * (1 - np.cos(angle)), top + round_ * (1 - np.sin(angle))], 1)
+    left = np.concatenate([[[0.0, 1.0]], aside * [-1.0, 1.0], [[-reach, top]]])
+    left = left + np.array([0.5, 0.0])
+    paths = {
+        "straight": np.array([[0.5, 1.0], [0.5, rng.uniform(0.0, 0.1)]]),
+        "left": left,
+        "right": left * [-1.0, 1.0] + [1.0, 0.0],
+    }
+    return _drawn([paths[way] for way in ways], rng)
+
+
+def ring_of_arrows(rng: Random, count: int = 3) -> Image:
+    """Arrows that follow each other around a circle, as white on black."""
+    wide = _SIDE + 2 * _FRAME
+    picture = np.zeros((wide, wide), np.uint8)
+    radius = _SIDE * rng.uniform(0.32, 0.42)
+    stroke = radius * rng.uniform(0.14, 0.5)
+    half = stroke * rng.uniform(0.8, 1.6) + 0.06 * radius
+    long = min(half * rng.uniform(1.0, 2.2), 0.8 * radius)
+    step = 2.0 * np.pi / count
+    first = rng.uniform(0.0, step)
+    # what is left free between the point of one and the end of the next
+    free = rng.uniform(0.02, 0.3) * step
+    turned = max(step - free - long / radius, 0.25 * step)
+    for k in range(count):
+        angle = first + k * step + np.linspace(0.0, turned, 16)
+        around = np.stack([np.cos(angle), np.sin(angle)], 1)
+        end, ahead = around[-1], np.array([-around[-1, 1], around[-1, 0]])
+        # the head bends with the circle or goes straight on
+        inward = rng.uniform(0.0, 0.5) * long / radius * long
+        tip = radius * end + long * ahead - inward * end
+        head = np.array([tip, (radius + half) * end, (radius - half) * end]) + wide / 2
+        # an outline of the band has flat ends, which a line of one width has not
+        band = np.concatenate(
+            [(radius + stroke / 2) * around, (radius - stroke / 2) * around[::-1]]
+        )
+        for part in (band + wide / 2, head):
+            points = (part * _PARTS).round().astype(np.int32)
+            cv2.fillPoly(picture, [points], 255, cv2.LINE_AA, 4)
+    turned_other = picture if rng.random() < 0.5 else picture[:, ::-1]
+    return cropped(np.asarray(turned_other, np.uint8))
 
 
 def _left_turn(rng: Random) -> FloatArray:
@@ -60,26 +120,32 @@ def _u_turn(rng: Random) -> FloatArray:
     return np.concatenate([[[right, 1.0]], np.stack([x, y], 1), [[left, low]]])
 
 
-def _drawn(path: FloatArray, rng: Random) -> Image:
-    """A line of one width with a head at its end."""
+def _drawn(paths: list[FloatArray], rng: Random) -> Image:
+    """Lines of one width with a head at the end of each."""
     stroke = _SIDE * rng.uniform(0.1, 0.24)
     long = stroke * rng.uniform(1.1, 2.2)
     half = stroke * rng.uniform(0.95, 1.5)
-    points = path * _SIDE + _FRAME
-    ahead = points[-1] - points[-2]
-    ahead = ahead / np.hypot(*ahead)
-    aside = np.array([-ahead[1], ahead[0]])
     # barbs swept back or a plain triangle
     back = rng.uniform(0.0, 0.35) * long if rng.random() < 0.4 else 0.0
-    base = points[-1]
-    head = np.array([base + ahead * long, base + aside * half - ahead * back, base,
-                     base - aside * half - ahead * back])  # fmt: skip
     picture = np.zeros((_SIDE + 2 * _FRAME, _SIDE + 2 * _FRAME), np.uint8)
-    line = [(points * _PARTS).round().astype(np.int32)]
-    cv2.polylines(picture, line, False, 255, max(2, round(stroke)), cv2.LINE_AA, 4)
-    cv2.fillPoly(picture, [(head * _PARTS).round().astype(np.int32)], 255, cv2.LINE_AA, 4)
+    for path in paths:
+        points = path * _SIDE + _FRAME
+        ahead = points[-1] - points[-2]
+        ahead = ahead / np.hypot(*ahead)
+        aside = np.array([-ahead[1], ahead[0]])
+        base = points[-1]
+        head = np.array([base + ahead * long, base + aside * half - ahead * back, base,
+                         base - aside * half - ahead * back])  # fmt: skip
+        line = [(points * _PARTS).round().astype(np.int32)]
+        cv2.polylines(picture, line, False, 255, max(2, round(stroke)), cv2.LINE_AA, 4)
+        cv2.fillPoly(picture, [(head * _PARTS).round().astype(np.int32)], 255, cv2.LINE_AA, 4)
     # the round end of the line becomes a straight one
     picture[_FRAME + _SIDE :] = 0
+    return cropped(picture)
+
+
+def cropped(picture: Image) -> Image:
+    """The part of a picture, white on black, that is drawn on."""
     rows, columns = np.nonzero(picture > 127)
     return np.asarray(
         picture[rows.min() : rows.max() + 1, columns.min() : columns.max() + 1], np.uint8
@@ -163,6 +229,4 @@ def _strange_characters() -> tuple[str, ...]:
 
 @cache
 def _picture(character: str) -> Image:
-    grey = typed(character, _STRANGE_TYPE)
-    rows, columns = np.nonzero(grey > 127)
-    return grey[rows.min() : rows.max() + 1, columns.min() : columns.max() + 1]
+    return cropped(typed(character, _STRANGE_TYPE))

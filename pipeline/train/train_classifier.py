@@ -183,14 +183,24 @@ def main() -> None:
     prepare(options, seed=2)
     faces = load_faces(options.data / "sign-art", options.work / "faces.pkl")
     maker = CropMaker(*face_data(options.data, options.work), faces)
+    maker.require_every_class()
     names = maker.names
     timed = options.seconds > 0.0
     recipe = replace(TIMED if timed else RECIPE, stored={"labels": names})
     net = Taught(len(names)) if timed else FaceNet(len(names))
+    checkpoint = options.work / "classifier.pt"
+    if isinstance(net, Taught) and checkpoint.is_file():
+        take_up(net, checkpoint)
     judge = _taught_by(names, options.device) if timed else _judged_by(names)
     fit(net, recipe, options, lambda seed: _Stream(maker, 5000 + seed, timed), _batch, judge)
     if timed:
-        keep_taught(options.work / "classifier.pt")
+        keep_taught(checkpoint)
+
+
+def take_up(taught: Taught, checkpoint: Path) -> None:
+    """Let a training go on from a checkpoint of the network alone; its teacher begins anew."""
+    taught.net.load_state_dict(torch.load(checkpoint, weights_only=True)["mean"])
+    torch.save({"mean": taught.state_dict()}, checkpoint)
 
 
 def keep_taught(checkpoint: Path) -> None:

@@ -10,17 +10,21 @@ import pytest
 from automap.signs.classes import load_classes
 from automap.signs.faces import draw_face
 from pipeline.train.art import Face
-from pipeline.train.composed import crossing_face, on_board, prohibition
+from pipeline.train.composed import crossing_face, mandatory, on_board, prohibition
 from pipeline.train.drawings import Drawings, group_of_kind
 from pipeline.train.layouts import bars, road_layout, words
-from pipeline.train.numbers import letter_symbol, on_plate
+from pipeline.train.numbers import letter_symbol, on_plate, worded_board
 from pipeline.train.people import person
 from pipeline.train.pictograms import ground_of, redrawn, regrounded, silhouette_of
 from pipeline.train.recipes import other_prohibition, recipes, words_of
 from pipeline.train.symbols import (
+    cropped,
+    forked_arrow,
     hand_in_hand,
     opposite_arrows,
+    pointing_arrow,
     riding,
+    ring_of_arrows,
     strange_symbol,
     turn_arrow,
 )
@@ -135,7 +139,7 @@ def test_classes_are_drawn_by_rule_with_free_pictures_only() -> None:
     assert rules.composed("regulatory--no-pedestrians--g2", rng) is not None
     # nothing shows a bicycle
     assert rules.composed(NO_BICYCLES, rng) is None
-    assert rules.composed("regulatory--stop--g1", rng) is None
+    assert rules.composed("regulatory--yield--g1", rng) is None
     assert rules.redrawn("regulatory--stop--g1", image, rng) is None
     for name in ("regulatory--no-u-turn--g1", "regulatory--no-stopping--g5"):
         face = rules.composed(name, rng)
@@ -233,3 +237,65 @@ def test_pictures_of_no_class_keep_away_from_those_of_classes() -> None:
         # wider than one road: something leaves it, and no crossroads of two straight ones
         assert road.any(axis=0).sum() > 1.5 * np.median(road.sum(axis=1))
         assert not (road == road[:, ::-1]).all()
+
+
+def foot_of(picture: Image) -> float:
+    """Where a picture's lowest rows are drawn on, as a part of its width."""
+    low = picture[-max(3, len(picture) // 12) :] > 127
+    return float(np.nonzero(low)[1].mean() + 0.5) / picture.shape[1]
+
+
+@pytest.mark.parametrize("degrees", [0.0, 90.0, -90.0, 135.0, -135.0])
+def test_arrows_point_where_they_are_turned(degrees: float) -> None:
+    rng = np.random.default_rng(21)
+    for _ in range(30):
+        picture = cv2.copyMakeBorder(pointing_arrow(degrees, rng), 40, 40, 40, 40, 0)
+        size = picture.shape[::-1]
+        back = cv2.getRotationMatrix2D((size[0] / 2, size[1] / 2), degrees, 1.0)
+        upright = cropped(np.asarray(cv2.warpAffine(picture, back, size), np.uint8))
+        wide = (upright > 127).sum(axis=1)
+        # turned back it stands upright, and the head is wider than the end of the shaft
+        assert wide[: len(wide) * 3 // 4].max() > 1.3 * wide[-len(wide) // 5 :].max()
+
+
+def test_forked_arrows_leave_the_shaft_to_their_sides() -> None:
+    rng = np.random.default_rng(22)
+    for _ in range(30):
+        assert foot_of(forked_arrow(("straight", "left"), rng)) > 0.5
+        assert foot_of(forked_arrow(("straight", "right"), rng)) < 0.5
+        assert abs(foot_of(forked_arrow(("left", "right"), rng)) - 0.5) < 0.05
+
+
+def test_arrows_around_a_circle_leave_its_middle_free_and_are_three() -> None:
+    rng = np.random.default_rng(23)
+    for _ in range(30):
+        picture = ring_of_arrows(rng)
+        count, _, stats, _ = cv2.connectedComponentsWithStats((picture > 127).astype(np.uint8))
+        large = stats[1:count, cv2.CC_STAT_AREA] > 0.1 * stats[1:count, cv2.CC_STAT_AREA].sum()
+        assert large.sum() <= 3
+        high, wide = picture.shape
+        assert picture[high * 2 // 5 : high * 3 // 5, wide * 2 // 5 : wide * 3 // 5].mean() < 60
+
+
+def test_orders_are_white_on_a_blue_disc_and_ended_ones_have_a_red_bar() -> None:
+    symbol = pointing_arrow(0.0, np.random.default_rng(24))
+    plain, ended = (
+        [mandatory(symbol, np.random.default_rng(k), barred) for k in range(20)]
+        for barred in (False, True)
+    )
+    for face, other in zip(plain, ended, strict=True):
+        blue = face[:, :, 0].astype(int) - face[:, :, 2] > 40
+        assert 0.3 < float((blue & (face[:, :, 3] > 127)).mean()) < 0.79
+        assert face[0, 0, 3] == 0
+        assert red_share(face) < 0.005
+        assert red_share(other) > 0.03
+
+
+@pytest.mark.parametrize("corners", [3, 8])
+def test_boards_with_words_are_mostly_red_with_something_white_inside(corners: int) -> None:
+    rng = np.random.default_rng(25)
+    for _ in range(30):
+        face = worded_board(corners, "", rng)
+        assert red_share(face) > (0.22 if corners == 3 else 0.4)
+        rows = slice(8, 56) if corners == 3 else slice(36, 76)
+        assert face[rows, 30:82, 1].max() > 150

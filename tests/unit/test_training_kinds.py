@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 torch = pytest.importorskip("torch", reason="the training needs torch")
 
 from pipeline.train.classifier_data import label_of, labels  # noqa: E402
 from pipeline.train.classifier_net import FaceNet, Folded, fold, membership  # noqa: E402
-from pipeline.train.export import export_classifier, note  # noqa: E402
-from pipeline.train.recover import recovered  # noqa: E402
+from pipeline.train.detector_net import SignNet  # noqa: E402
+from pipeline.train.export import export_classifier, export_detector, note  # noqa: E402
+from pipeline.train.recover import recovered, recovered_detector, with_outputs  # noqa: E402
 
 OUTPUTS = ["regulatory--stop--g1", "red-circle/number", "red-circle/no-horns", "other/x", "no-sign"]
 WANTED = ["regulatory--stop--g1", "red-circle", "blue-circle", "other", "no-sign"]
@@ -65,3 +67,33 @@ def test_an_exported_network_is_recovered_so_that_training_can_go_on(tmp_path: P
         assert (again(crops) - net(crops)).abs().max() < 0.1
     with pytest.raises(ValueError, match="not a classifier"):
         recovered(tmp_path / "classifier.onnx", names[:-1], crops)
+
+
+def test_a_classifier_gets_new_outputs_beside_those_it_has() -> None:
+    had = [*labels()[:3], "red-circle/number", "no-sign"]
+    wanted = [*labels()[:3], "red-circle/number", "red-circle/words", "no-sign"]
+    net = FaceNet(len(had)).eval()
+    crops = torch.rand(2, 3, 48, 48) * 255
+    with torch.no_grad():
+        before, after = net(crops), with_outputs(net, had, wanted)(crops)
+    assert torch.allclose(after[:, [0, 1, 2, 3, 5]], before, atol=1e-5)
+    assert float(after[:, 4].max()) < float(before.min())
+
+
+def test_an_exported_detector_is_recovered_to_what_8_bits_leave(tmp_path: Path) -> None:
+    torch.manual_seed(4)
+    net = SignNet().eval()
+    for layer in net.modules():
+        if isinstance(layer, torch.nn.BatchNorm2d):
+            torch.nn.init.uniform_(layer.weight, 0.8, 1.2)
+            torch.nn.init.uniform_(layer.bias, -0.2, 0.2)
+    pictures = np.random.default_rng(4).integers(0, 256, (24, 128, 128, 3), np.uint8)
+    np.save(tmp_path / "streets.npy", pictures)
+    torch.save({"mean": net.state_dict()}, tmp_path / "detector.pt")
+    export_detector(tmp_path / "detector.pt", tmp_path / "detector.8bit.onnx")
+    seen = torch.from_numpy(pictures[:8].transpose(0, 3, 1, 2).copy()).float()
+    again = recovered_detector(tmp_path / "detector.8bit.onnx", seen)
+    with torch.no_grad():
+        wanted, got = net(seen), again(seen)
+    off, spread = (got - wanted).std(), wanted.std(dim=(0, 2, 3)).mean()
+    assert float(off) < 0.3 * float(spread)

@@ -10,7 +10,7 @@ import pytest
 from automap.signs.classes import load_classes
 from automap.signs.faces import draw_face
 from pipeline.train.art import Face
-from pipeline.train.classifier_data import jittered
+from pipeline.train.classifier_data import CropMaker, jittered
 from pipeline.train.degrade import against_light
 from pipeline.train.digits import road_digits
 from pipeline.train.drawings import Drawings, group_of_face, group_of_kind
@@ -113,7 +113,8 @@ def test_held_drawings_are_never_trained_on() -> None:
     assert training.named(rng)[1] == ROUNDABOUT
     kinds = {training.other(rng)[1] for _ in range(30)}
     kind = "yellow-diamond/warning--camel-crossing"
-    assert kinds == {kind, "yellow-diamond/strange"}
+    # what is drawn by rule has no held picture in it
+    assert kinds - {"red-triangle-down/words"} == {kind, "yellow-diamond/strange"}
     assert kinds <= set(training.kinds)
     assert group_of_kind(kind) == group_of_face(strange)
 
@@ -205,3 +206,17 @@ def test_pictures_are_foreign_to_a_group_by_what_they_show() -> None:
     assert {group: len(of) for group, of in pictures.items()} == {
         "yellow-diamond": 1, "red-circle": 2,
     }  # fmt: skip
+
+
+def test_a_training_without_a_picture_of_a_class_is_refused() -> None:
+    circle = np.zeros((96, 96, 4), np.uint8)
+    cv2.circle(circle, (48, 48), 46, (30, 30, 200, 255), -1)
+    faces = [
+        Face(name, circle, "circle", "red", "red", held=False)
+        for entry in load_classes().values()
+        for name in entry.art
+    ]
+    CropMaker([], [], faces).require_every_class()
+    kept = [face for face in faces if face.name not in load_classes()[CHILDREN].art]
+    with pytest.raises(ValueError, match=f"no drawing and no crop of {CHILDREN};"):
+        CropMaker([], [], kept).require_every_class()
