@@ -58,6 +58,29 @@ def height_doubts(path: Trajectory, fixes: Fixes) -> Iterator[Reason]:
         )
 
 
+def separation_doubts(fixes: Fixes) -> list[Reason]:
+    """The reason that a geoid gives which is further from the ellipsoid than anywhere on Earth."""
+    told = fixes.geoid_sep_m[np.isfinite(fixes.geoid_sep_m + fixes.height_m)]
+    low, high = limits.GEOID_M
+    if not len(told) or low <= float(np.median(told)) <= high:
+        return []
+    separation = float(np.median(told))
+    feet = limits.HEIGHT_UNITS[0][0]
+    unit, off = "another unit", UNKNOWN_HEIGHT_SD_M
+    if low <= separation / feet <= high:
+        unit = "feet"
+        off = float(np.nanmax(np.abs(fixes.height_m))) * (1.0 - 1.0 / feet)
+    return [
+        Reason(
+            "height_scale",
+            f"the receiver's log has the geoid {separation:+.0f} m from the ellipsoid, where it is "
+            f"{low:+.0f} to {high:+.0f} m on all the Earth: its heights seem to be in {unit}, and "
+            "those of the path and of the signs are as wrong; check the unit of the heights in it",
+            height_m=off,
+        )
+    ]
+
+
 @dataclass(frozen=True)
 class _Found:
     """A slope with its sigma, of so many degrees of ``freedom``."""
