@@ -124,7 +124,8 @@ def weigh(
     at_bound = levels_at_bound(result.noise_factors, options.tune)
     felt = not any(reason.inertial for reason in (*of_imu, *at_bound))
     of_receiver = receiver_doubts(receiver, float(path.gps_s[0]), felt)
-    of_receiver += [*accuracy_doubts(fixes, options), *separation_doubts(fixes)]
+    of_receiver += accuracy_doubts(fixes, options)
+    of_receiver += separation_doubts(fixes, of_receiver)
     askew, lean = outcome.mounted_askew(path, fused.sd_roll())
 
     def known() -> Iterator[tuple[slice, Trajectory]]:
@@ -244,7 +245,8 @@ def weigh_alone(
     off, _ = off_the_fixes(misses, options.wander_tau_s)
     off += overstated(fix_misses(path, stated))
     reasons = [*receiver_doubts(receiver, float(path.gps_s[0])), *off]
-    reasons += [*accuracy_doubts(fixes, options), *separation_doubts(fixes)]
+    reasons += accuracy_doubts(fixes, options)
+    reasons += separation_doubts(fixes, reasons)
     places = places_of(model_fixes(fixes, fixes.gps_s, options))
     reasons += jump_doubts(position_jumps(places), path)
     sd = _level_sd([path])

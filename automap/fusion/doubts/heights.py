@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -58,8 +58,11 @@ def height_doubts(path: Trajectory, fixes: Fixes) -> Iterator[Reason]:
         )
 
 
-def separation_doubts(fixes: Fixes) -> list[Reason]:
-    """The reason that a geoid gives which is further from the ellipsoid than anywhere on Earth."""
+def separation_doubts(fixes: Fixes, known: Iterable[Reason] = ()) -> list[Reason]:
+    """The reason that a geoid gives which is further from the ellipsoid than anywhere on Earth,
+    unless the unit of the heights is ``known`` to be wrong."""
+    if any(reason.code == "height_scale" for reason in known):
+        return []
     told = fixes.geoid_sep_m[np.isfinite(fixes.geoid_sep_m + fixes.height_m)]
     low, high = limits.GEOID_M
     if not len(told) or low <= float(np.median(told)) <= high:
