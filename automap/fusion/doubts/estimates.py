@@ -10,6 +10,7 @@ import numpy as np
 
 from automap.fusion.adapt import COARSE, FINE
 from automap.fusion.delay_states import (
+    COURSE_STATE,
     DELAY_STATE,
     LATENCY_STATE,
     SKEW_STATE,
@@ -226,8 +227,10 @@ def arm_by_drive(
     return own if far > limits.ARM_OFF_M + _velocity_lag(found) * speed else None
 
 
-def _velocity_lag(found: Estimates) -> float:
-    return abs(sum(found.get(n, (0.0, 0.0))[0] for n in (VEL_LATENCY_STATE, VEL_LAG_STATE)))
+def _velocity_lag(found: Estimates, *more: str) -> float:
+    """How late velocities are, s, and by the states ``more``."""
+    names = (VEL_LATENCY_STATE, VEL_LAG_STATE, *more)
+    return abs(sum(found.get(name, (0.0, 0.0))[0] for name in names))
 
 
 def contradicted_arm(
@@ -260,7 +263,9 @@ def unproven_arm(
     sd = np.array([found.get(f"gnss_lever_arm_{a}", (0.0, stated_sd))[1] for a in "xy"])
     taken = np.maximum(stated_sd**2 - sd**2, 0.0)
     seen = twice * np.sqrt(taken) > sigmas(DOUBT_PROBABILITY) * stated_sd**2
-    seen &= twice > limits.ARM_OFF_M + _velocity_lag(found) * speed
+    # an arm looks like an age of the course, which may be another than the speed's
+    lag = max(_velocity_lag(found), _velocity_lag(found, COURSE_STATE))
+    seen &= twice > limits.ARM_OFF_M + lag * speed
     hidden = twice[~seen & (twice > limits.ARM_OFF_M)]
     if not len(hidden):
         return []
