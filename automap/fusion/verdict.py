@@ -32,8 +32,9 @@ from automap.fusion.doubts.estimates import (
     impossible_errors,
     levels_at_bound,
     unexpected_delay,
+    unproven_arm,
 )
-from automap.fusion.doubts.heights import height_doubts
+from automap.fusion.doubts.heights import height_doubts, separation_doubts
 from automap.fusion.doubts.hole import hole_doubts
 from automap.fusion.doubts.path import fix_misses, off_the_fixes
 from automap.fusion.doubts.position_jump import (
@@ -44,7 +45,12 @@ from automap.fusion.doubts.position_jump import (
 )
 from automap.fusion.doubts.readings import reading_doubts
 from automap.fusion.doubts.reason import Reason, Verdict, verdict_of
-from automap.fusion.doubts.receiver import accuracy_doubts, dated_velocities, receiver_doubts
+from automap.fusion.doubts.receiver import (
+    accuracy_doubts,
+    dated_velocities,
+    overstated,
+    receiver_doubts,
+)
 from automap.fusion.doubts.sideways import sideways
 from automap.fusion.doubts.slow_drift import Drift, drifting, pattern_doubts
 from automap.fusion.doubts.triads import triad_doubts
@@ -119,6 +125,7 @@ def weigh(
     felt = not any(reason.inertial for reason in (*of_imu, *at_bound))
     of_receiver = receiver_doubts(receiver, float(path.gps_s[0]), felt)
     of_receiver += accuracy_doubts(fixes, options)
+    of_receiver += separation_doubts(fixes, of_receiver)
     askew, lean = outcome.mounted_askew(path, fused.sd_roll())
 
     def known() -> Iterator[tuple[slice, Trajectory]]:
@@ -171,7 +178,7 @@ def weigh(
         *unexpected_delay(found, delay.mean, delay.sd, float(np.median(speed)), age_sd),
         *early_velocities(found),
         *(constancy_doubts(result.filtered_parameters, by_carrier(fixes)) if believed else ()),
-        *(contradicted_arm(found, lever_arm, STATED_ARM_SD_M, bends) if believed else ()),
+        *(_of_arm(found, lever_arm, bends) if believed else ()),
         *(height_doubts(path, fixes) if believed and not scaled else ()),
         *askew,
         *outcome.weak_heading(result.align_margin, off),
@@ -180,9 +187,11 @@ def weigh(
         *outcome.refused(result.innovations),
         *innovation_doubts(channel_consistency(result.innovations)),
     ]
-    model = as_shown(model_fixes(fixes, fixes.gps_s, options), options, result.noise_factors)
-    arm = _of_axes(found, "gnss_lever_arm")
-    misses = fix_misses(path, model, arm, found.get(LATENCY_STATE, (0.0, 0.0))[0])
+    stated = model_fixes(fixes, fixes.gps_s, options)
+    model = as_shown(stated, options, result.noise_factors)
+    at = _of_axes(found, "gnss_lever_arm"), found.get(LATENCY_STATE, (0.0, 0.0))[0]
+    misses = fix_misses(path, model, *at)
+    reasons += overstated(fix_misses(path, stated, *at))
     far, share = off_the_fixes(misses, options.wander_tau_s)
     reasons += far
     blamed = any(reason.inertial for reason in reasons)
@@ -211,7 +220,8 @@ def _weighed(
 ) -> Weighed:
     level = np.concatenate([np.hypot(*stretch.sd_pos_ned[:, :2].T) for stretch in run()])
     sd = float(np.median(level))
-    return Weighed(verdict_of([*reasons, *outcome.unsure_path(sd)]), run, len(level), sd, alone)
+    unsure = outcome.unsure_path(sd, any(r.code == "accuracy_overstated" for r in reasons))
+    return Weighed(verdict_of([*reasons, *unsure]), run, len(level), sd, alone)
 
 
 def _alone(path: Trajectory, reasons: Sequence[Reason]) -> Weighed:
@@ -230,11 +240,13 @@ def weigh_alone(
     levels = fix_levels(dated, options)
     alone = smooth_fixes(dated, clock, options, levels)
     path = uncorrected(unaveraged(alone, fixes, options, levels), fixes, options)
-    model = as_shown(model_fixes(fixes, fixes.gps_s, options), options, levels)
-    misses = fix_misses(path, model)
+    stated = model_fixes(fixes, fixes.gps_s, options)
+    misses = fix_misses(path, as_shown(stated, options, levels))
     off, _ = off_the_fixes(misses, options.wander_tau_s)
+    off += overstated(fix_misses(path, stated))
     reasons = [*receiver_doubts(receiver, float(path.gps_s[0])), *off]
     reasons += accuracy_doubts(fixes, options)
+    reasons += separation_doubts(fixes, reasons)
     places = places_of(model_fixes(fixes, fixes.gps_s, options))
     reasons += jump_doubts(position_jumps(places), path)
     sd = _level_sd([path])
@@ -248,6 +260,12 @@ def _level_sd(stretches: Iterable[Trajectory]) -> float:
     return float(
         np.sqrt(np.median(np.concatenate([(p.sd_pos_ned[:, :2] ** 2).mean(1) for p in stretches])))
     )
+
+
+def _of_arm(found: Estimates, stated: FloatArray | None, speed: float) -> list[Reason]:
+    """What the drive says of an arm of the antenna that was ``stated``, or that it says nothing."""
+    at = found, stated, STATED_ARM_SD_M, speed
+    return contradicted_arm(*at) or unproven_arm(*at)
 
 
 def _of_axes(found: Estimates, effect: str) -> FloatArray:

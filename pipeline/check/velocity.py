@@ -37,6 +37,7 @@ ADVICE: dict[str, str] = {
     "vertical_turned": "the third velocity is downwards: change its sign, or take it out",
     "height_stuck": "leave the column empty where nothing was measured; heights of path and signs "
     "are unknown then",
+    "height_scale": "convert heights to metres; those of path and signs are as wrong until then",
     "vertical_stuck": "leave the column empty where nothing was measured",
 }
 """What to do about each reason."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import fields as dataclass_fields
 from dataclasses import replace
 
@@ -237,6 +238,13 @@ def test_a_delay_that_becomes_another_is_told_with_its_size() -> None:
     path = winding_path()
     wide = widen(path, [reason], NONE, replace(path, vel_ned=path.vel_ned + 1.0))
     assert wide.sd_vel_ned.max() < 0.8
+    # by the probability that it changed, of which chance makes as much once in 226 drives
+    slight = known_by_and_by(0.03, 3)
+    (reason,), move = constancy_doubts(slight), move_of(slight, "imu_time_offset_s")
+    assert move is not None
+    odds = 1.0 / (28.0 * -math.e * move.chance * math.log(move.chance))
+    assert reason.late_s == pytest.approx(abs(move.size) * math.sqrt(odds / (1.0 + odds)))
+    assert reason.moved_s == reason.late_s < 0.7 * abs(move.size)
     assert np.hypot(*wide.sd_pos_ned[:, :2].T).max() > 0.9
     # positions by carrier phase are of their instant: it is the IMU's stamps that vary
     (dated,) = constancy_doubts(known_by_and_by(0.07, 3), dated=True)

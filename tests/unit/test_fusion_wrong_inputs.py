@@ -18,12 +18,14 @@ from automap.fusion.doubts.estimates import (
     contradicted_arm,
     impossible_ages,
     unexpected_delay,
+    unproven_arm,
 )
-from automap.fusion.doubts.heights import height_doubts
+from automap.fusion.doubts.heights import height_doubts, separation_doubts
 from automap.fusion.doubts.limits import BEND_STEP_S, TRIADS_APART_S
-from automap.fusion.doubts.outcome import leaning, mounted_askew
+from automap.fusion.doubts.outcome import leaning, mounted_askew, unsure_path
+from automap.fusion.doubts.path import Misses
 from automap.fusion.doubts.reason import Reason
-from automap.fusion.doubts.receiver import receiver_doubts, usable_fixes
+from automap.fusion.doubts.receiver import overstated, receiver_doubts, usable_fixes
 from automap.fusion.doubts.triads import following, lateness, triad_doubts
 from automap.fusion.engine import fuse_imu_gnss
 from automap.fusion.options import FusionOptions
@@ -36,6 +38,7 @@ from automap.io.recording import read_recording
 from automap.records import ClockModel, Fixes, FloatArray, ImuData, Trajectory
 from automap.sync.velocity_consistency import velocity_consistency
 from pipeline.check.steadiness import usable_receiver
+from pipeline.check.velocity import check
 from pipeline.run.fusion_inputs import _delay_prior, _stated_arm
 from tests.unit.foreign_tables import SAMPLE
 from tests.unit.fusion_drive import CLOCK, Sensor, record
@@ -166,6 +169,8 @@ def test_vertical_velocities_tell_feet_from_metres(factor: float) -> None:
     most = float(np.abs(log.height_m).max())
     assert reason.height_m == pytest.approx(most * abs(1.0 - 1.0 / factor))
     assert not found.unusable_vertical_velocity(log).any()
+    assert "height_scale" in [finding.code for finding in check(log)]
+    assert separation_doubts(replace(log, geoid_sep_m=np.full(len(log), 157.0)), [reason]) == []
 
 
 def test_a_car_does_not_lean_for_minutes() -> None:
@@ -288,6 +293,65 @@ def test_an_arm_that_the_drive_moves_away_from_is_told() -> None:
     assert contradicted_arm(found, np.zeros(3), limits.STATED_ARM_SD_M, 5.0) == []
     found = {"gnss_lever_arm_x": (-0.03, 0.04986), "gnss_velocity_latency_s": (0.3, 0.01)}
     assert contradicted_arm(found, np.zeros(3), limits.STATED_ARM_SD_M, 28.0) == []
+
+
+def test_an_arm_whose_sign_the_drive_would_not_show_is_named() -> None:
+    def said(sd: float, speed: float, stated: tuple[float, ...] = (1.8, -0.2, 1.2)) -> list[Reason]:
+        found = {f"gnss_lever_arm_{axis}": (0.0, sd) for axis in "xyz"}
+        found["gnss_velocity_latency_s"] = (0.3, 0.02)
+        return unproven_arm(found, np.array(stated), limits.STATED_ARM_SD_M, speed)
+
+    # bends at walking pace take from the tape's variance, those of a motorway do not
+    assert said(0.045, 4.0) == []
+    for hidden in (said(0.04999, 4.0), said(0.045, 25.0)):
+        (reason,) = hidden
+        assert (reason.code, reason.state, reason.error_m) == ("lever_arm_unproven", "good", 0.0)
+        assert "3.6 m off" in reason.text
+    # an antenna over the IMU has no sign, and one that nobody stated is none
+    assert said(0.05, 25.0, (0.2, 0.2, -1.5)) == []
+    assert unproven_arm({}, None, limits.STATED_ARM_SD_M, 25.0) == []
+
+
+# what a receiver says of itself
+
+
+@pytest.mark.parametrize("factor", [1.0, 4.0, 100.0])
+def test_accuracies_far_larger_than_positions_scatter_are_told(factor: float) -> None:
+    rng = np.random.default_rng(31)
+    n = 300
+    stated = np.full((n, 3), (2.0 * factor) ** 2)
+    miss = 0.7 * rng.standard_normal((n, 3))
+    said = overstated(Misses(np.arange(n, dtype=float), miss, stated / 16.0, stated))
+    assert [reason.code for reason in said] == ["accuracy_overstated"] * (factor == 100.0)
+    if said:
+        assert said[0].state == "good"
+        assert "200 m an axis" in said[0].text
+    unsure = unsure_path(150.0, bool(said))[0]
+    assert unsure.state == "unusable"
+    assert ("check the unit of its accuracy" in unsure.text) == bool(said)
+    assert ("record again" in unsure.text) != bool(said)
+
+
+@pytest.mark.parametrize(("separation", "unit"), [(48.0, ""), (-34.0, ""), (48.0, "feet")])
+def test_a_geoid_that_is_nowhere_on_earth_tells_feet(separation: float, unit: str) -> None:
+    factor = 1.0 / 0.3048 if unit else 1.0
+    fixes = fixes_of(hilly(60), 1.0, 0.5, 4)
+    height = (fixes.height_m + 100.0) * factor
+    fixes = replace(fixes, height_m=height, geoid_sep_m=np.full(len(height), factor * separation))
+    said = separation_doubts(fixes)
+    assert [reason.code for reason in said] == ["height_scale"] * bool(unit)
+    if said:
+        assert unit in said[0].text
+        assert said[0].height_m == pytest.approx(np.abs(height).max() * (1.0 - 0.3048))
+    unknown = replace(fixes, geoid_sep_m=np.full(len(height), np.nan))
+    assert separation_doubts(unknown) == []
+
+
+def test_a_geoid_in_no_unit_leaves_heights_unknown() -> None:
+    fixes = fixes_of(hilly(60), 1.0, 0.5, 4)
+    (reason,) = separation_doubts(replace(fixes, geoid_sep_m=np.full(len(fixes), 4800.0)))
+    assert "another unit" in reason.text
+    assert reason.height_m == limits.UNKNOWN_HEIGHT_SD_M
 
 
 def test_bends_tell_an_arm_by_their_own_speed() -> None:

@@ -107,6 +107,15 @@ def _pieces(weight: FloatArray) -> float:
     return float(weight.sum() ** 2 / (weight**2).sum())
 
 
+def _changed(chance: float) -> float:
+    """The probability that a number moved which chance moves so far with that probability: at most
+    by the bound of Sellke, Bayarri and Berger (The American Statistician 55, 2001), for the
+    ``chance`` below 1/e."""
+    odds = limits.CHANGE_PROBABILITY / (1.0 - limits.CHANGE_PROBABILITY)
+    odds /= -math.e * chance * math.log(chance)
+    return odds / (1.0 + odds)
+
+
 def _moves(filtered: ParameterHistory, names: tuple[str, ...]) -> dict[str, Move]:
     moves = {name: move_of(filtered, name) for name in names}
     return {name: move for name, move in moves.items() if move is not None}
@@ -116,8 +125,9 @@ def constancy_doubts(filtered: ParameterHistory, dated: bool = False) -> Iterato
     """Ages and mountings that are others in one part of the drive; ``dated``: positions are of the
     instant of their tag, by carrier phase.
 
-    What chance may make still once in twenty drives is no doubt, but as unsure as it moved;
-    positions that are dated then move by nothing, for it is the IMU's stamps that do.
+    What chance may make still once in twenty drives is no doubt, but as unsure as it moved, by the
+    probability that it did; positions that are dated then move by nothing, for it is the IMU's
+    stamps that do.
     """
     ages = _moves(filtered, _AGES)
     age = min(ages.values(), key=lambda move: move.chance, default=None)
@@ -125,6 +135,8 @@ def constancy_doubts(filtered: ParameterHistory, dated: bool = False) -> Iterato
     if age is not None and rare:
         size = max(abs(move.size) for move in rare.values())
         steady = age.chance > DOUBT_PROBABILITY
+        # the mean square of what is there by that probability, and else is not
+        share = math.sqrt(_changed(age.chance)) if steady else 1.0
         # velocities that become older by so little leave positions where they are
         places = max((abs(rare[n].size) for n in _OF_PLACES if n in rare), default=0.0)
         yield Reason(
@@ -137,8 +149,8 @@ def constancy_doubts(filtered: ParameterHistory, dated: bool = False) -> Iterato
                 else "a clock was set, or fixes are another receiver's or antenna's from there on; "
                 "cut the drive there"
             ),
-            late_s=(0.0 if dated else places) if steady else size,
-            moved_s=size,
+            late_s=(0.0 if dated else share * places) if steady else size,
+            moved_s=share * size,
             state="good" if steady else "doubtful",
         )
     arms = _moves(filtered, _ARM).values()

@@ -10,6 +10,7 @@ import numpy as np
 
 from automap.fusion.adapt import COARSE, FINE
 from automap.fusion.delay_states import (
+    COURSE_STATE,
     DELAY_STATE,
     LATENCY_STATE,
     SKEW_STATE,
@@ -221,10 +222,15 @@ def arm_by_drive(
         taken = stated_sd**2 - sd**2 if sd < stated_sd else stated_sd**2
         if abs(off) > sigmas(DOUBT_PROBABILITY) * math.sqrt(taken):
             own[k] += float(np.clip(off * stated_sd**2 / taken, -MOST_ARM_M, MOST_ARM_M))
-    lag = abs(sum(found.get(n, (0.0, 0.0))[0] for n in (VEL_LATENCY_STATE, VEL_LAG_STATE)))
     # bends tell the level arm; the upright one moves with whatever a receiver's filter does
     far = float(np.hypot(*(own - stated)[:2]))
-    return own if far > limits.ARM_OFF_M + lag * speed else None
+    return own if far > limits.ARM_OFF_M + _velocity_lag(found) * speed else None
+
+
+def _velocity_lag(found: Estimates, *more: str) -> float:
+    """How late velocities are, s, and by the states ``more``."""
+    names = (VEL_LATENCY_STATE, VEL_LAG_STATE, *more)
+    return abs(sum(found.get(name, (0.0, 0.0))[0] for name in names))
 
 
 def contradicted_arm(
@@ -243,5 +249,34 @@ def contradicted_arm(
             "right and down (an antenna on the roof has a negative third number), or take the "
             "line out",
             error_m=off,
+        )
+    ]
+
+
+def unproven_arm(
+    found: Estimates, stated: FloatArray | None, stated_sd: float, speed: float
+) -> list[Reason]:
+    """A level arm, as in ``arm_by_drive``, that with the wrong sign would not be told."""
+    if stated is None:
+        return []
+    twice = 2.0 * np.abs(stated[:2])
+    sd = np.array([found.get(f"gnss_lever_arm_{a}", (0.0, stated_sd))[1] for a in "xy"])
+    taken = np.maximum(stated_sd**2 - sd**2, 0.0)
+    seen = twice * np.sqrt(taken) > sigmas(DOUBT_PROBABILITY) * stated_sd**2
+    # an arm looks like an age of the course, which may be another than the speed's
+    lag = max(_velocity_lag(found), _velocity_lag(found, COURSE_STATE))
+    seen &= twice > limits.ARM_OFF_M + lag * speed
+    hidden = twice[~seen & (twice > limits.ARM_OFF_M)]
+    if not len(hidden):
+        return []
+    return [
+        Reason(
+            "lever_arm_unproven",
+            "nothing in the drive shows whether lever_arm_m of [gnss] has the right signs: with a "
+            f"wrong one path and signs would be {hidden.max():.1f} m off. In its bends, at "
+            f"{speed:.0f} m/s, an arm looks like a receiver's delay; turn once at walking pace, or "
+            "measure again from the IMU forward, right and down",
+            state="good",
+            handled=True,
         )
     ]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -56,6 +56,32 @@ def height_doubts(path: Trajectory, fixes: Fixes) -> Iterator[Reason]:
             height_m=abs(off),
             state="good" if steady else "doubtful",
         )
+
+
+def separation_doubts(fixes: Fixes, known: Iterable[Reason] = ()) -> list[Reason]:
+    """The reason that a geoid gives which is further from the ellipsoid than anywhere on Earth,
+    unless the unit of the heights is ``known`` to be wrong."""
+    if any(reason.code == "height_scale" for reason in known):
+        return []
+    told = fixes.geoid_sep_m[np.isfinite(fixes.geoid_sep_m + fixes.height_m)]
+    low, high = limits.GEOID_M
+    if not len(told) or low <= float(np.median(told)) <= high:
+        return []
+    separation = float(np.median(told))
+    feet = limits.HEIGHT_UNITS[0][0]
+    unit, off = "another unit", UNKNOWN_HEIGHT_SD_M
+    if low <= separation / feet <= high:
+        unit = "feet"
+        off = float(np.nanmax(np.abs(fixes.height_m))) * (1.0 - 1.0 / feet)
+    return [
+        Reason(
+            "height_scale",
+            f"the receiver's log has the geoid {separation:+.0f} m from the ellipsoid, where it is "
+            f"{low:+.0f} to {high:+.0f} m on all the Earth: its heights seem to be in {unit}, and "
+            "those of the path and of the signs are as wrong; check the unit of the heights in it",
+            height_m=off,
+        )
+    ]
 
 
 @dataclass(frozen=True)

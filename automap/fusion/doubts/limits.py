@@ -14,6 +14,9 @@ four seconds."""
 ODDS_STEP = 0.5
 """Steps of the logarithm: two instants' differences correlate by exp(-0.25) at least, 0.78, as a
 Brownian bridge's do, and a change between them is told by 0.88 of its size."""
+CHANGE_PROBABILITY = 1.0 / 29.0
+"""An age changes within a drive so often: of 27 recorded pieces of four receivers none is known to,
+and the next one does by Laplace's rule of succession."""
 LEAST_OWN, LEAST_FREEDOM = 0.05, 1e-3
 """Against a quotient of nothings where one piece tells all."""
 MINUTES_OFF_M = 0.4 * 111_200.0
@@ -151,3 +154,8 @@ MOST_LEAN, MOST_CLIMB = 0.2, 0.35
 Highways and Streets), the steepest climb by 35 %; a body leans by some degrees besides, rad."""
 ARM_OFF_M = 0.5
 """Chosen: an arm that is off by less moves the path by less than most receivers err."""
+SMALLEST_SHARE = 1.0 / 16.0
+"""Positions that scatter by less of what they state are not as they state: two sigmas of
+``LEVEL_SPREAD``. Those of recorded phones scatter by a third of it about their path."""
+GEOID_M = (-107.0, 86.0)
+"""The geoid lies nowhere further from the ellipsoid (EGM2008: south of Sri Lanka, New Guinea)."""

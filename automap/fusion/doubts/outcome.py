@@ -122,16 +122,22 @@ def refused(table: Innovations) -> list[Reason]:
     return reasons
 
 
-def unsure_path(sd: float) -> list[Reason]:
-    """A path too unsure to be of use; ``sd`` m the median of its horizontal sigmas."""
+def unsure_path(sd: float, overstated: bool = False) -> list[Reason]:
+    """A path too unsure to be of use; ``sd`` m the median of its horizontal sigmas, ``overstated``:
+    the fixes agree with it far better than they state."""
     if np.isfinite(sd) and sd <= limits.USELESS_SD_M:
         return []
     return [
         Reason(
             "path_unsure",
             f"the path is known to {sd:.0f} m only (horizontal sigma, median; signs are on the "
-            f"right street up to {limits.USELESS_SD_M:g} m): record again with a free view of "
-            "the sky, or check the receiver's log",
+            f"right street up to {limits.USELESS_SD_M:g} m): "
+            + (
+                "its receiver states no better, though the fixes agree far better; check the unit "
+                "of its accuracy"
+                if overstated
+                else "record again with a free view of the sky, or check the receiver's log"
+            ),
             state="unusable",
         )
     ]

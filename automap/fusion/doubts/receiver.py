@@ -3,15 +3,19 @@ beyond doubt."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from automap.fusion.doubts import limits
+from automap.fusion.doubts.path import Misses
 from automap.fusion.doubts.reason import Reason, Span
+from automap.fusion.limits import LEAST_JUDGED
 from automap.fusion.measurements.position import has_position, states_accuracy
 from automap.fusion.options import FusionOptions
+from automap.gates import sd_by_median
 from automap.records import BoolArray, Fixes, FixType, FloatArray
 from automap.sync.between_fixes import nothing_new
 from automap.sync.limits import DELAY_SD_S
@@ -138,6 +142,27 @@ def accuracy_doubts(fixes: Fixes, options: FusionOptions) -> list[Reason]:
             f"without corrections the receiver states positions to {level:.2f} m, which orbits, "
             "clocks and the air do not allow: the path is no surer than one of fixes that state "
             "nothing; check the unit of its accuracy, and the log for what kind of fixes they are",
+            state="good",
+            handled=True,
+        )
+    ]
+
+
+def overstated(misses: Misses) -> list[Reason]:
+    """The reason that fixes give which lie far nearer to a path than they say of themselves;
+    ``misses`` with the variances that they state."""
+    if len(misses) < LEAST_JUDGED:
+        return []
+    stated = math.sqrt(float(np.median(misses.slow_var[:, :2])))
+    scatter = sd_by_median(misses.miss[:, :2].ravel())
+    if scatter > limits.SMALLEST_SHARE * stated:
+        return []
+    return [
+        Reason(
+            "accuracy_overstated",
+            f"the receiver states positions to {stated:.0f} m an axis, and they lie within "
+            f"{scatter:.1f} m of the way that its velocities and the IMU show: the sigmas are as "
+            "large as it states; check the unit of its accuracy, and its HDOP",
             state="good",
             handled=True,
         )
