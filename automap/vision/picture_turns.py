@@ -48,9 +48,9 @@ class Steps:
 class _Bend:
     """Where pictures and path of a bend agree best: correlation, offset s and its sigma, at ns.
     ``followed`` [f] the correlation with a path that is followed, as ``FOLLOWED_S`` says;
-    ``steps`` pairs of pictures."""
+    ``turns`` numbers that were compared."""
 
-    steps: int
+    turns: int
     correlation: float
     followed: FloatArray
     offset_s: float
@@ -154,7 +154,7 @@ def judged(camera: Camera, path_of: PathOf, bends: list[Steps]) -> PictureTurns:
         return PictureTurns(len(fits))
     told = _combined(camera, fits, names)
     if told.allowed:
-        return PictureTurns(told.bends) if _may_follow(fits) else told
+        return _unmoved(camera, told) if _may_follow(fits) else told
     more = np.sum([fit.followed - fit.correlation for fit in fits], axis=0)
     return _steadied(camera, told) if more.max() > 0.0 else told
 
@@ -164,7 +164,7 @@ def _may_follow(fits: list[_Bend]) -> bool:
     logarithm of the likelihoods' ratio, by what each leaves unexplained."""
     lag, slow = (np.array([getattr(f, n) for f in fits]) for n in ("correlation", "followed"))
     left = (1.0 - np.maximum(slow, 0.0) ** 2) / (1.0 - np.minimum(lag, 1.0 - 1e-9) ** 2)[:, None]
-    alike = np.array([fit.steps / limits.STEPS_ALIKE for fit in fits])
+    alike = np.array([fit.turns / limits.STEPS_ALIKE for fit in fits])
     return bool(np.min(alike @ np.log(left)) < gate(limits.LATE_PROBABILITY, 1))
 
 
@@ -185,6 +185,15 @@ def _steadied(camera: Camera, found: PictureTurns) -> PictureTurns:
         return found
     sd = float(np.hypot(found.offset_s, camera.time_offset_sd))
     return replace(found, offset_s=0.0, offset_sd_s=sd, rate=0.0)
+
+
+def _unmoved(camera: Camera, found: PictureTurns) -> PictureTurns:
+    """The same of a picture that may as well follow the vehicle: where it is stated to be, as
+    unsure as it seems late if that is surer than stated."""
+    sd = float(np.hypot(found.offset_s, found.offset_sd_s))
+    if sd > camera.time_offset_sd:
+        return PictureTurns(found.bends)
+    return replace(found, offset_s=0.0, offset_sd_s=sd)
 
 
 def _on_path(path_of: PathOf, steps: Steps, offsets: FloatArray) -> tuple[FloatArray, BoolArray]:
@@ -237,7 +246,7 @@ def _fit(steps: Steps, path: FloatArray, known: BoolArray, offsets: FloatArray) 
     noise = np.sum(residual**2) / residual.size * limits.STEPS_ALIKE
     sd = float(np.hypot(np.sqrt(noise / np.sum(slope**2)), limits.LEAST_LATE_SD_S))
     middle = float(np.mean(0.5 * (steps.old_ns + steps.new_ns)))
-    return _Bend(len(steps.turn), float(top), followed, float(offset), sd, middle)
+    return _Bend(steps.turn.size, float(top), followed, float(offset), sd, middle)
 
 
 def _combined(camera: Camera, fits: list[_Bend], names: tuple[str, ...]) -> PictureTurns:
