@@ -107,7 +107,7 @@ def test_bends_add_nothing_to_a_manifest_that_knows_better() -> None:
 
 def test_a_picture_that_may_follow_slowly_is_not_moved() -> None:
     """A gimbal's low pass in noise looks like a lag that the manifest allows."""
-    found = told(follows_s=0.15, noise=0.012, camera=replace(CAMERA, time_offset_sd=1.0))
+    found = told(follows_s=0.15, noise=0.006, camera=replace(CAMERA, time_offset_sd=1.0))
     assert found.allowed
     assert found.offset_s == 0.0
     assert 0.1 < found.offset_sd_s < 0.3
