@@ -15,7 +15,6 @@ from automap.geolocation.trajectory_adjustment import AdjustedTrajectory
 from automap.geolocation.views import CameraCorrection, MeasurementNoise, Views
 from automap.records import Camera, FloatArray, IntArray, Sign
 
-
 LEFT_OUT = {
     "no_pose": "lie outside the trajectory or in a long gap of it",
     "no_direction": "have no direction (no height, or outside the lens model)",
