@@ -104,7 +104,7 @@ def mostly_left_out(used: npt.NDArray[np.bool_], note: npt.NDArray[np.object_]) 
     if 2 * int(used.sum()) >= len(used) or not known:
         return ""
     n, text = max(known)
-    return f"most of them are of none: {n} {text}"
+    return f"{'most' if used.any() else 'all'} of them are of no sign: {n} {text}"
 
 
 def warnings_of(

@@ -104,6 +104,11 @@ class PictureTurns:
         """Whether nothing is to be corrected."""
         return self.offset_sd_s == 0.0 and not self.pictures
 
+    @property
+    def elsewhere(self) -> bool:
+        """Whether the video seems to be of another drive: one bend may be a lorry's."""
+        return self.unlike >= 2
+
     def corrected(self, t_ns: IntArray) -> IntArray:
         """Stamps [n] as they are by the bends."""
         since = (t_ns - self.at_ns) * 1e-9
@@ -112,7 +117,7 @@ class PictureTurns:
 
     def told(self, camera: str) -> str:
         """What is wrong, in a sentence; empty where nothing is."""
-        if self.unlike >= 2:
+        if self.elsewhere:
             return (
                 f"camera {camera}: in none of {self.unlike} bends that the picture shows does it "
                 "turn as the path does, nor within seconds of it: check that the video is of this "

@@ -139,6 +139,8 @@ def report_result(context: StageContext, result: GeolocationResult) -> None:
     lost = mostly_left_out(observations.used, observations.note)
     context.result += f"; {lost}" if lost else ""
     flagged = [s for s in signs if s.status != "ok"]
+    if 2 * len(flagged) > len(signs):
+        context.result += f"; {len(flagged)} of {len(signs)} signs are placed uncertainly"
     if flagged:
         some = ", ".join(f"{s.id} {s.status}" for s in flagged[:_LISTED])
         more = f" and {len(flagged) - _LISTED} more" if len(flagged) > _LISTED else ""

@@ -55,6 +55,9 @@ def run(context: StageContext) -> None:
     write_camera_turns(context.work / names.CAMERA_TURNS, turns)
     _write_crops(context, [crop for part in found for crop in part.crops])
     _report(context, found)
+    others = [name for name, one in turns.items() if one.elsewhere]
+    if others:
+        context.result += f"; camera {', '.join(others)} turns otherwise than the path"
 
 
 def _turns(context: StageContext, video: VideoInput) -> PictureTurns:
