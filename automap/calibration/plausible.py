@@ -1,4 +1,4 @@
-"""Logs that no calibration can use: saturated axes and units that cannot be."""
+"""Logs that no calibration can use: saturated axes, swapped sensors, units that cannot be."""
 
 from __future__ import annotations
 
@@ -55,6 +55,25 @@ def _cut_off(x: FloatArray, start: int, length: int) -> bool:
     """Whether the run's neighbourhood moves far more than the run itself."""
     around = x[max(0, start - 2 * length) : start + 3 * length]
     return bool(np.ptp(around) > CUT_OFF * np.ptp(x))
+
+
+def refuse_swapped(log: RawImu) -> None:
+    """Raise when it is the gyro that feels gravity, in any unit, and not the accelerometer."""
+    if log.gyro_scale is None or log.accel_scale is None:
+        return
+    turn, force = (float(np.median(np.linalg.norm(x, axis=1))) for x in (log.gyro, log.accel))
+    if _is_gravity(turn) and not _is_gravity(force):
+        raise InputError(
+            f"{log.name}: the columns of gyro and accelerometer are swapped: the gyro's are "
+            f"{turn:.4g} long in the median, as gravity is, and the accelerometer's {force:.2g}; "
+            "name them the other way round."
+        )
+
+
+def _is_gravity(size: float) -> bool:
+    """Whether readings of that size are gravity's in m/s^2, g or milli-g."""
+    low, high = UNIT_RANGE
+    return any(low < size / one < high for one in (STANDARD_GRAVITY, 1.0, 1000.0))
 
 
 def refuse_wrong_accel_unit(log: RawImu, scale: FloatArray) -> None:

@@ -19,6 +19,7 @@ from automap.calibration.accelerometer import (
 from automap.calibration.gyroscope import GyroFit, fit_gyro, turns_between
 from automap.calibration.plausible import (
     refuse_saturation,
+    refuse_swapped,
     refuse_wrong_accel_unit,
     refuse_wrong_gyro_unit,
 )
@@ -63,10 +64,11 @@ def calibrate_static(
 
     Raises:
         InputError: no rest, too few poses, poses that leave a parameter open (the sentence
-            names those that would help), a saturated axis, a unit that cannot be.
+            names those that would help), a saturated axis, swapped sensors, a unit that cannot be.
     """
     for log in logs:
         refuse_saturation(log)
+        refuse_swapped(log)
     warnings: list[str] = []
     wanted = n_parameters or N_NINE
     search = find_rests(logs, gravity, wanted)

@@ -15,6 +15,18 @@ from automap.geolocation.trajectory_adjustment import AdjustedTrajectory
 from automap.geolocation.views import CameraCorrection, MeasurementNoise, Views
 from automap.records import Camera, FloatArray, IntArray, Sign
 
+LEFT_OUT = {
+    "no_pose": "lie outside the trajectory or in a long gap of it",
+    "no_direction": "have no direction (no height, or outside the lens model)",
+    "misfit": "fit no sign's other views",
+    "no_place": "belong to no place in front of the camera",
+    "unconfirmed": "show things that were not seen again when they should have been",
+    "moving": "show things that move along with the traffic, such as a sign on a lorry",
+    "back": "show the backs of signs",
+    "too_far": "were seen once only and too far away to be placed",
+}
+"""Why detections were left out, by their note."""
+
 
 @dataclass(frozen=True)
 class Observations:
@@ -84,6 +96,17 @@ def record_sign(
     observations.note[rows] = ""
 
 
+def mostly_left_out(used: npt.NDArray[np.bool_], note: npt.NDArray[np.object_]) -> str:
+    """The main reason why more detections, ``used`` [n] or left out for what ``note`` [n] says, are
+    of no sign than of one; "" where that is not so."""
+    notes, counts = np.unique(note[~used].astype(str), return_counts=True)
+    known = [(int(n), LEFT_OUT.get(one, one)) for one, n in zip(notes, counts, strict=True)]
+    if 2 * int(used.sum()) >= len(used) or not known:
+        return ""
+    n, text = max(known)
+    return f"{'most' if used.any() else 'all'} of them are of no sign: {n} {text}"
+
+
 def warnings_of(
     observations: Observations,
     signs: Sequence[Sign],
@@ -93,18 +116,8 @@ def warnings_of(
 ) -> list[str]:
     """Sentences for the user; the ``cameras`` are as stated, ``focal_sd`` how well, as a part,
     their focal lengths are known."""
-    reasons = {
-        "no_pose": "lie outside the trajectory or in a long gap of it",
-        "no_direction": "have no direction (no height, or outside the lens model)",
-        "misfit": "fit no sign's other views",
-        "no_place": "belong to no place in front of the camera",
-        "unconfirmed": "show things that were not seen again when they should have been",
-        "moving": "show things that move along with the traffic, such as a sign on a lorry",
-        "back": "show the backs of signs",
-        "too_far": "were seen once only and too far away to be placed",
-    }
     sentences = []
-    for note, text in reasons.items():
+    for note, text in LEFT_OUT.items():
         n = int(np.count_nonzero(observations.note == note))
         if n:
             advice = ""

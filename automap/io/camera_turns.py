@@ -30,8 +30,10 @@ def read_camera_turns(path: Path) -> dict[str, PictureTurns]:
 def _turns(one: Mapping[str, Any]) -> PictureTurns:
     numbers = {k: float(one[k]) for k in ("offset_s", "offset_sd_s", "rate")}
     bends, at_ns, unlike = (int(one[k]) for k in ("bends", "at_ns", "unlike"))
-    pictures = one["pictures"]
-    if not isinstance(pictures, list) or not all(abs(x) < 1e6 for x in numbers.values()):
+    pictures, allowed = one["pictures"], one["allowed"]
+    if not isinstance(pictures, list) or not isinstance(allowed, bool):
+        raise ValueError
+    if not all(abs(x) < 1e6 for x in numbers.values()):
         raise ValueError
     told = tuple(map(str, pictures))
-    return PictureTurns(bends, at_ns, **numbers, pictures=told, unlike=unlike)
+    return PictureTurns(bends, at_ns, **numbers, pictures=told, unlike=unlike, allowed=allowed)

@@ -79,13 +79,15 @@ class VideoFrame:
 
 @dataclass(frozen=True)
 class PictureTurns:
-    """How the pictures of a camera turn against its path, as far as the manifest does not allow it.
+    """How the pictures of a camera turn against its path, as far as that says more than the
+    manifest.
 
     ``offset_s`` and ``offset_sd_s`` are to be added to the stamps at ``at_ns`` beyond the camera's
-    own offset, and ``rate`` of the time since; zeros where nothing contradicts the manifest.
+    own offset, and ``rate`` of the time since; zeros where the manifest knows as well.
     ``pictures`` names what the picture then is, one of them. ``bends`` told it. A sigma without an
     offset is of a picture that follows the vehicle slowly. So many as ``unlike`` bend otherwise
-    than the path does at any offset.
+    than the path does at any offset. ``allowed`` where the manifest's sigma of the offset holds it:
+    then it is that of both, and nothing is wrong.
     """
 
     bends: int
@@ -95,11 +97,17 @@ class PictureTurns:
     rate: float = 0.0
     pictures: tuple[str, ...] = ()
     unlike: int = 0
+    allowed: bool = False
 
     @property
     def as_stated(self) -> bool:
         """Whether nothing is to be corrected."""
         return self.offset_sd_s == 0.0 and not self.pictures
+
+    @property
+    def elsewhere(self) -> bool:
+        """Whether the video seems to be of another drive: one bend may be a lorry's."""
+        return self.unlike >= 2
 
     def corrected(self, t_ns: IntArray) -> IntArray:
         """Stamps [n] as they are by the bends."""
@@ -109,14 +117,14 @@ class PictureTurns:
 
     def told(self, camera: str) -> str:
         """What is wrong, in a sentence; empty where nothing is."""
-        if self.unlike >= 2:
+        if self.elsewhere:
             return (
                 f"camera {camera}: in none of {self.unlike} bends that the picture shows does it "
                 "turn as the path does, nor within seconds of it: check that the video is of this "
                 "drive and its frames' stamps. Places of its signs may be wrong by more than they "
                 "say."
             )
-        if self.as_stated:
+        if self.as_stated or self.allowed:
             return ""
         said = []
         if self.offset_s:

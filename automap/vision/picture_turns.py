@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from automap.frames import matrix_to_rotation_vector, rpy_to_matrix
-from automap.gates import exceeds_ratio, sigmas
+from automap.gates import exceeds_ratio, gate, sigmas
 from automap.records import BoolArray, Camera, FloatArray, IntArray, PictureTurns, VideoFrame
 from automap.vision import limits
 from automap.vision.camera_motion import ImageMotion
@@ -47,8 +47,10 @@ class Steps:
 @dataclass(frozen=True)
 class _Bend:
     """Where pictures and path of a bend agree best: correlation, offset s and its sigma, at ns.
-    ``followed`` [f] the correlation with a path that is followed, as ``FOLLOWED_S`` says."""
+    ``followed`` [f] the correlation with a path that is followed, as ``FOLLOWED_S`` says;
+    ``turns`` numbers that were compared."""
 
+    turns: int
     correlation: float
     followed: FloatArray
     offset_s: float
@@ -151,8 +153,19 @@ def judged(camera: Camera, path_of: PathOf, bends: list[Steps]) -> PictureTurns:
     if len(fits) < limits.FEWEST_BENDS:
         return PictureTurns(len(fits))
     told = _combined(camera, fits, names)
+    if told.allowed:
+        return _unmoved(camera, told) if _may_follow(fits) else told
     more = np.sum([fit.followed - fit.correlation for fit in fits], axis=0)
     return _steadied(camera, told) if more.max() > 0.0 else told
+
+
+def _may_follow(fits: list[_Bend]) -> bool:
+    """Whether a low pass leaves no more of the turns than chance may make of a lag: twice the
+    logarithm of the likelihoods' ratio, by what each leaves unexplained."""
+    lag, slow = (np.array([getattr(f, n) for f in fits]) for n in ("correlation", "followed"))
+    left = (1.0 - np.maximum(slow, 0.0) ** 2) / (1.0 - np.minimum(lag, 1.0 - 1e-9) ** 2)[:, None]
+    alike = np.array([fit.turns / limits.STEPS_ALIKE for fit in fits])
+    return bool(np.min(alike @ np.log(left)) < gate(limits.LATE_PROBABILITY, 1))
 
 
 def _bends(steps: Steps) -> bool:
@@ -172,6 +185,15 @@ def _steadied(camera: Camera, found: PictureTurns) -> PictureTurns:
         return found
     sd = float(np.hypot(found.offset_s, camera.time_offset_sd))
     return replace(found, offset_s=0.0, offset_sd_s=sd, rate=0.0)
+
+
+def _unmoved(camera: Camera, found: PictureTurns) -> PictureTurns:
+    """The same of a picture that may as well follow the vehicle: where it is stated to be, as
+    unsure as it seems late if that is surer than stated."""
+    sd = float(np.hypot(found.offset_s, found.offset_sd_s))
+    if sd > camera.time_offset_sd:
+        return PictureTurns(found.bends)
+    return replace(found, offset_s=0.0, offset_sd_s=sd)
 
 
 def _on_path(path_of: PathOf, steps: Steps, offsets: FloatArray) -> tuple[FloatArray, BoolArray]:
@@ -224,12 +246,13 @@ def _fit(steps: Steps, path: FloatArray, known: BoolArray, offsets: FloatArray) 
     noise = np.sum(residual**2) / residual.size * limits.STEPS_ALIKE
     sd = float(np.hypot(np.sqrt(noise / np.sum(slope**2)), limits.LEAST_LATE_SD_S))
     middle = float(np.mean(0.5 * (steps.old_ns + steps.new_ns)))
-    return _Bend(float(top), followed, float(offset), sd, middle)
+    return _Bend(steps.turn.size, float(top), followed, float(offset), sd, middle)
 
 
 def _combined(camera: Camera, fits: list[_Bend], names: tuple[str, ...]) -> PictureTurns:
     """Offset and pace of all bends: a straight line where it is needed, its sigma widened by how
-    bends differ (Birge 1932)."""
+    bends differ (Birge 1932). An offset that agrees with what the manifest states, and is surer, is
+    combined with it by the variances of both."""
     offset, sd, at = (
         np.array([getattr(f, n) for f in fits]) for n in ("offset_s", "sd_s", "at_ns")
     )
@@ -249,4 +272,10 @@ def _combined(camera: Camera, fits: list[_Bend], names: tuple[str, ...]) -> Pict
             rate = float(x[1]) if free == 2 else 0.0
             told = float(x[0]), float(x_sd[0]), rate
             return PictureTurns(n, round(middle), *told, names)
-    return PictureTurns(n)
+    # what bends have in common, their mean has as well
+    sd_s = float(np.hypot(x_sd[0], limits.LEAST_LATE_SD_S))
+    if sd_s > camera.time_offset_sd:
+        return PictureTurns(n)
+    variance = 1.0 / (sd_s**-2.0 + camera.time_offset_sd**-2.0)
+    both = float(x[0]) * variance / sd_s**2, float(np.sqrt(variance))
+    return PictureTurns(n, round(middle), *both, allowed=True)

@@ -77,6 +77,8 @@ def write_nothing(context: StageContext, table: pa.Table) -> None:
     context.metric("detections", n)
     context.metric("detections_used", 0)
     context.result = f"0 signs from {n} detections"
+    if n:
+        context.result += "; none has both a camera and a place on the path: see the warnings"
 
 
 def report_result(context: StageContext, result: GeolocationResult) -> None:
@@ -84,6 +86,7 @@ def report_result(context: StageContext, result: GeolocationResult) -> None:
     import numpy as np
 
     from automap.effects.lens import focal_length
+    from automap.geolocation.result import mostly_left_out
 
     signs, observations = result.signs, result.observations
     context.metric("detections", len(observations.used))
@@ -133,7 +136,11 @@ def report_result(context: StageContext, result: GeolocationResult) -> None:
         residual = observations.residual_px[observations.used]
         if len(residual):
             context.metric("residual_rms_px", float(np.sqrt(np.mean(residual**2))))
+    lost = mostly_left_out(observations.used, observations.note)
+    context.result += f"; {lost}" if lost else ""
     flagged = [s for s in signs if s.status != "ok"]
+    if 2 * len(flagged) > len(signs):
+        context.result += f"; {len(flagged)} of {len(signs)} signs are placed uncertainly"
     if flagged:
         some = ", ".join(f"{s.id} {s.status}" for s in flagged[:_LISTED])
         more = f" and {len(flagged) - _LISTED} more" if len(flagged) > _LISTED else ""

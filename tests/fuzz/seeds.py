@@ -122,7 +122,7 @@ def seeds() -> dict[str, bytes]:
             {
                 "front": {
                     **{"bends": 3, "at_ns": 4000000000000, "offset_s": -0.7, "offset_sd_s": 0.03},
-                    **{"rate": 0.01, "pictures": ["mirrored"], "unlike": 0},
+                    **{"rate": 0.01, "pictures": ["mirrored"], "unlike": 0, "allowed": False},
                 }
             }
         ),

@@ -166,6 +166,13 @@ def test_swapped_axes(scene: tuple[RawImu, Errors]) -> None:
     assert "right-handed" in refused(replace(log, gyro=log.gyro[:, [1, 0, 2]]))
 
 
+def test_swapped_sensors(scene: tuple[RawImu, Errors]) -> None:
+    log = scene[0]
+    assert "gyro and accelerometer are swapped" in refused(
+        replace(log, gyro=log.accel, accel=log.gyro)
+    )
+
+
 def test_rests_lie_where_the_sensor_rested(scene: tuple[RawImu, Errors]) -> None:
     log = scene[0]
     rests = rests_below([log], [movement(log)], 12.0)

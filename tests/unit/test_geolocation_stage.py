@@ -75,6 +75,19 @@ def test_signs_and_observations(context: StageContext) -> None:
     assert "2 signs" in context.result
 
 
+def test_frames_outside_the_drive_are_the_result(context: StageContext) -> None:
+    found = seen()
+    write_trajectory(context.out / names.TRAJECTORY, drive_path(duration_s=14.0))
+    later = replace(found, t_ns=found.t_ns + 200_000_000_000)
+    write_detections(context.out / names.DETECTIONS, [later])
+    STAGE.run(context)
+    n = len(found)
+    assert context.result == (
+        f"0 signs from {n} detections; all of them are of no sign: {n} lie outside the trajectory "
+        "or in a long gap of it"
+    )
+
+
 @pytest.mark.parametrize("picture", ["", "mirrored", "upside down"])
 def test_boxes_are_taken_as_the_bends_of_their_video_say(
     context: StageContext, picture: str
@@ -105,6 +118,7 @@ def test_boxes_are_taken_as_the_bends_of_their_video_say(
 
 def test_what_bends_say_survives_writing_and_reading(tmp_path: Path) -> None:
     turns = {"front": PictureTurns(3, 2**60, -0.7, 0.03, 0.01, ("mirrored",)), "b": PictureTurns(0)}
+    turns["c"] = PictureTurns(2, 0, -0.4, 0.03, allowed=True)
     write_camera_turns(tmp_path / "t.json", turns)
     assert read_camera_turns(tmp_path / "t.json") == turns
     (tmp_path / "t.json").write_text('{"front": {"bends": 1, "at_ns": 0, "offset_s": NaN}}')

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from automap.records import PictureTurns, Trajectory, VideoFrame
+from automap.records import Camera, PictureTurns, Trajectory, VideoFrame
 from automap.vision.camera_path import camera_path
 from automap.vision.picture_turns import Steps, frames_to_follow, judged, picture_turns
 from automap.vision.search import default_camera
@@ -37,6 +37,7 @@ def told(
     noise: float = 0.004,
     follows_s: float = 0.0,
     own: bool = False,
+    camera: Camera = CAMERA,
 ) -> PictureTurns:
     """What is said of frames that show what was ``late_s`` and ``rate`` of the time before their
     stamps, whose turns look multiplied by ``looks``, of a camera that follows the vehicle in
@@ -63,7 +64,7 @@ def told(
             turn = rng.normal(0.0, noise, turn.shape)
             turn[:, 2] += 0.05 * np.sign(np.sin(np.arange(len(turn)) / 8.0))
         bends.append(Steps(at[:-1], at[1:], turn))
-    return judged(CAMERA, path_of, bends)  # type: ignore[arg-type]
+    return judged(camera, path_of, bends)  # type: ignore[arg-type]
 
 
 def followed(drive: Trajectory, tau_s: float) -> Trajectory:
@@ -81,10 +82,35 @@ def vector(matrix: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_a_right_video_is_as_stated(seed: int) -> None:
+def test_a_right_video_is_told_nothing(seed: int) -> None:
     found = told(seed=seed)
-    assert found.as_stated
+    assert found.allowed
+    assert abs(found.offset_s) < 2.0 * found.offset_sd_s < CAMERA.time_offset_sd
+    assert found.told("front") == ""
     assert found.bends == 4
+
+
+def test_bends_and_the_manifest_are_combined_where_they_agree() -> None:
+    """A start known to a second: bends say it to hundredths, and nothing is wrong."""
+    found = told(0.4, camera=replace(CAMERA, time_offset_sd=1.0))
+    assert found.allowed
+    assert found.told("front") == ""
+    assert found.offset_s == pytest.approx(-0.4, abs=3.0 * found.offset_sd_s)
+    assert found.offset_sd_s < 0.05
+    stamp = np.array([80 * S])
+    assert found.corrected(stamp) - stamp == pytest.approx(-0.4e9, abs=0.15e9)
+
+
+def test_bends_add_nothing_to_a_manifest_that_knows_better() -> None:
+    assert told(0.0, camera=replace(CAMERA, time_offset_sd=0.02)) == PictureTurns(4)
+
+
+def test_a_picture_that_may_follow_slowly_is_not_moved() -> None:
+    """A gimbal's low pass in noise looks like a lag that the manifest allows."""
+    found = told(follows_s=0.15, noise=0.006, camera=replace(CAMERA, time_offset_sd=1.0))
+    assert found.allowed
+    assert found.offset_s == 0.0
+    assert 0.1 < found.offset_sd_s < 0.3
 
 
 @pytest.mark.parametrize("late_s", [-1.5, 0.7])

@@ -55,14 +55,21 @@ def run(context: StageContext) -> None:
     write_camera_turns(context.work / names.CAMERA_TURNS, turns)
     _write_crops(context, [crop for part in found for crop in part.crops])
     _report(context, found)
+    others = [name for name, one in turns.items() if one.elsewhere]
+    if others:
+        context.result += f"; camera {', '.join(others)} turns otherwise than the path"
 
 
 def _turns(context: StageContext, video: VideoInput) -> PictureTurns:
     """How the video turns against the path, told where that is not as stated."""
+    from automap.records import PictureTurns
     from pipeline.detect.video_turns import video_turns
 
     path_of = path_finder(context.out, context.drive, video)
     turns = video_turns(video, context.drive.cameras().get(video.name), path_of)
+    if turns.allowed and context.drive.imu_file is None:
+        # a path without a gyro turns as late as its receiver tells
+        turns = PictureTurns(turns.bends)
     told = turns.told(video.name)
     if told:
         context.warn(told)
@@ -162,7 +169,8 @@ STAGE = Stage(
     # 5: the classifier's last layers trained anew
     # 7: how the pictures turn against the path
     # 8: pictures that stay while the vehicle drives are not searched; networks trained in full
-    version=8,
+    # 9: bends that know an offset better than the manifest
+    version=9,
     run=run,
     inputs=_inputs,
     # where the camera was when says which frames are worth a search
