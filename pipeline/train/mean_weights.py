@@ -7,7 +7,8 @@ them are a network too, which often loses less on what the first knew than it ga
 second learned (Wortsman et al. 2022, *Robust fine-tuning of zero-shot models*). The checkpoints in
 the work folder (of ``recover``, say) are moved by ``share`` of the way towards those in the other
 folder. What the layers between see has other moments than the mean of both, so that these are
-measured anew on training pictures.
+measured anew on training pictures. A training that had no picture of a class learns that nothing is
+of it: ``--unseen`` names such classes of the other, whose outputs stay those of the work folder.
 """
 
 from __future__ import annotations
@@ -47,12 +48,21 @@ def between(one: dict[str, Tensor], other: dict[str, Tensor], share: float) -> d
     }
 
 
-def mean_network(
-    net: nn.Module, one: dict[str, Tensor], other: dict[str, Tensor], share: float,
-    batches: Iterable[Tensor],
-) -> dict[str, Tensor]:  # fmt: skip
-    """The weights between two, with the moments of ``batches`` [n, 3, h, w] of 0..255."""
-    net.load_state_dict(between(one, other, share))
+def with_outputs_of(
+    state: dict[str, Tensor], one: dict[str, Tensor], rows: list[int]
+) -> dict[str, Tensor]:
+    """Weights of a classifier with these rows of its last layer as they are in ``one``."""
+    kept = {name: state[name].clone() for name in ("out.weight", "out.bias")}
+    for name, value in kept.items():
+        value[rows] = one[name][rows]
+    return {**state, **kept}
+
+
+def with_moments(
+    net: nn.Module, state: dict[str, Tensor], batches: Iterable[Tensor]
+) -> dict[str, Tensor]:
+    """The weights ``state`` with the moments of ``batches`` [n, 3, h, w] of 0..255."""
+    net.load_state_dict(state)
     update_bn(batches, net)
     net.eval()
     return net.state_dict()
@@ -65,6 +75,7 @@ def main() -> None:
     parser.add_argument("--work", type=Path, required=True, help="checkpoints that are moved")
     parser.add_argument("--other", type=Path, required=True, help="checkpoints to move towards")
     parser.add_argument("--share", type=float, required=True, help="of the way, 0 to 1")
+    parser.add_argument("--unseen", default="", help="classes that the other never saw")
     options = parser.parse_args()
     cv2.setNumThreads(0)
     torch.set_num_threads(1)
@@ -86,7 +97,11 @@ def _move(net: nn.Module, name: str, options: argparse.Namespace, shown: Iterabl
     )
     if kept.get("labels") != other.get("labels"):
         raise ValueError(f"{options.other / name} has other outputs than that in the work folder")
-    state = mean_network(net, kept["mean"], other["mean"], options.share, shown)
+    state = between(kept["mean"], other["mean"], options.share)
+    if isinstance(net, FaceNet):
+        rows = [kept["labels"].index(n) for n in filter(None, options.unseen.split(","))]
+        state = with_outputs_of(state, kept["mean"], rows)
+    state = with_moments(net, state, shown)
     torch.save({**kept, "net": state, "mean": state}, options.work / name)
 
 

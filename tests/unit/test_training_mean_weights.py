@@ -7,7 +7,11 @@ import pytest
 torch = pytest.importorskip("torch", reason="the training needs torch")
 
 from pipeline.train.classifier_net import FaceNet  # noqa: E402
-from pipeline.train.mean_weights import between, mean_network  # noqa: E402
+from pipeline.train.mean_weights import (  # noqa: E402
+    between,
+    with_moments,
+    with_outputs_of,
+)
 
 OUTPUTS = 5
 
@@ -49,7 +53,8 @@ def test_layers_between_see_what_they_are_normalised_by() -> None:
     other = trained_on(one)
     shown = crops(9).float()
     net = FaceNet(OUTPUTS)
-    state = mean_network(net, one.state_dict(), other.state_dict(), 0.5, shown.split(16))
+    half = between(one.state_dict(), other.state_dict(), 0.5)
+    state = with_moments(net, half, shown.split(16))
     assert not net.training
     assert torch.equal(state["out.bias"], net.out.bias)
     seen: list[torch.Tensor] = []
@@ -62,5 +67,17 @@ def test_layers_between_see_what_they_are_normalised_by() -> None:
     spread = last[1].running_var.sqrt()
     # the moments are of what the layer sees, not those of either training
     assert float((off / spread).max()) < 0.2
-    stale = between(one.state_dict(), other.state_dict(), 0.5)["body.6.1.running_mean"]
+    stale = half["body.6.1.running_mean"]
     assert float(((stale - last[1].running_mean).abs() / spread).max()) > 0.5
+
+
+def test_what_the_other_training_never_saw_stays_as_it_was() -> None:
+    torch.manual_seed(10)
+    one = FaceNet(OUTPUTS).eval()
+    start, half = one.state_dict(), between(one.state_dict(), trained_on(one).state_dict(), 0.5)
+    state = with_outputs_of(half, start, [1, 3])
+    for name in ("out.weight", "out.bias"):
+        assert torch.equal(state[name][[1, 3]], start[name][[1, 3]])
+        assert torch.equal(state[name][[0, 2, 4]], half[name][[0, 2, 4]])
+        assert not torch.equal(half[name][[1, 3]], start[name][[1, 3]])
+    assert torch.equal(state["hidden.weight"], half["hidden.weight"])
