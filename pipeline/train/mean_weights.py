@@ -65,7 +65,8 @@ def with_moments(
     net.load_state_dict(state)
     update_bn(batches, net)
     net.eval()
-    return net.state_dict()
+    moved: dict[str, Tensor] = net.state_dict()
+    return moved
 
 
 def main() -> None:
@@ -77,6 +78,10 @@ def main() -> None:
     parser.add_argument("--share", type=float, required=True, help="of the way, 0 to 1")
     parser.add_argument("--unseen", default="", help="classes that the other never saw")
     options = parser.parse_args()
+    if not any((options.other / name).is_file() for name in ("classifier.pt", "detector.pt")):
+        parser.error(f"{options.other} holds no classifier.pt and no detector.pt")
+    if not 0.0 <= options.share <= 1.0:
+        parser.error("--share is from 0 to 1")
     cv2.setNumThreads(0)
     torch.set_num_threads(1)
     faces = load_faces(options.data / "sign-art", options.work / "faces.pkl")
@@ -99,7 +104,10 @@ def _move(net: nn.Module, name: str, options: argparse.Namespace, shown: Iterabl
         raise ValueError(f"{options.other / name} has other outputs than that in the work folder")
     state = between(kept["mean"], other["mean"], options.share)
     if isinstance(net, FaceNet):
-        rows = [kept["labels"].index(n) for n in filter(None, options.unseen.split(","))]
+        unseen, labels = list(filter(None, options.unseen.split(","))), kept["labels"]
+        if strangers := set(unseen) - set(labels):
+            raise ValueError(f"--unseen: {', '.join(sorted(strangers))}: not a class's name")
+        rows = [labels.index(name) for name in unseen]
         state = with_outputs_of(state, kept["mean"], rows)
     state = with_moments(net, state, shown)
     torch.save({**kept, "net": state, "mean": state}, options.work / name)

@@ -6,6 +6,8 @@ import pytest
 
 torch = pytest.importorskip("torch", reason="the training needs torch")
 
+from torch import Tensor  # noqa: E402
+
 from pipeline.train.classifier_net import FaceNet  # noqa: E402
 from pipeline.train.mean_weights import (  # noqa: E402
     between,
@@ -16,7 +18,7 @@ from pipeline.train.mean_weights import (  # noqa: E402
 OUTPUTS = 5
 
 
-def crops(seed: int) -> torch.Tensor:
+def crops(seed: int) -> Tensor:
     return torch.randint(0, 256, (32, 3, 48, 48), generator=torch.Generator().manual_seed(seed))
 
 
@@ -29,7 +31,8 @@ def trained_on(net: FaceNet) -> FaceNet:
             weight.mul_(1.0 + 0.3 * torch.rand(weight.shape))
     for layer in other.body:
         layer[1].running_mean.normal_(0.0, 0.5)
-    return other.eval()
+    other.eval()
+    return other
 
 
 def test_the_share_says_how_near_to_the_other_training_the_weights_are() -> None:
@@ -57,7 +60,7 @@ def test_layers_between_see_what_they_are_normalised_by() -> None:
     state = with_moments(net, half, shown.split(16))
     assert not net.training
     assert torch.equal(state["out.bias"], net.out.bias)
-    seen: list[torch.Tensor] = []
+    seen: list[Tensor] = []
     last = net.body[-1]
     watch = last[0].register_forward_hook(lambda _m, _i, out: seen.append(out))
     with torch.no_grad():
