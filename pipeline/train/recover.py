@@ -29,6 +29,7 @@ from pipeline.train.detector_data import SampleMaker
 from pipeline.train.detector_net import SignNet
 from pipeline.train.export import MODELS
 from pipeline.train.street_data import Street
+from pipeline.train.train_classifier import SHARES
 
 _CROPS, _PICTURES = 512, 64
 _STEPS = 19374
@@ -158,6 +159,17 @@ def _check(net: Folded, path: Path, crops: Tensor) -> None:
         raise ValueError(f"logits differ by {off:.2g}: {path} was trained on other names")
 
 
+def training_crops(maker: CropMaker, count: int) -> Tensor:
+    """Crops [count, 3, 48, 48] of all kinds, with the shares that a training has."""
+    makers = (maker.real, maker.drawn, maker.other, maker.nothing)
+    return _stacked(lambda rng: makers[int(rng.choice(len(makers), p=SHARES))](rng)[0], count)
+
+
+def training_pictures(samples: SampleMaker, count: int) -> Tensor:
+    """Pictures [count, 3, h, w] as the detector is trained on."""
+    return _stacked(lambda rng: samples.make(rng).image, count)
+
+
 def _stacked(make: Callable[[np.random.Generator], np.ndarray], count: int) -> Tensor:
     rng = np.random.default_rng(17)
     images = np.stack([make(rng) for _ in range(count)])
@@ -176,8 +188,7 @@ def main() -> None:
     faces = load_faces(options.data / "sign-art", options.work / "faces.pkl")
     streets, crops = face_data(options.data, options.work)
     maker = CropMaker(streets, crops, faces)
-    makers = (maker.real, maker.drawn, maker.other, maker.nothing)
-    seen = _stacked(lambda rng: makers[int(rng.integers(4))](rng)[0], _CROPS)
+    seen = training_crops(maker, _CROPS)
     had = [name for name in maker.names if name not in options.new.split(",")]
     net = recovered(MODELS / "sign-classifier.onnx", had, seen)
     state = with_outputs(net, had, maker.names).state_dict()
@@ -187,8 +198,7 @@ def main() -> None:
 
 
 def _keep_detector(streets: list[Street], faces: list[Any], out: Path) -> None:
-    samples = SampleMaker(streets, faces)
-    pictures = _stacked(lambda rng: samples.make(rng).image, _PICTURES)
+    pictures = training_pictures(SampleMaker(streets, faces), _PICTURES)
     state = recovered_detector(MODELS / "sign-detector.onnx", pictures).state_dict()
     torch.save({"net": state, "mean": state}, out)
 
