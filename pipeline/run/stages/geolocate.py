@@ -335,7 +335,7 @@ STAGE = Stage(
     # 15: contrast of the faces, how often they were seen, backs
     # 21: stamps and pictures as the bends of the videos say, existence by frames that are due,
     # a nose off its course
-    version=24,
+    version=25,
     run=run,
     inputs=_inputs,
     needs=(
