@@ -133,9 +133,10 @@ def found_sign(k: int, i: int, seen: Columns, offset: FloatArray, signs: MapSign
 
 @kernel
 def facing_variance(sd: float) -> float:
-    """Variance, rad^2, of a face's direction as another drive sees it, by the one sigma that its
-    own drive states (NaN: none)."""
-    return float(limits.FACING_SD**2 + (sd * sd if sd == sd else 0.0))
+    """Variance, rad^2, of a face's direction by the one sigma that its drive states (NaN: none):
+    at least what is usual, half of that between two drives."""
+    usual = 0.5 * limits.FACING_SD**2
+    return float(sd * sd) if sd * sd > usual else usual
 
 
 @kernel
@@ -213,7 +214,7 @@ def find_candidates(
                 du = 0.0
             told = 0.0
             if state[k, FACE_N] ** 2 + state[k, FACE_E] ** 2 > 1e-9 and facing[i] == facing[i]:
-                variance = facing_variance(seen.facing_sd_rad[i]) - limits.FACING_SD**2
+                variance = facing_variance(seen.facing_sd_rad[i])
                 variance += state[k, FACES] / state[k, FACE_W]
                 direction = np.arctan2(state[k, FACE_E], state[k, FACE_N])
                 told = facing_evidence(facing[i] - direction, variance)

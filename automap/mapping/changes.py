@@ -129,7 +129,6 @@ def _costs(
             told = evidence[code[a.class_name], code[b.class_name]]
             if np.isfinite(a.facing_rad) and np.isfinite(b.facing_rad):
                 variance = facing_variance(a.facing_sd_rad) + facing_variance(b.facing_sd_rad)
-                variance -= limits.FACING_SD**2
                 told += facing_evidence(a.facing_rad - b.facing_rad, variance)
             if told == -np.inf:
                 continue

@@ -117,7 +117,7 @@ def _places(sightings: Sightings, association: Association, sign: IntArray) -> _
     count = np.bincount(sign, minlength=m)
     wander = np.stack([total(association.offset_var[:, k]) / count**2 for k in range(3)], axis=1)
     told = np.isfinite(sightings.facing)
-    sure = told / (limits.FACING_SD**2 + np.nan_to_num(sightings.facing_sd_rad) ** 2)
+    sure = told / np.fmax(0.5 * limits.FACING_SD**2, sightings.facing_sd_rad**2)
     facing = np.arctan2(
         total(sure * np.nan_to_num(np.sin(sightings.facing))),
         total(sure * np.nan_to_num(np.cos(sightings.facing))),
@@ -167,7 +167,7 @@ def _evidence_for_one(
     """Nats by which one sign explains two groups of sightings better than two signs do."""
     facing = 0.0
     if np.isfinite(places.facing[a]) and np.isfinite(places.facing[b]):
-        variance = places.facing_var[a] + places.facing_var[b] - limits.FACING_SD**2
+        variance = places.facing_var[a] + places.facing_var[b]
         facing = float(facing_evidence(places.facing[a] - places.facing[b], variance))
         if facing == -np.inf:
             return facing

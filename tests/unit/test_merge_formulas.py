@@ -68,10 +68,10 @@ def test_a_face_of_which_its_drive_is_unsure_says_little_either_way() -> None:
     """Whatever a drive states of it, all of the density is within the circle's evidence."""
     angles = np.linspace(-np.pi, np.pi, 2001)
     sure, unsure = (
-        np.array([facing_evidence(a, facing_variance(np.radians(sd))) for a in angles])
+        np.array([facing_evidence(a, 2.0 * facing_variance(np.radians(sd))) for a in angles])
         for sd in (5.0, 60.0)
     )
-    assert facing_variance(np.nan) == facing_variance(0.0) == FACING_SD**2
+    assert facing_variance(np.nan) == facing_variance(0.1) == 0.5 * FACING_SD**2
     assert np.isfinite(unsure).all()
     assert np.ptp(unsure) < 4.0 < np.ptp(sure[np.isfinite(sure)])
     # the other face of a sign stays another
