@@ -3,7 +3,9 @@
 A plate that is seen at an angle to its normal is narrower by the cosine of that angle, and the
 angle changes while a car passes: the shape of the face is known from its class, so widths over
 heights tell the normal. Little where it is looked at squarely, where the cosine is flat. So the
-road has a say: faces look against the traffic but for some degrees, and a few to somewhere else.
+road has a say: faces look against the traffic but for some degrees, and a few to somewhere else;
+of signs that stand far aside, as those of a crossing street, most. Seen at a slant such a face has
+a mirror image about the line of sight, which explains its widths alike.
 How far those of a drive are turned, how its boxes scatter, and how far they are wider or taller
 than their faces is measured from the drive's own signs (expectation maximisation, Dempster, Laird
 and Rubin, J. R. Statist. Soc. B 39, 1977) and pulled towards stated values where there are few.
@@ -21,7 +23,7 @@ import numpy as np
 from automap.frames import wrap_pi
 from automap.geolocation import limits
 from automap.geolocation.box_noise import scatter
-from automap.geolocation.path_relation import Path, course_at
+from automap.geolocation.path_relation import Path, roads_at
 from automap.geolocation.sightings import Sighting
 from automap.geolocation.view_errors import view_sd
 from automap.geolocation.views import Views
@@ -67,14 +69,16 @@ class Faces:
 
 @dataclass(frozen=True)
 class _Seen:
-    """One sign: ``grid`` [g] rad its normals; ``centres`` [c] rad the prior's; ``measured`` [n] log
-    aspects of its boxes, ``expected`` [n, g] those of the bare face; ``sd`` [n]; ``columns``
+    """One sign: ``grid`` [g] rad its normals; ``centres`` [c] rad the prior's and ``beside`` [c] by
+    how much less a sign that far from such a road is for it than one at its side; ``measured`` [n]
+    log aspects of its boxes, ``expected`` [n, g] those of the bare face; ``sd`` [n]; ``columns``
     [n, 1 + k] of what its boxes share: the aspect, and what those of each octave of size err by in
     common, stated sigmas; ``octave`` [n] of each box and ``octaves`` [k] of the columns; ``sure``
     whether the face's shape is known; ``yaw_sd`` of the trajectory, rad."""
 
     grid: FloatArray
     centres: FloatArray
+    beside: FloatArray
     measured: FloatArray
     expected: FloatArray
     sd: FloatArray
@@ -137,9 +141,11 @@ def _observed(views: Views, sightings: Sequence[Sighting], path: Path) -> _Seen:
     alike = np.hypot(views.margin_sd[rows] * np.exp(-size), limits.FACE_ALIKE)
     # a width has the scatter of a height, in pixels
     sd = sd * np.hypot(1.0, np.maximum(np.exp(-measured), 1.0)) / np.sqrt(np.maximum(weight, 1e-3))
+    centres, beside = _against_traffic(views, sightings, path)
     return _Seen(
         grid=grid,
-        centres=_against_traffic(views, sightings, path),
+        centres=centres,
+        beside=beside,
         measured=measured,
         expected=expected_aspect(views, rows, grid, shape),
         sd=sd,
@@ -153,14 +159,23 @@ def _observed(views: Views, sightings: Sequence[Sighting], path: Path) -> _Seen:
     )
 
 
-def _against_traffic(views: Views, sightings: Sequence[Sighting], path: Path) -> FloatArray:
+def _against_traffic(
+    views: Views, sightings: Sequence[Sighting], path: Path
+) -> tuple[FloatArray, FloatArray]:
     """Directions [2 s] rad against the course, where the car passes the sign and where it saw it
-    last: before a bend the two are different, and nothing says which road the sign is for."""
-    courses: list[float] = []
+    last: before a bend the two are different, and nothing says which road the sign is for but how
+    far aside of each it stands. Signs for a road are about it normally, those for others as many
+    per metre anywhere; the second value [2 s] is the mean of that over the place's own error."""
+    centres, beside = [], []
     for sighting in sightings:
         seen = views.t_ns[sighting.landmark.rows]
-        courses += course_at(path, sighting.position, int(seen.min()), int(seen.max()))
-    return np.array(courses) + np.pi
+        roads = roads_at(path, sighting.position, int(seen.min()), int(seen.max()))
+        right = roads[:, 1:3]
+        variance = np.einsum("ci,ij,cj->c", right, sighting.covariance[:2, :2], right)
+        wide = variance + limits.BESIDE_SD_M**2
+        centres.append(roads[:, 0] + np.pi)
+        beside.append(limits.BESIDE_SD_M / np.sqrt(wide) * np.exp(-0.5 * roads[:, 3] ** 2 / wide))
+    return np.concatenate(centres), np.concatenate(beside)
 
 
 def expected_aspect(views: Views, rows: IntArray, normal: FloatArray, shape: str) -> FloatArray:
@@ -220,6 +235,7 @@ def _prior(one: _Seen, faces: Faces) -> tuple[FloatArray, FloatArray]:
     core = np.exp(-0.5 * (turn / faces.turned_sd) ** 2)
     step = float(_GRID[1] - _GRID[0])
     core *= (1.0 - faces.elsewhere) * step / (np.sqrt(2.0 * np.pi) * faces.turned_sd)
+    core *= one.beside[:, None]
     elsewhere = np.full(len(one.grid), faces.elsewhere / len(one.grid))
     return core / len(one.centres), elsewhere
 
@@ -227,6 +243,8 @@ def _prior(one: _Seen, faces: Faces) -> tuple[FloatArray, FloatArray]:
 def _common(seen: Sequence[_Seen]) -> Faces:
     """What the signs of the drive say of all."""
     faces, own, freedom = Faces(), limits.TURNED_FREEDOM, limits.FACES_FREEDOM
+    # what stands far aside tells nothing of how many beside the road are for another
+    beside = np.array([one.beside.max() for one in seen])
     for _ in range(_ROUNDS):
         believed = [_believe(one, faces) for one in seen]
         if not believed:
@@ -246,13 +264,13 @@ def _common(seen: Sequence[_Seen]) -> Faces:
                 off[octave] += faces.log_aspect[octave] + b.shared[0] + here * b.shared[column]
                 number[octave] += 1.0
         spread = sum(float(b.shared[0] ** 2 + b.shared_variance[0]) for _, b in told)
-        count = len(believed)
         common = np.concatenate([b.shared[1:] ** 2 + b.shared_variance[1:] for b in believed])
         faces = replace(
             faces,
             turned_sd=float(np.sqrt((own * limits.TURNED_SD**2 + square) / (own + share.sum()))),
             elsewhere=float(
-                (freedom * limits.FACE_ELSEWHERE + count - share.sum()) / (freedom + count)
+                (freedom * limits.FACE_ELSEWHERE + beside @ (1.0 - share))
+                / (freedom + beside.sum())
             ),
             log_aspect=off / (freedom + number),
             aspect_sd=float(

@@ -287,6 +287,9 @@ TURNED_SD, FACE_ELSEWHERE = math.radians(10.0), 0.05
 """Of faces about the direction against the traffic, and the share that is for another road, before
 a drive's own signs tell. Chosen: signs are set up by eye, some turned 3 to 5 deg away so that
 headlights do not dazzle, and posts twist."""
+BESIDE_SD_M = 6.0
+"""How far to the side of a car the signs for its road stand: two sigmas are the far verge of a road
+four lanes wide."""
 FACE_ASPECT_SD, PLATE_ASPECT_SD = 0.03, 0.35
 """Of the logarithm of width over height, from sign to sign: a face of known shape as boxes are
 drawn about it, chosen as a pixel of thirty; a plate, square to twice as wide or tall."""

@@ -77,11 +77,16 @@ def relate(path: Path, position: FloatArray, first_ns: int, last_ns: int) -> tup
     return float(lateral), float(-offset[2])
 
 
-def course_at(path: Path, position: FloatArray, first_ns: int, last_ns: int) -> tuple[float, float]:
-    """Course of the path, rad, where it passes a ``position`` [3] and where it was seen last."""
+def roads_at(path: Path, position: FloatArray, first_ns: int, last_ns: int) -> FloatArray:
+    """Course of the path, rad, and the direction to its right [2] (north, east) and how far to the
+    right of its tangent a ``position`` [3] is, m: [2, 4], where it passes and where it was last
+    seen."""
     last = min(int(np.searchsorted(path.t_ns, last_ns)), len(path.t_ns) - 1)
-    at = _nearest(path, position, first_ns, last_ns)
-    return float(path.course[at]), float(path.course[last])
+    at = np.array([_nearest(path, position, first_ns, last_ns), last])
+    course = path.course[at]
+    right = np.column_stack([-np.sin(course), np.cos(course)])
+    offset = (position - path.position[at])[:, :2]
+    return np.column_stack([course, right, np.sum(right * offset, axis=1)])
 
 
 def _nearest(path: Path, position: FloatArray, first_ns: int, last_ns: int) -> int:

@@ -16,8 +16,9 @@ from automap.records import BoolArray, FloatArray, IntArray
 LAT, LON, HEIGHT = 0, 1, 2  # where the sign was founded; its mean is relative to that
 A_EE, A_EN, A_NN, A_U = 3, 4, 5, 6  # information of the members' own errors, 1/m^2
 B_E, B_N, B_U = 7, 8, 9  # information times place
-FACE_N, FACE_E, SUPPORT = 10, 11, 12
-STATE = 13
+FACE_N, FACE_E, FACE_W, FACES = 10, 11, 12, 13  # faces by their information, 1/rad^2, and number
+SUPPORT = 14
+STATE = 15
 """Number of these columns."""
 
 CLASS_SLOTS = 4
@@ -47,6 +48,7 @@ class Columns(NamedTuple):
     own_u: FloatArray
     shared_sd: FloatArray
     facing: FloatArray
+    facing_sd_rad: FloatArray
     code: IntArray
     confidence: FloatArray
 
@@ -95,8 +97,11 @@ def add_member(
         state[k, A_U] += sign / seen.own_u[i]
         state[k, B_U] += sign * (height[i] - state[k, HEIGHT] - offset[2]) / seen.own_u[i]
     if facing[i] == facing[i]:
-        state[k, FACE_N] += sign * np.cos(facing[i])
-        state[k, FACE_E] += sign * np.sin(facing[i])
+        w = sign / facing_variance(seen.facing_sd_rad[i])
+        state[k, FACE_N] += w * np.cos(facing[i])
+        state[k, FACE_E] += w * np.sin(facing[i])
+        state[k, FACE_W] += w
+        state[k, FACES] += sign
     state[k, SUPPORT] += sign
     weight = sign * max(seen.confidence[i], limits.LEAST_CONFIDENCE)
     free = -1
@@ -127,13 +132,25 @@ def found_sign(k: int, i: int, seen: Columns, offset: FloatArray, signs: MapSign
 
 
 @kernel
-def facing_evidence(difference: float) -> float:
-    """Evidence in nats of an angle between two faces that may be one; -inf beyond the limit."""
-    turn = abs(turned(difference))
-    if not turn <= limits.FACING_LIMIT:
+def facing_variance(sd: float) -> float:
+    """Variance, rad^2, of a face's direction by the one sigma that its drive states (NaN: none):
+    at least what is usual, half of that between two drives."""
+    usual = 0.5 * limits.FACING_SD**2
+    return float(sd * sd) if sd * sd > usual else usual
+
+
+@kernel
+def facing_evidence(difference: float, variance: float = limits.FACING_SD**2) -> float:
+    """Evidence in nats of an angle between two faces that may be one; -inf beyond the limit.
+
+    ``variance`` rad^2 of the angle: a face that a drive saw at a slant, and may be its mirror
+    image, says little either way, and the limit is as many sigmas as that of well seen ones.
+    """
+    turn, sd = abs(turned(difference)), math.sqrt(variance)
+    if not turn * limits.FACING_SD <= limits.FACING_LIMIT * sd:
         return -np.inf
-    best = math.log(2.0 * math.pi / (math.sqrt(2.0 * math.pi) * limits.FACING_SD))
-    return float(best - 0.5 * (turn / limits.FACING_SD) ** 2)
+    best = math.log(2.0 * math.pi / (math.sqrt(2.0 * math.pi) * sd))
+    return float(best - 0.5 * (turn / sd) ** 2)
 
 
 @kernel
@@ -197,7 +214,10 @@ def find_candidates(
                 du = 0.0
             told = 0.0
             if state[k, FACE_N] ** 2 + state[k, FACE_E] ** 2 > 1e-9 and facing[i] == facing[i]:
-                told = facing_evidence(facing[i] - np.arctan2(state[k, FACE_E], state[k, FACE_N]))
+                variance = facing_variance(seen.facing_sd_rad[i])
+                variance += state[k, FACES] / state[k, FACE_W]
+                direction = np.arctan2(state[k, FACE_E], state[k, FACE_N])
+                told = facing_evidence(facing[i] - direction, variance)
                 if told == -np.inf:
                     continue
             total, weight = 0.0, 0.0

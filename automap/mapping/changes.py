@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 
 from automap.earth import ecef
 from automap.mapping import limits
-from automap.mapping.candidates import facing_evidence
+from automap.mapping.candidates import facing_evidence, facing_variance
 from automap.mapping.classes import class_evidence
 from automap.mapping.grid import east_north
 from automap.records import DrivePath, FloatArray, Sign
@@ -128,7 +128,8 @@ def _costs(
             a, b = signs[i], older[j]
             told = evidence[code[a.class_name], code[b.class_name]]
             if np.isfinite(a.facing_rad) and np.isfinite(b.facing_rad):
-                told += facing_evidence(a.facing_rad - b.facing_rad)
+                variance = facing_variance(a.facing_sd_rad) + facing_variance(b.facing_sd_rad)
+                told += facing_evidence(a.facing_rad - b.facing_rad, variance)
             if told == -np.inf:
                 continue
             difference = _difference(a, b)

@@ -35,13 +35,15 @@ _PASSES = 6
 class _Places:
     """Per sign: mean ``position`` [m, 3] Earth-fixed, ``axes`` [m, 3, 3] east, north, up in
     them, information ``weight`` [m, 4] (ee, en, nn, u), ``wander`` [m, 3] variance of the
-    members' offsets, ``facing`` [m], ``code`` [m]."""
+    members' offsets, ``facing`` [m] and its variance ``facing_var`` [m], ``code``
+    [m]."""
 
     position: FloatArray
     axes: FloatArray
     weight: FloatArray
     wander: FloatArray
     facing: FloatArray
+    facing_var: FloatArray
     code: IntArray
 
 
@@ -114,13 +116,18 @@ def _places(sightings: Sightings, association: Association, sign: IntArray) -> _
     enu = np.stack([axes[:, :, 1], axes[:, :, 0], -axes[:, :, 2]], axis=1)
     count = np.bincount(sign, minlength=m)
     wander = np.stack([total(association.offset_var[:, k]) / count**2 for k in range(3)], axis=1)
+    told = np.isfinite(sightings.facing)
+    sure = told / np.fmax(0.5 * limits.FACING_SD**2, sightings.facing_sd_rad**2)
     facing = np.arctan2(
-        total(np.nan_to_num(np.sin(sightings.facing))),
-        total(np.nan_to_num(np.cos(sightings.facing))),
+        total(sure * np.nan_to_num(np.sin(sightings.facing))),
+        total(sure * np.nan_to_num(np.cos(sightings.facing))),
     )
-    facing[total(np.isfinite(sightings.facing).astype(float)) == 0] = np.nan
+    with np.errstate(invalid="ignore"):
+        # each drive took the same road's direction for it, so that many know it no better than one
+        facing_var = total(told.astype(np.float64)) / total(sure)
+    facing[~np.isfinite(facing_var)] = np.nan
     return _Places(
-        position, enu, np.column_stack([a_ee, a_en, a_nn, a_u]), wander, facing,
+        position, enu, np.column_stack([a_ee, a_en, a_nn, a_u]), wander, facing, facing_var,
         dominant_code(sign, sightings.code, sightings.confidence),
     )  # fmt: skip
 
@@ -160,7 +167,8 @@ def _evidence_for_one(
     """Nats by which one sign explains two groups of sightings better than two signs do."""
     facing = 0.0
     if np.isfinite(places.facing[a]) and np.isfinite(places.facing[b]):
-        facing = float(facing_evidence(places.facing[a] - places.facing[b]))
+        variance = places.facing_var[a] + places.facing_var[b]
+        facing = float(facing_evidence(places.facing[a] - places.facing[b], variance))
         if facing == -np.inf:
             return facing
     drives_a, drives_b = (set(sightings.drive[rows].tolist()) for rows in (rows_a, rows_b))

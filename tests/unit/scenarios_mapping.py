@@ -279,7 +279,11 @@ def mapping_kernels() -> Any:
                 offset_kernels.agreement(values[i, 0], 0.3, -0.2, 0.1, 0.2, 0.4) for i in range(n)
             ],
             "mean": [candidates.mean_of(s) for s in (state, empty)],
-            "facing": [candidates.facing_evidence(a) for a in (0.1, -0.4, 5.9, 1.2, 3.0, -7.0)],
+            "facing": [
+                candidates.facing_evidence(a, v)
+                for v in (candidates.facing_variance(np.nan), candidates.facing_variance(0.6))
+                for a in (0.1, -0.4, 5.9, 1.2, 3.0, -7.0)
+            ],
             "gain": [candidates.match_gain(0.5, 0.2, 0.9, u) for u in (0.3, np.nan)],
             "cells": (filled.cells, grid.table_size(9), grid.table_size(8)),
             "rows": [

@@ -161,7 +161,7 @@ def geolocation_bearings() -> Any:
 def geolocation_course() -> Any:
     """The path's relation to places, and a camera's first turn by pairs of boxes."""
     from automap.geolocation.epipolar import first_correction
-    from automap.geolocation.path_relation import course_at, make_path, relate, side_of_path
+    from automap.geolocation.path_relation import make_path, relate, roads_at, side_of_path
     from tests.unit import geolocation_scene as world
 
     path = world.drive_path(16.0)
@@ -175,7 +175,7 @@ def geolocation_course() -> Any:
     return {
         "first": first_correction(path, found, plain, world.ORIGIN, 2e-3),
         "relation": [relate(way, p, first, last) for p in places],
-        "course": [course_at(way, p, first, last) for p in places],
+        "course": [roads_at(way, p, first, last) for p in places],
         "side": [side_of_path(a, b) for a in (-9.0, -0.5, 0.5, 9.0) for b in (1.0, 6.0)],
     }
 

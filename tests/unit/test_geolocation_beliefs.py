@@ -55,6 +55,7 @@ def face_of(
     return _Seen(
         grid=0.3 + _GRID,
         centres=np.array([0.0, 0.2]),
+        beside=np.array([0.9, 0.6]),
         measured=measured + own * rng.standard_normal(n),
         expected=np.log(np.maximum(np.cos(0.3 + _GRID - view[:, None]), 0.02)),
         sd=own,
@@ -73,7 +74,13 @@ def test_faces_look_against_the_road_or_anywhere_with_the_shares_that_are_stated
     one = face_of(np.random.default_rng(1), 0.1)
     core, elsewhere = _prior(one, FACES)
     step = np.radians(1.0)
-    wanted = (1.0 - 0.1) * 0.5 * norm(0.0, 0.25).pdf(one.grid - one.centres[:, None]) * step
+    wanted = (
+        0.9
+        * 0.5
+        * np.array([[0.9], [0.6]])
+        * norm(0.0, 0.25).pdf(one.grid - one.centres[:, None])
+        * step
+    )
     np.testing.assert_allclose(core, wanted, rtol=1e-9, atol=1e-15)
     assert elsewhere == pytest.approx(np.full(len(_GRID), 0.1 / len(_GRID)))
     # round the circle it is one direction
@@ -136,6 +143,7 @@ def test_what_faces_have_in_common_is_what_is_expected_of_each(
     turns = np.radians([-12.0, 20.0, 5.0, 60.0, -3.0])
     seen = [face_of(rng, 0.1 + t, 12, 0.06, 0.08) for t in turns]
     seen[1] = replace(seen[1], sure=False)
+    seen[3] = replace(seen[3], beside=np.array([0.1, 0.3]))
     one_size = np.column_stack([np.ones(12), np.full(12, 0.02)])
     seen[2] = replace(seen[2], octaves=np.array([2]), columns=one_size, octave=np.full(12, 2))
     monkeypatch.setattr(facing, "_ROUNDS", 1)
@@ -151,7 +159,10 @@ def test_what_faces_have_in_common_is_what_is_expected_of_each(
     own, freedom = limits.TURNED_FREEDOM, limits.FACES_FREEDOM
     turned = (own * limits.TURNED_SD**2 + square) / (own + about)
     assert found.turned_sd == pytest.approx(np.sqrt(turned))
-    share = (freedom * limits.FACE_ELSEWHERE + 5.0 - about) / (freedom + 5.0)
+    # those far from the road tell little of how many beside it face elsewhere
+    near = [0.9, 0.9, 0.9, 0.3, 0.9]
+    odd = sum(n * (1.0 - b.core.sum()) for n, b in zip(near, believed, strict=True))
+    share = (freedom * limits.FACE_ELSEWHERE + odd) / (freedom + sum(near))
     assert found.elsewhere == pytest.approx(share)
     sure = [k for k in range(5) if k != 1]
     aspects = [believed[k].shared[0] ** 2 + believed[k].shared_variance[0] for k in sure]

@@ -8,14 +8,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-from geolocation_scene import ORIGIN, boxes, camera, drive_path, roadside
+from geolocation_scene import ORIGIN, Scene, boxes, camera, drive_path, roadside
 
 from automap.earth import local_ned
 from automap.export.osm_tags import direction_tag
-from automap.frames import rpy_to_matrix
+from automap.frames import rpy_to_matrix, wrap_pi
 from automap.gates import sigmas
 from automap.geolocation import limits
-from automap.geolocation.facing import _observed, expected_aspect
+from automap.geolocation.facing import _observed, expected_aspect, find_facings
 from automap.geolocation.landmark import view_sd
 from automap.geolocation.locate import locate_signs
 from automap.geolocation.path_relation import make_path
@@ -103,9 +103,52 @@ def test_a_box_that_is_hardly_believed_tells_less_of_the_face() -> None:
         landmark=SimpleNamespace(rows=rows, weight=weight),
         facing=np.array([1.0, 0.0, 0.0]),
         position=np.array([20.0, 5.0, 0.0]),
+        covariance=0.1 * np.eye(3),
     )
     seen = _observed(views, [sighting], make_path(path, views.origin))
     aspect = np.exp(views.log_aspect[rows])
     height_sd = view_sd(views, rows)[:, 2]
     wanted = height_sd**2 * (1.0 + np.maximum(1.0 / aspect, 1.0) ** 2) / weight
     assert seen.sd**2 == pytest.approx(wanted)
+
+
+def _slant(lateral_m: float, normal_rad: float, place_sd_m: float) -> tuple[float, float]:
+    """Direction and sigma, rad, found of a face beside a straight drive to 0.7 rad, seen in
+    pictures without scatter from 45 m to 10 m before it is passed."""
+    path = drive_path(duration_s=14.0, turn_rate=0.0)
+    view = camera()
+    along = 12.0 * 10.0
+    place = along * np.array([np.cos(0.7), np.sin(0.7)])
+    place += lateral_m * np.array([-np.sin(0.7), np.cos(0.7)])
+    scene = Scene(np.array([[*place, -2.2]]), np.array([0.75]), ("regulatory--no-entry--g1",))
+    found, _ = boxes(path, scene, view, np.random.default_rng(0), noise_px=0.0)
+    views = build_views(path, [found], {"front": view}, MeasurementNoise())
+    rows = np.arange(len(views))
+    shown = expected_aspect(views, rows, np.array([normal_rad]), "circle")[:, 0]
+    views = replace(views, log_aspect=shown)
+    towards = (views.centre[:, :2] - place).mean(axis=0)
+    sighting: Any = SimpleNamespace(
+        landmark=SimpleNamespace(rows=rows, weight=np.ones(len(rows))),
+        facing=towards / np.linalg.norm(towards),
+        position=scene.position[0],
+        covariance=place_sd_m**2 * np.eye(3),
+    )
+    (facing,), _ = find_facings(views, [[sighting]], make_path(path, views.origin))
+    return facing.rad, facing.sd_rad
+
+
+@pytest.mark.parametrize("lateral_m", [-24.0, 24.0])
+@pytest.mark.parametrize("place_sd_m", [0.3, 8.0])
+def test_a_face_of_a_crossing_street_is_not_taken_for_its_mirror_image(
+    lateral_m: float, place_sd_m: float
+) -> None:
+    normal = 0.7 + np.pi + np.copysign(np.pi / 2.0, lateral_m)
+    found, sd = _slant(lateral_m, normal, place_sd_m)
+    assert abs(wrap_pi(found - normal)) < 2.0 * sd
+
+
+def test_a_face_beside_the_road_is_still_told_by_the_road() -> None:
+    normal = 0.7 + np.pi + np.radians(8.0)
+    found, sd = _slant(-4.5, normal, 0.3)
+    assert abs(wrap_pi(found - normal)) < 2.0 * sd
+    assert sd < np.radians(12.0)

@@ -26,12 +26,13 @@ from automap.mapping.candidates import (
     Columns,
     MapSigns,
     facing_evidence,
+    facing_variance,
     find_candidates,
     match_gain,
     mean_of,
 )
 from automap.mapping.grid import delta, filled_table, neighbours
-from automap.mapping.limits import FACING_LIMIT, MOST, NEW_PER_M, NEW_PER_M2
+from automap.mapping.limits import FACING_LIMIT, FACING_SD, MOST, NEW_PER_M, NEW_PER_M2
 from automap.mapping.sightings import stack_sightings
 
 
@@ -61,6 +62,20 @@ def test_evidence_of_an_angle_is_a_density_against_any_direction() -> None:
         assert [facing_evidence(a + turn) for a in (-0.2, 0.1)] == pytest.approx(
             [facing_evidence(0.2), facing_evidence(-0.1)]
         )
+
+
+def test_a_face_of_which_its_drive_is_unsure_says_little_either_way() -> None:
+    """Whatever a drive states of it, all of the density is within the circle's evidence."""
+    angles = np.linspace(-np.pi, np.pi, 2001)
+    sure, unsure = (
+        np.array([facing_evidence(a, 2.0 * facing_variance(np.radians(sd))) for a in angles])
+        for sd in (5.0, 60.0)
+    )
+    assert facing_variance(np.nan) == facing_variance(0.1) == 0.5 * FACING_SD**2
+    assert np.isfinite(unsure).all()
+    assert np.ptp(unsure) < 4.0 < np.ptp(sure[np.isfinite(sure)])
+    # the other face of a sign stays another
+    assert np.isneginf(sure[[0, -1]]).all()
 
 
 def test_agreement_of_place_is_a_normal_density_against_new_signs() -> None:
@@ -129,7 +144,7 @@ def test_a_sighting_beyond_the_gate_is_no_candidate_whichever_way_it_lies() -> N
     seen = Columns(
         *(np.zeros(n), lat, lon, np.full(n, 100.0), np.full(n, per_lat), np.full(n, per_lon)),
         *(np.tile([0.5, 0.0, 0.5], (n, 1)), np.full(n, 0.5), np.zeros((n, 3))),
-        *(np.full(n, np.nan), np.zeros(n, np.int64), np.ones(n)),
+        *(np.full(n, np.nan), np.zeros(n), np.zeros(n, np.int64), np.ones(n)),
     )
     slots = np.zeros((1, CLASS_SLOTS), np.int64), np.zeros((1, CLASS_SLOTS))
     table = filled_table(state[:, LAT], state[:, LON], CELL_M)

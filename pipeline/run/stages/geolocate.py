@@ -335,7 +335,7 @@ STAGE = Stage(
     # 15: contrast of the faces, how often they were seen, backs
     # 21: stamps and pictures as the bends of the videos say, existence by frames that are due,
     # a nose off its course
-    # 25: offsets that bends know better than the manifest
+    # 25: offsets that bends know better than the manifest, facings far aside of the road
     version=25,
     run=run,
     inputs=_inputs,
