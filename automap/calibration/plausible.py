@@ -58,11 +58,15 @@ def _cut_off(x: FloatArray, start: int, length: int) -> bool:
 
 
 def refuse_swapped(log: RawImu) -> None:
-    """Raise when it is the gyro that feels gravity, in any unit, and not the accelerometer."""
+    """Raise when it is the gyro that feels gravity, in any unit, and not the accelerometer, in
+    any or the stated one."""
     if log.gyro_scale is None or log.accel_scale is None:
         return
-    turn, force = (float(np.median(np.linalg.norm(x, axis=1))) for x in (log.gyro, log.accel))
-    if _is_gravity(turn) and not _is_gravity(force):
+    stated = log.accel * log.accel_scale
+    turn, force, in_si = (
+        float(np.median(np.linalg.norm(x, axis=1))) for x in (log.gyro, log.accel, stated)
+    )
+    if _is_gravity(turn) and not (_is_gravity(force) or _is_gravity(in_si)):
         raise InputError(
             f"{log.name}: the columns of gyro and accelerometer are swapped: the gyro's are "
             f"{turn:.4g} long in the median, as gravity is, and the accelerometer's {force:.2g}; "

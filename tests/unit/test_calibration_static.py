@@ -17,6 +17,7 @@ from calibration_scene import (
 
 from automap.calibration.accelerometer import fit_accelerometer, leave_one_out
 from automap.calibration.gravity_kernel import N_SIGNALS, carry_direction
+from automap.calibration.plausible import refuse_swapped
 from automap.calibration.poses import determination, helpful_poses
 from automap.calibration.rest import movement, rests_below
 from automap.calibration.static import calibrate_static
@@ -171,6 +172,15 @@ def test_swapped_sensors(scene: tuple[RawImu, Errors]) -> None:
     assert "gyro and accelerometer are swapped" in refused(
         replace(log, gyro=log.accel, accel=log.gyro)
     )
+
+
+def test_counts_as_large_as_gravity_are_no_swap(scene: tuple[RawImu, Errors]) -> None:
+    """Whatever the numbers: an accelerometer that feels gravity by its scale is one."""
+    log = scene[0]
+    gain = GRAVITY / float(np.median(np.linalg.norm(log.gyro, axis=1)))
+    counted = replace(log, gyro=log.gyro * gain, gyro_scale=np.full(3, 1.0 / gain))
+    counted = replace(counted, accel=log.accel * 200.0, accel_scale=np.full(3, 1.0 / 200.0))
+    refuse_swapped(counted)
 
 
 def test_rests_lie_where_the_sensor_rested(scene: tuple[RawImu, Errors]) -> None:
