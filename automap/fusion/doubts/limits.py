@@ -15,8 +15,8 @@ ODDS_STEP = 0.5
 """Steps of the logarithm: two instants' differences correlate by exp(-0.25) at least, 0.78, as a
 Brownian bridge's do, and a change between them is told by 0.88 of its size."""
 CHANGE_PROBABILITY = 1.0 / 29.0
-"""An age changes within a drive so often: of 27 recorded pieces of four receivers none is known to,
-and the next one does by Laplace's rule of succession."""
+"""An age changes within a drive so often: of 27 recorded pieces none is known to, and the next one
+does by Laplace's rule of succession."""
 LEAST_OWN, LEAST_FREEDOM = 0.05, 1e-3
 """Against a quotient of nothings where one piece tells all."""
 MINUTES_OFF_M = 0.4 * 111_200.0
@@ -104,7 +104,7 @@ DRIFT_WAVE_S, DRIFT_WINDOW_S = 120.0, 600.0
 has less of than of shorter ones; in windows of five such, as levels are refined on."""
 DRIFT_PROBABILITY = 1.0 / 14.0
 """A piece of five minutes errs for minutes by more than stated so often: of twelve of two recorded
-phones none does, and the thirteenth does by Laplace's rule of succession."""
+phones none is known to (nine were looked at), and the next does by Laplace's rule of succession."""
 DRIFT_TIMES_S = (30.0, 60.0, 120.0, 240.0)
 """Time constants of such errors: from what a wave of ``DRIFT_WAVE_S`` shows to what windows do."""
 DRIFT_SIZES, DRIFT_STEPS = (0.5, 16.0), 20
@@ -156,6 +156,6 @@ ARM_OFF_M = 0.5
 """Chosen: an arm that is off by less moves the path by less than most receivers err."""
 SMALLEST_SHARE = 1.0 / 16.0
 """Positions that scatter by less of what they state are not as they state: two sigmas of
-``LEVEL_SPREAD``. Those of recorded phones scatter by a third of it about their path."""
+``LEVEL_SPREAD``. Those of one recorded phone scatter by a third of it about their path."""
 GEOID_M = (-107.0, 86.0)
 """The geoid lies nowhere further from the ellipsoid (EGM2008: south of Sri Lanka, New Guinea)."""
