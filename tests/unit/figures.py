@@ -159,7 +159,7 @@ def main() -> None:
             versions[name] = [checksum(name), now]
     rows = (f"{json.dumps(name)}: {json.dumps(versions[name])}" for name in sorted(versions))
     KEPT_FOR.write_text("{\n" + ",\n".join(rows) + "\n}\n")
-    sys.exit("\n".join(told))
+    sys.exit("\n".join(told) or None)
 
 
 if __name__ == "__main__":
