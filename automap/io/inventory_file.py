@@ -217,12 +217,14 @@ def _near_readings(
     """Longitudes and latitudes [n], those of entries that only another reading brings to the map by
     that: the other way round, degrees among metres, the number of the zone ahead of an easting."""
     (x, y), (lon, lat) = given, (each.copy() for each in found)
-    known = int((np.isfinite(x) & np.isfinite(y)).sum())
+    finite = np.isfinite(x) & np.isfinite(y)
+    known = int(finite.sum())
+    zoned = np.where(finite, x, np.nan) % 1e6
     for what, east, north, crs in (
         ("are the other way round; they were turned", y, x, system),
         ("are degrees and not of the system; they are taken as such", x, y, "OGC:CRS84"),
         ("are degrees and not of the system; they are taken as such", y, x, "OGC:CRS84"),
-        ("begin with the number of the zone; it was taken off", x % 1e6, y, system),
+        ("begin with the number of the zone; it was taken off", zoned, y, system),
     ):
         away = ~_about(lon, lat, near)
         if not away.any():

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
 
 torch = pytest.importorskip("torch", reason="the training needs torch")
 
-from torch import Tensor  # noqa: E402
 
 from pipeline.train.classifier_net import FaceNet  # noqa: E402
 from pipeline.train.mean_weights import (  # noqa: E402
@@ -18,7 +19,7 @@ from pipeline.train.mean_weights import (  # noqa: E402
 OUTPUTS = 5
 
 
-def crops(seed: int) -> Tensor:
+def crops(seed: int) -> Any:
     return torch.randint(0, 256, (32, 3, 48, 48), generator=torch.Generator().manual_seed(seed))
 
 
@@ -60,7 +61,7 @@ def test_layers_between_see_what_they_are_normalised_by() -> None:
     state = with_moments(net, half, shown.split(16))
     assert not net.training
     assert torch.equal(state["out.bias"], net.out.bias)
-    seen: list[Tensor] = []
+    seen: list[Any] = []
     last = net.body[-1]
     watch = last[0].register_forward_hook(lambda _m, _i, out: seen.append(out))
     with torch.no_grad():
