@@ -85,8 +85,8 @@ def town_of(folder: Path) -> Town:
     return Town.of(told["seed"], told["drives"])
 
 
-def fleet(folder: Path, *words: object) -> None:
-    """``automap fleet``; SystemExit where it fails."""
+def fleet(*words: object) -> None:
+    """``automap fleet``; CalledProcessError where it fails."""
     command = [sys.executable, "-c", MAIN, "fleet", *map(str, words)]
     subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
 
@@ -129,7 +129,7 @@ def run(folder: Path, name: str, kill_every: float | None, seed: int = 1) -> Non
     """Run all drives of a folder and merge them; the store lies in ``FOLDER/NAME`` then."""
     folder = folder.resolve()
     store_folder = folder / "store"
-    fleet(folder, "add", store_folder, folder / "drives" / "*")
+    fleet("add", store_folder, folder / "drives" / "*")
     store = Store.at(str(store_folder))
     total = len(store.digests())
     draw, killed, memory = random.Random(seed), dict[str, int](), Memory()
@@ -155,7 +155,7 @@ def run(folder: Path, name: str, kill_every: float | None, seed: int = 1) -> Non
         merging = start(MAIN, folder, "fleet", "merge", str(store_folder), "--workers", "2")
         time.sleep(draw.uniform(*MERGED_S))
         kill(merging)
-    fleet(folder, "merge", store_folder, "--workers", 2, "--quiet")
+    fleet("merge", store_folder, "--workers", 2, "--quiet")
     entries = store.entries()
     states = [entry.state() for entry in entries]
     cost = np.array([entry.done["processor_s"] for entry in entries if entry.done])
