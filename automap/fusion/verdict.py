@@ -178,7 +178,11 @@ def weigh(
         *unexpected_delay(found, delay.mean, delay.sd, float(np.median(speed)), age_sd),
         *early_velocities(found),
         *(constancy_doubts(result.filtered_parameters, by_carrier(fixes)) if believed else ()),
-        *(_of_arm(found, lever_arm, bends) if believed else ()),
+        *(
+            _of_arm(found, lever_arm, bends, _level_sd(part for _, part in known()))
+            if believed
+            else ()
+        ),
         *(height_doubts(path, fixes) if believed and not scaled else ()),
         *askew,
         *outcome.weak_heading(result.align_margin, off),
@@ -262,10 +266,10 @@ def _level_sd(stretches: Iterable[Trajectory]) -> float:
     )
 
 
-def _of_arm(found: Estimates, stated: FloatArray | None, speed: float) -> list[Reason]:
+def _of_arm(found: Estimates, stated: FloatArray | None, speed: float, sd_m: float) -> list[Reason]:
     """What the drive says of an arm of the antenna that was ``stated``, or that it says nothing."""
     at = found, stated, STATED_ARM_SD_M, speed
-    return contradicted_arm(*at) or unproven_arm(*at)
+    return contradicted_arm(*at) or unproven_arm(*at, sd_m)
 
 
 def _of_axes(found: Estimates, effect: str) -> FloatArray:

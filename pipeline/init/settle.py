@@ -27,11 +27,7 @@ from pipeline.check.axes import SCALE_CODE, WeighedAxes, weigh_axes
 from pipeline.check.steadiness import usable_receiver
 from pipeline.importers.level_axes import SLOW, is_slow, level_axes
 from pipeline.init.draft import AS_UTC, Draft
-from pipeline.init.video_start import start_videos
-
-_ZONES_H = (-12.0, 14.25, 0.25)
-"""The zones of the world and their steps, h."""
-
+from pipeline.init.video_start import ZONES_H, start_videos
 
 _UNDATED_S = 7e8
 """GPS time of 2002: times of fixes that tell no date count from the beginning of 1980."""
@@ -190,10 +186,7 @@ def _zone(draft: Draft, section: str, gps_s: FloatArray, other_s: FloatArray) ->
     """The hours by which the dates of a section [n] are ahead of UTC, where with them they meet
     others [k] that are in it."""
     span = np.array([other_s.min(), other_s.max()])
-    both = {
-        float(hours): plausibility.overlap_s(gps_s - 3600.0 * hours, span)
-        for hours in np.arange(*_ZONES_H)
-    }
+    both = {float(hours): plausibility.overlap_s(gps_s - 3600.0 * hours, span) for hours in ZONES_H}
     hours = max(both, key=lambda each: both[each])
     if hours and both[hours] > 0.5 * min(np.ptp(gps_s), np.ptp(span)):
         what = "the readings" if section == "gnss" else "the fixes"

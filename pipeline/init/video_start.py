@@ -25,8 +25,8 @@ _HALF_SECOND = 0.5
 _SIGMA_S = 1.0
 """A camera that hears GPS begins within a second or two of the one that its name tells. Bends and
 signs then tell how far off it is; one that was set by hand is off by more, and a run says so."""
-_ZONES_S = 900.0 * np.arange(-48, 57)
-"""The zones of the world."""
+ZONES_H = np.arange(-12.0, 14.25, 0.25)
+"""The zones of the world, h."""
 _MOST = 0.5
 """A video of a drive shares half of itself with it, or holds half of it."""
 
@@ -84,7 +84,7 @@ def _zones(draft: Draft) -> list[float]:
         for section in ("imu", "gnss", "odometer")
         if draft.get(section, "utc_offset_h") and draft.why(section, "utc_offset_h") != AS_UTC
     ]
-    return list(dict.fromkeys([*told, 0.0, *_ZONES_S.tolist()]))
+    return list(dict.fromkeys([*told, 0.0, *(3600.0 * ZONES_H).tolist()]))
 
 
 def _shared(start_s: float, length_s: float, span: FloatArray) -> float:

@@ -296,10 +296,12 @@ def test_an_arm_that_the_drive_moves_away_from_is_told() -> None:
 
 
 def test_an_arm_whose_sign_the_drive_would_not_show_is_named() -> None:
-    def said(sd: float, speed: float, stated: tuple[float, ...] = (1.8, -0.2, 1.2)) -> list[Reason]:
+    def said(
+        sd: float, speed: float, stated: tuple[float, ...] = (1.8, -0.2, 1.2), path_sd: float = 1.0
+    ) -> list[Reason]:
         found = {f"gnss_lever_arm_{axis}": (0.0, sd) for axis in "xyz"}
         found["gnss_velocity_latency_s"] = (0.3, 0.02)
-        return unproven_arm(found, np.array(stated), limits.STATED_ARM_SD_M, speed)
+        return unproven_arm(found, np.array(stated), limits.STATED_ARM_SD_M, speed, path_sd)
 
     # bends at walking pace take from the tape's variance, those of a motorway do not
     assert said(0.045, 4.0) == []
@@ -309,7 +311,10 @@ def test_an_arm_whose_sign_the_drive_would_not_show_is_named() -> None:
         assert "3.6 m off" in reason.text
     # an antenna over the IMU has no sign, and one that nobody stated is none
     assert said(0.05, 25.0, (0.2, 0.2, -1.5)) == []
-    assert unproven_arm({}, None, limits.STATED_ARM_SD_M, 25.0) == []
+    assert unproven_arm({}, None, limits.STATED_ARM_SD_M, 25.0, 1.0) == []
+    # a path that is no better than that says so by its sigma
+    assert said(0.045, 25.0, path_sd=3.5)
+    assert said(0.045, 25.0, path_sd=3.7) == []
 
 
 # what a receiver says of itself

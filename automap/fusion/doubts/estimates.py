@@ -254,9 +254,10 @@ def contradicted_arm(
 
 
 def unproven_arm(
-    found: Estimates, stated: FloatArray | None, stated_sd: float, speed: float
+    found: Estimates, stated: FloatArray | None, stated_sd: float, speed: float, sd_m: float
 ) -> list[Reason]:
-    """A level arm, as in ``arm_by_drive``, that with the wrong sign would not be told."""
+    """A level arm, as in ``arm_by_drive``, that with the wrong sign would not be told, where that
+    is more than what the path is good to anyway, ``sd_m`` m an axis."""
     if stated is None:
         return []
     twice = 2.0 * np.abs(stated[:2])
@@ -266,7 +267,7 @@ def unproven_arm(
     # an arm looks like an age of the course, which may be another than the speed's
     lag = max(_velocity_lag(found), _velocity_lag(found, COURSE_STATE))
     seen &= twice > limits.ARM_OFF_M + lag * speed
-    hidden = twice[~seen & (twice > limits.ARM_OFF_M)]
+    hidden = twice[~seen & (twice > max(limits.ARM_OFF_M, sd_m))]
     if not len(hidden):
         return []
     return [
