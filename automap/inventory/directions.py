@@ -45,8 +45,10 @@ def directions_of(
     signs: Sequence[Sign], inventory: Inventory, sign: IntArray, listed: IntArray, apart: FloatArray
 ) -> Directions:
     """By the pairs of ``sign`` and ``listed`` [k] that are near one another, ``apart`` [k, 2] m."""
-    turn = numbers_of(signs, "facing_rad")[0][sign] - inventory.facing_rad[listed]
-    known = np.flatnonzero(np.isfinite(turn))
+    facing, sd = numbers_of(signs, "facing_rad", "facing_sd_rad")
+    turn = facing[sign] - inventory.facing_rad[listed]
+    # what the map itself knows worse than usual contradicts nothing
+    known = np.flatnonzero(np.isfinite(turn) & ~(sd[sign] > FACING_SD))
     first = _nearest(listed, apart, known)
     cosine = np.cos(turn[first])
     against, along = int((cosine < -0.5).sum()), int((cosine > 0.5).sum())
@@ -85,9 +87,9 @@ def in_degrees(
     told = directions_of(signs, inventory, sign, listed, apart)
     other = replace(inventory, facing_rad=inventory.facing_rad % (2.0 * np.pi) * _GON)
     as_gon = directions_of(signs, other, sign, listed, apart)
-    facing = numbers_of(signs, "facing_rad")[0]
+    facing, sd = numbers_of(signs, "facing_rad", "facing_sd_rad")
     alike = [
-        bool(same_face(signs[i].class_name, inventory.class_name[j]))
+        not sd[i] > FACING_SD and bool(same_face(signs[i].class_name, inventory.class_name[j]))
         for i, j in zip(sign.tolist(), listed.tolist(), strict=True)
     ]
     first = _nearest(listed, apart, np.flatnonzero(alike))

@@ -19,9 +19,10 @@ from automap.earth import ecef
 from automap.inventory.classes import same_face
 from automap.inventory.findings import Inventory
 from automap.inventory.limits import LEAST_SD_M
+from automap.jit import kernel
 from automap.mapping.candidates import facing_evidence
 from automap.mapping.grid import east_north
-from automap.mapping.limits import MOVED_M
+from automap.mapping.limits import FACING_SD, MOVED_M
 from automap.records import FloatArray, IntArray
 
 _STEP_M = 0.5
@@ -36,21 +37,33 @@ _CLASSES = {True: 0, False: 1, None: 2}
 @dataclass(frozen=True)
 class Looks:
     """What candidates [k] look like: ``turn_rad`` the found sign's direction against the listed
-    one's (NaN unknown), ``classes`` [k, 3] how many times likelier than by chance a neighbour would
-    have the found sign's class if its own is that of the listed one, another, or not known."""
+    one's (NaN unknown) and its ``variance``, rad^2, ``classes`` [k, 3] how many times likelier than
+    by chance a neighbour would have the found sign's class if its own is that of the listed one,
+    another, or not known."""
 
     turn_rad: FloatArray
+    variance: FloatArray
     classes: FloatArray
 
     @classmethod
     def blank(cls, n: int) -> Looks:
         """Of ``n`` candidates of which nothing is known."""
-        return cls(np.full(n, np.nan), np.ones((n, 3)))
+        return cls(np.full(n, np.nan), np.full(n, FACING_SD**2), np.ones((n, 3)))
 
     def of_class(self, k: int, same: bool, chance: float, chance_listed: float) -> None:
         """Candidate ``k`` is of the listed class or not; shares of either class on the map."""
         self.classes[k, 0] = 1.0 / chance if same else 0.0
         self.classes[k, 1] = 0.0 if same else 1.0 / (1.0 - chance_listed)
+
+
+@kernel
+def facing_evidences(turn: FloatArray, variance: FloatArray) -> FloatArray:
+    """Evidence in nats [k, n] of the angles ``turn`` between two faces, of ``variance`` [k]."""
+    told = np.empty(turn.shape)
+    for k in range(len(turn)):
+        for n in range(turn.shape[1]):
+            told[k, n] = facing_evidence(turn[k, n], variance[k])
+    return told
 
 
 def neighbours_of(inventory: Inventory) -> FloatArray:
@@ -87,12 +100,11 @@ def neighbour_density(
     # where a point that stands anywhere on a ring is found
     place = i0e(apart_m[:, None] * ring / variance) / (2.0 * np.pi * variance)
     place *= np.exp(-0.5 * (apart_m[:, None] - ring) ** 2 / variance)
-    by_degree = np.exp([facing_evidence(np.radians(k)) for k in range(360)])
-    middle = (np.arange(_TURNS) + 0.5) * 360.0 / _TURNS
+    middle = (np.arange(_TURNS) + 0.5) * 2.0 * np.pi / _TURNS
     turns = np.ones((len(apart_m), _TURNS + 1))
     known = np.isfinite(looks.turn_rad)
-    degrees = np.degrees(looks.turn_rad[known, None]) - middle
-    turns[known, :_TURNS] = by_degree[np.rint(degrees).astype(np.int64) % 360]
+    turn = looks.turn_rad[known, None] - middle
+    turns[known, :_TURNS] = np.exp(facing_evidences(turn, looks.variance[known]))
     density = np.zeros(len(apart_m))
     for kind in _CLASSES.values():
         density += looks.classes[:, kind] * ((place @ neighbours[kind]) * turns).sum(axis=1)

@@ -20,11 +20,16 @@ from automap.earth import ecef
 from automap.inventory import limits
 from automap.inventory.classes import of_another_class, same_face
 from automap.inventory.findings import Inventory, class_belief
-from automap.inventory.neighbours import Looks, neighbour_density, neighbours_of
+from automap.inventory.neighbours import (
+    Looks,
+    facing_evidences,
+    neighbour_density,
+    neighbours_of,
+)
 from automap.inventory.wander import Anchors, common_errors
-from automap.mapping.candidates import facing_evidence
+from automap.mapping.candidates import facing_variance
 from automap.mapping.grid import east_north
-from automap.mapping.limits import MOVED_M
+from automap.mapping.limits import FACING_SD, MOVED_M
 from automap.records import BoolArray, FloatArray, IntArray, Sign
 from automap.records.sign_lists import numbers_of
 from automap.signs.codes import face_of
@@ -115,8 +120,10 @@ def candidates(
             told[k] = math.log(right / chance + 1.0 - right if same else 1.0 - right)
             looks.of_class(k, same, chance, share.get(face_of(inventory.class_name[b]), 0.0))
         looks.turn_rad[k] = signs[a].facing_rad - inventory.facing_rad[b]
-        if np.isfinite(looks.turn_rad[k]):
-            told[k] += facing_evidence(looks.turn_rad[k])
+        # half of what two drives' faces differ by is the list's
+        looks.variance[k] = facing_variance(signs[a].facing_sd_rad) + 0.5 * FACING_SD**2
+    turn = np.flatnonzero(np.isfinite(looks.turn_rad))
+    told[turn] += facing_evidences(looks.turn_rad[turn, None], looks.variance[turn])[:, 0]
     cov = np.array([s.cov_enu[:2, :2] for s in signs], np.float64).reshape(-1, 2, 2)
     known: BoolArray = np.asarray(np.isfinite(cov).all(axis=(1, 2)))
     cov = np.where(known[:, None, None], cov, limits.USUAL_SD_M**2 * np.eye(2))[i]

@@ -120,6 +120,28 @@ def test_neighbours_are_as_dense_as_the_list_has_them() -> None:
     # one that looks the other way is found where such ones stand
     turned = replace(inventory, facing_rad=np.where(np.arange(len(place)) < n, 0.0, np.pi))
     for turn, many in ((np.pi, True), (0.0, False)):
-        looks = Looks(np.array([turn]), np.ones((1, 3)))
+        looks = replace(Looks.blank(1), turn_rad=np.array([turn]))
         there = neighbour_density(neighbours_of(turned), np.array([3.0]), np.array([0.5]), looks)
         assert (there[0] > 3.0 * density.max()) == many
+
+
+def test_a_face_that_the_map_hardly_knows_keeps_no_sign_from_its_entry() -> None:
+    # the crossing street's signs are seen at a slant: 50 deg of sigma are stated for them
+    class_name = LIMITS[0]
+    lat, lon, _ = from_local_ned(np.outer(np.arange(8) * 100.0, [1.0, 0.0, 0.0]), ORIGIN)
+    turn = np.radians(115.0)
+    for sd, matched in ((np.radians(50.0), 8), (np.radians(8.0), 7)):
+        signs = [
+            Sign(
+                f"s{k}", class_name, lat[k], lon[k], ORIGIN[2], np.eye(3) * 0.04, 0.98, 9, 0, 0,
+                2.0, turn if k == 3 else 0.0, 0.6, "", existence=0.99,
+                facing_sd_rad=float(sd if k == 3 else np.radians(8.0)),
+            )
+            for k in range(8)
+        ]  # fmt: skip
+        listed = Inventory(
+            tuple(f"i{k}" for k in range(8)), (class_name,) * 8, lat, lon, np.zeros(8),
+            np.full(8, 0.2),
+        )  # fmt: skip
+        told = compare_inventory(signs, listed, [])
+        assert sum(f.kind == "matched" for f in told.findings) == matched
