@@ -21,6 +21,9 @@ from tests.hidden_effects.real_receiver import Replay
 from tests.hidden_effects.setting import draw_scene
 from tests.hidden_effects.sizes import SCALES
 
+# the benchmark's own tests: beside it, at night
+pytestmark = pytest.mark.slow
+
 
 def short(case_id: str) -> Drawn:
     """The case on roads of one minute."""

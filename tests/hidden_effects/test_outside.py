@@ -23,6 +23,9 @@ from tests.hidden_effects.setting import draw_scene, information
 from tests.hidden_effects.strapdown import integrate
 from tests.hidden_effects.told import Term, evaluate, told_extras
 
+# the benchmark's own tests: beside it, at night
+pytestmark = pytest.mark.slow
+
 PLACE = (np.radians(47.0), np.radians(8.0), 400.0)
 SECONDS = 90.0
 KINDS = list(all_makers())

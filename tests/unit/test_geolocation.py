@@ -257,6 +257,7 @@ def test_frames_outside_the_trajectory_are_counted(world) -> None:
     assert any("outside the trajectory" in text for text in result.warnings)
 
 
+@pytest.mark.slow
 def test_a_mirrored_video_is_told_and_the_right_one_is_not(world) -> None:
     path, _, found, _ = world
     right = locate_signs(path, [found], {"front": camera()})

@@ -56,7 +56,7 @@ def together(one: Detections, other: Detections) -> Detections:
     return Detections(**{n: values[order] for n, values in whole.items()})
 
 
-@pytest.mark.parametrize("turn_rate", [0.0, 0.05])
+@pytest.mark.parametrize("turn_rate", [0.0, pytest.param(0.05, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("speed", [0.0, SPEED, SPEED + 1.0])
 def test_a_sign_on_a_lorry_ahead_is_left_out_and_all_that_stand_are_kept(
     turn_rate: float, speed: float
