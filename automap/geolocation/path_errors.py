@@ -137,6 +137,29 @@ class Equations:
         square = np.einsum("ni,nij,nj->n", miss, net.information, miss)
         return Solution(place, error, square, float(deviance), factor)
 
+    def components(
+        self, found: Solution, weight: FloatArray, path: IntArray, own: IntArray, count: int
+    ) -> tuple[FloatArray, FloatArray]:
+        """Sums of squares [count] of what was found of the errors, in units of what was stated, by
+        the group ``path`` [k] of each node and ``own`` [n] of each sighting, and how many such
+        squares that is, the expected degrees of freedom [count]: the rest is not told by anything
+        (variance components: W. Foerstner, Zeitschrift fuer Vermessungswesen 104, 1979)."""
+        net = self.network
+        axes = net.measured.shape[1]
+        of_node = np.repeat(path, axes)
+        prior = self._row[: len(self._prior)], self._column[: len(self._prior)]
+        error, group = found.error.ravel(), of_node[prior[0]]
+        squares = np.bincount(group, self._prior * error[prior[0]] * error[prior[1]], count)
+        untold = np.bincount(group, self._prior * found.factor.inverse_at(*prior), count)
+        squares += np.bincount(own, weight * found.square, count)
+        W = net.information * weight[:, None, None]
+        told = np.einsum("nui,nij,nvj->nuivj", self._by, W, self._by).ravel()
+        row, column = (at[len(self._prior) :] for at in (self._row, self._column))
+        whose = np.repeat(own, len(told) // max(len(own), 1))
+        fitted = np.bincount(whose, told * found.factor.inverse_at(row, column), count)
+        freedom = np.bincount(of_node, minlength=count) - untold
+        return squares, freedom + axes * np.bincount(own, minlength=count) - fitted
+
     def weights(self, weigh: Callable[[FloatArray], FloatArray], rounds: int) -> FloatArray:
         """Weights [n] of the sightings, by their squared distances (iteratively reweighted least
         squares: P. W. Holland, R. E. Welsch, Communications in Statistics A 6, 1977)."""

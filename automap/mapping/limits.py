@@ -106,6 +106,9 @@ rounded to these steps, so that it stays, and with it all that was placed, where
 tell it anew. Two standard errors, or little more than one of what lasts, by the curvature of the
 restricted likelihood of 24 tiles of 100 simulated drives of a town (0.008 own, 0.014 wanders,
 0.04 lasts): rounding adds at most 0.6 of one."""
+DRIVE_LEVEL_STEP = 0.1
+"""Of the logarithms of a drive's own levels, to which they are rounded for the same reason: a third
+of ``LEVEL_LOG_SD``, the sigma of what a drive of few signs tells; rounding adds a tenth of one."""
 LEVEL_TILES, LEVEL_TILE_SIGNS, LEVEL_ROWS = 24, 30, 1500
 """Tiles that levels are estimated from, their signs, and the sightings a tile may have. Chosen:
 more take longer."""
