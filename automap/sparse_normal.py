@@ -39,7 +39,8 @@ class Factor:
         place = np.empty(len(self.order), np.int64)
         place[self.order] = np.arange(len(self.order))
         diagonal, below = _inverse(self.start, self.row, self.value, self.pivot)
-        return _entries(self.start, self.row, diagonal, below, place[row], place[column])
+        at = place[row], place[column]
+        return np.asarray(_entries(self.start, self.row, diagonal, below, *at), np.float64)
 
     def variances_of(self, index: IntArray, weight: FloatArray) -> FloatArray:
         """Variances [...] of weighted sums of unknowns ``index`` [..., s], without the rest of the

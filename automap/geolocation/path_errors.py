@@ -158,7 +158,8 @@ class Equations:
         whose = np.repeat(own, len(told) // max(len(own), 1))
         fitted = np.bincount(whose, told * found.factor.inverse_at(row, column), count)
         freedom = np.bincount(of_node, minlength=count) - untold
-        return squares, freedom + axes * np.bincount(own, minlength=count) - fitted
+        freedom += axes * np.bincount(own, minlength=count) - fitted
+        return np.asarray(squares, np.float64), np.asarray(freedom, np.float64)
 
     def weights(self, weigh: Callable[[FloatArray], FloatArray], rounds: int) -> FloatArray:
         """Weights [n] of the sightings, by their squared distances (iteratively reweighted least

@@ -74,8 +74,11 @@ def _squares(equations: Equations, weight: FloatArray, data: TileData, drives: i
     """Squares and their number [d, 3, 2] of the drives of a tile, in its order."""
     lengths = np.diff(data.first)
     drive = np.repeat(np.arange(drives), lengths)
-    # a node for each sighting, and one for each drive
-    path = np.concatenate([drive, drives + np.arange(drives)])
+    # nodes of what wanders, then one for each drive
+    node = equations.network.node
+    path = np.zeros(equations.nodes, np.int64)
+    path[node[:, :2]] = drive[:, None]
+    path[node[:, 2]] = drives + drive
     found = equations.solve(weight)
     parts = equations.components(found, weight, path, 2 * drives + drive, 3 * drives)
     return np.stack(parts, axis=-1).reshape(3, drives, 2).swapaxes(0, 1)

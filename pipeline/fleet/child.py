@@ -127,9 +127,9 @@ def _end_with_parent() -> None:
 
 def answer(path: Path) -> None:
     """Do what the request in a file says and write the answer."""
-    request = json.loads(path.read_text(encoding="utf-8"))
     # the worker holds the other end and says nothing meanwhile
     threading.Thread(target=_end_with_parent, daemon=True).start()
+    request = json.loads(path.read_text(encoding="utf-8"))
     from automap.io.trust import allowing
 
     with allowing([Path(folder) for folder in request["outside"]]):

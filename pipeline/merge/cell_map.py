@@ -19,11 +19,13 @@ from automap.signs.backs import NO_BACK
 from pipeline.merge.cell_belief import kept_belief
 from pipeline.merge.cell_levels import levels_of
 from pipeline.merge.cell_steps import (
+    factors_of,
     group,
     place,
     placed_cells,
     standing,
     turns,
+    weigh,
 )
 from pipeline.merge.cell_store import Drives, read_drives
 from pipeline.shared.beside import processes
@@ -89,12 +91,14 @@ def _merge(
             progress(0.5 * done / cells, "which sightings are one sign")
     levels = levels_of(folder, over)
     wanted = standing(folder)
+    every = [folder] * len(wanted), wanted, [levels] * len(wanted)
+    for done, _ in enumerate(over(weigh, *every)):
+        progress(0.5 + 0.1 * done / len(wanted), "how large the errors are")
+    factors = factors_of(folder, wanted)
     placed = 0
-    for done, changed in enumerate(
-        over(place, [folder] * len(wanted), wanted, [levels] * len(wanted))
-    ):
+    for done, changed in enumerate(over(place, *every, [factors] * len(wanted))):
         placed += changed
-        progress(0.5 + 0.4 * done / len(wanted), "where signs stand")
+        progress(0.6 + 0.3 * done / len(wanted), "where signs stand")
     progress(0.9, "which signs are there")
     return _whole(folder, wanted, levels, (grouped, placed, cells), least_existence)
 

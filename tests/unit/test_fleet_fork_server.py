@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import signal
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -85,11 +86,19 @@ def test_a_killed_process_is_told_by_its_signal(server: ForkServer, tmp_path: Pa
 
 
 def test_a_killed_server_counts_as_a_killed_process(tmp_path: Path) -> None:
+    forked: list[int] = []
+
+    def kill(pid: int) -> None:
+        forked.append(pid)
+        os.kill(first._process.pid, signal.SIGKILL)
+
     with fork_server() as first:
-        gone = first.run(
-            _slow(tmp_path), lambda pid: os.kill(first._process.pid, signal.SIGKILL), 0.05
-        )
-        assert gone == -signal.SIGKILL
+        assert first.run(_slow(tmp_path), kill, 0.05) == -signal.SIGKILL
+    until = time.monotonic() + 60.0
+    while Path(f"/proc/{forked[0]}").exists():
+        # what it had forked ends with it
+        assert time.monotonic() < until
+        time.sleep(0.05)
     with fork_server() as second:
         assert second is not first
         assert second.run(_request(tmp_path, "next"), lambda pid: None, 0.2) == 0
