@@ -146,19 +146,17 @@ class Equations:
         (variance components: W. Foerstner, Zeitschrift fuer Vermessungswesen 104, 1979)."""
         net = self.network
         axes = net.measured.shape[1]
-        of_node = np.repeat(path, axes)
-        prior = self._row[: len(self._prior)], self._column[: len(self._prior)]
-        error, group = found.error.ravel(), of_node[prior[0]]
-        squares = np.bincount(group, self._prior * error[prior[0]] * error[prior[1]], count)
-        untold = np.bincount(group, self._prior * found.factor.inverse_at(*prior), count)
+        entry = found.factor.inverse_at(self._row, self._column)
+        of_node, many = np.repeat(path, axes), len(self._prior)
+        at, error = (self._row[:many], self._column[:many]), found.error.ravel()
+        squares = np.bincount(of_node[at[0]], self._prior * error[at[0]] * error[at[1]], count)
         squares += np.bincount(own, weight * found.square, count)
         W = net.information * weight[:, None, None]
-        told = np.einsum("nui,nij,nvj->nuivj", self._by, W, self._by).ravel()
-        row, column = (at[len(self._prior) :] for at in (self._row, self._column))
-        whose = np.repeat(own, len(told) // max(len(own), 1))
-        fitted = np.bincount(whose, told * found.factor.inverse_at(row, column), count)
-        freedom = np.bincount(of_node, minlength=count) - untold
-        freedom += axes * np.bincount(own, minlength=count) - fitted
+        told = np.einsum("nui,nij,nvj->nuivj", self._by, W, self._by).reshape(len(own), -1)
+        fitted = (told * entry[many:].reshape(told.shape)).sum(axis=1)
+        freedom = np.bincount(of_node, minlength=count).astype(np.float64)
+        freedom -= np.bincount(of_node[at[0]], self._prior * entry[:many], count)
+        freedom += np.bincount(own, axes - fitted, count)
         return np.asarray(squares, np.float64), np.asarray(freedom, np.float64)
 
     def weights(self, weigh: Callable[[FloatArray], FloatArray], rounds: int) -> FloatArray:
