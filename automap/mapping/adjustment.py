@@ -243,7 +243,7 @@ class Placed:
 
 
 def _placed(
-    sightings: Sightings, data: TileData, levels: ErrorLevels, factors: FloatArray | None
+    sightings: Sightings, data: TileData, levels: ErrorLevels, factors: FloatArray | None = None
 ) -> Placed:
     plan = Equations(network_of(sightings, data, levels, 2, factors))
     up = Equations(network_of(sightings, data, levels, 1, factors), plan.order)
