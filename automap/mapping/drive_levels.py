@@ -29,6 +29,8 @@ from automap.mapping.sightings import Sightings
 from automap.mapping.tiles import cut_tiles
 from automap.records import FloatArray, IntArray
 
+LEVELS = ("wanders", "lasts", "own")
+"""What each drive has factors on, in the order of their columns."""
 _ROUNDS = 3
 """Of the levels in a cell: what they still change then is below what they are rounded to."""
 _FREEDOM = 0.5 / limits.LEVEL_LOG_SD**2

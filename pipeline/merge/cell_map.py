@@ -35,8 +35,8 @@ from pipeline.shared.beside import processes
 class StoreMap:
     """Signs [m] of a store: ``founder`` [m] keys that name them, places as ``Adjusted`` has them,
     ``existence`` [m], ``columns`` with all others, ``pairs`` of signs and drives, the ``homes``
-    that hold them, in the order of the signs; and how many cells were grouped and placed anew, of
-    how many."""
+    that hold them, in the order of the signs; ``factors`` [d, 3] of drives on the ``levels``;
+    and how many cells were grouped and placed anew, of how many."""
 
     founder: list[str]
     lat: FloatArray
@@ -48,6 +48,7 @@ class StoreMap:
     pairs: Chances
     homes: Sequence[int]
     levels: ErrorLevels
+    factors: FloatArray
     rates: DetectionRates
     grouped: int
     placed: int
@@ -100,13 +101,14 @@ def _merge(
         placed += changed
         progress(0.6 + 0.3 * done / len(wanted), "where signs stand")
     progress(0.9, "which signs are there")
-    return _whole(folder, wanted, levels, (grouped, placed, cells), least_existence)
+    return _whole(folder, wanted, levels, factors, (grouped, placed, cells), least_existence)
 
 
 def _whole(
     folder: Path,
     cells: list[int],
     levels: ErrorLevels,
+    factors: FloatArray,
     done: tuple[int, int, int],
     least_existence: float,
 ) -> StoreMap:
@@ -126,4 +128,4 @@ def _whole(
     ]
     belief = np.where(fronts == NO_BACK, belief, 0.0)
     columns["n_back_views"] = with_backs(columns["n_back_views"], columns["n_views"], fronts)
-    return StoreMap(keys, *place, belief, columns, pairs, cells, levels, rates, *done)
+    return StoreMap(keys, *place, belief, columns, pairs, cells, levels, factors, rates, *done)
