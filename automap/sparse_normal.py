@@ -34,11 +34,13 @@ class Factor:
         out[self.order] = _solve(self.start, self.row, self.value, self.pivot, right[self.order])
         return out
 
-    def variances(self) -> FloatArray:
-        """The diagonal [n] of the inverse."""
-        out = np.empty(len(self.order))
-        out[self.order] = _variances(self.start, self.row, self.value, self.pivot)
-        return out
+    def inverse_at(self, row: IntArray, column: IntArray) -> FloatArray:
+        """Entries [z] of the inverse where the matrix has entries, or on its diagonal."""
+        place = np.empty(len(self.order), np.int64)
+        place[self.order] = np.arange(len(self.order))
+        diagonal, below = _inverse(self.start, self.row, self.value, self.pivot)
+        at = place[row], place[column]
+        return np.asarray(_entries(self.start, self.row, diagonal, below, *at), np.float64)
 
     def variances_of(self, index: IntArray, weight: FloatArray) -> FloatArray:
         """Variances [...] of weighted sums of unknowns ``index`` [..., s], without the rest of the
@@ -171,9 +173,11 @@ def _solve(
 
 
 @kernel_with(nogil=True)
-def _variances(start: IntArray, row: IntArray, value: FloatArray, pivot: FloatArray) -> FloatArray:
-    """From the last column to the first: what a column needs of the inverse lies in columns after
-    it, where the factor has entries."""
+def _inverse(
+    start: IntArray, row: IntArray, value: FloatArray, pivot: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """The diagonal [n] and what lies below it where the factor has entries [z], from the last
+    column to the first: what a column needs of the inverse lies in columns after it."""
     n = len(pivot)
     diagonal = np.zeros(n)
     below = np.zeros(len(row))
@@ -197,7 +201,29 @@ def _variances(start: IntArray, row: IntArray, value: FloatArray, pivot: FloatAr
         for p in range(start[j], start[j + 1]):
             below[p] = of[row[p]]
             diagonal[j] -= value[p] * below[p]
-    return diagonal
+    return diagonal, below
+
+
+@kernel_with(nogil=True)
+def _entries(
+    start: IntArray,
+    row: IntArray,
+    diagonal: FloatArray,
+    below: FloatArray,
+    a: IntArray,
+    b: IntArray,
+) -> FloatArray:
+    result = np.zeros(len(a))
+    for k in range(len(a)):
+        column, wanted = min(a[k], b[k]), max(a[k], b[k])
+        if column == wanted:
+            result[k] = diagonal[column]
+            continue
+        for p in range(start[column], start[column + 1]):
+            if row[p] == wanted:
+                result[k] = below[p]
+                break
+    return result
 
 
 @kernel_with(nogil=True)

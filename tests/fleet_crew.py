@@ -19,8 +19,8 @@ MAIN = "from pipeline.cli import main; main()"
 _DASK = "from distributed.cli.dask_{0} import main; main({1!r}, standalone_mode=False)"
 _BEGINS_S = 120.0
 """For a scheduler to listen, on a busy machine."""
-_WORKER, _DRIVE = "spawn_main", "pipeline.fleet.child"
-ROLES = ("scheduler", "client", "nanny", "worker", "drive")
+_WORKER, _FORK = "spawn_main", "pipeline.fleet.fork_server"
+ROLES = ("scheduler", "client", "nanny", "worker", "server", "drive")
 
 
 def start(
@@ -121,7 +121,8 @@ class Crew:
         }  # fmt: skip
         found["nanny"] = [nanny.pid for nanny in self.nannies if nanny.poll() is None]
         found["worker"] = [pid for nanny in found["nanny"] for pid in children(nanny, _WORKER)]
-        found["drive"] = [pid for worker in found["worker"] for pid in children(worker, _DRIVE)]
+        found["server"] = [pid for worker in found["worker"] for pid in children(worker, _FORK)]
+        found["drive"] = [pid for server in found["server"] for pid in children(server, _FORK)]
         return found
 
     def kill_one(self, draw: random.Random) -> str:

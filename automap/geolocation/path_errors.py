@@ -137,6 +137,28 @@ class Equations:
         square = np.einsum("ni,nij,nj->n", miss, net.information, miss)
         return Solution(place, error, square, float(deviance), factor)
 
+    def components(
+        self, found: Solution, weight: FloatArray, path: IntArray, own: IntArray, count: int
+    ) -> tuple[FloatArray, FloatArray]:
+        """Sums of squares [count] of what was found of the errors, in units of what was stated, by
+        the group ``path`` [k] of each node and ``own`` [n] of each sighting, and how many such
+        squares that is, the expected degrees of freedom [count]: the rest is not told by anything
+        (variance components: W. Foerstner, Zeitschrift fuer Vermessungswesen 104, 1979)."""
+        net = self.network
+        axes = net.measured.shape[1]
+        entry = found.factor.inverse_at(self._row, self._column)
+        of_node, many = np.repeat(path, axes), len(self._prior)
+        at, error = (self._row[:many], self._column[:many]), found.error.ravel()
+        squares = np.bincount(of_node[at[0]], self._prior * error[at[0]] * error[at[1]], count)
+        squares += np.bincount(own, weight * found.square, count)
+        W = net.information * weight[:, None, None]
+        told = np.einsum("nui,nij,nvj->nuivj", self._by, W, self._by).reshape(len(own), -1)
+        fitted = (told * entry[many:].reshape(told.shape)).sum(axis=1)
+        freedom = np.bincount(of_node, minlength=count).astype(np.float64)
+        freedom -= np.bincount(of_node[at[0]], self._prior * entry[:many], count)
+        freedom += np.bincount(own, axes - fitted, count)
+        return np.asarray(squares, np.float64), np.asarray(freedom, np.float64)
+
     def weights(self, weigh: Callable[[FloatArray], FloatArray], rounds: int) -> FloatArray:
         """Weights [n] of the sightings, by their squared distances (iteratively reweighted least
         squares: P. W. Holland, R. E. Welsch, Communications in Statistics A 6, 1977)."""

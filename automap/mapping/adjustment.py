@@ -85,6 +85,7 @@ def adjust(
     levels: ErrorLevels | None = None,
     progress: Callable[[float], None] = lambda fraction: None,
     only: Container[int] | None = None,
+    factors: FloatArray | None = None,
 ) -> Adjusted:
     """Places of all signs by generalised least squares (A. C. Aitken, Proceedings of the Royal
     Society of Edinburgh 55, 1936), tile by tile.
@@ -92,7 +93,8 @@ def adjust(
     In a tile the drives' errors are solved with the signs, as those of a drive's passes are, so
     that the covariance of a sign is that of its mean under all errors; sightings outside the
     tile's margin are left aside, which costs a little precision and no truth. With ``only`` the
-    signs of those cells are placed, the others stay NaN.
+    signs of those cells are placed, the others stay NaN. ``factors`` [d, 3] of each drive on the
+    levels (``drive_levels.py``).
     """
     levels = levels or ErrorLevels()
     m, n = association.n_signs, len(sightings)
@@ -107,7 +109,7 @@ def adjust(
 
     def work(tile: Tile) -> tuple[TileData, Placed]:
         data = tile_data(sightings, members, tile, lat, lon)
-        return data, _placed(sightings, data, levels)
+        return data, _placed(sightings, data, levels, factors)
 
     # cells are placed by several processes at once
     with ThreadPoolExecutor(max(1, os.cpu_count() or 1) if only is None else 1) as pool:
@@ -172,29 +174,60 @@ def tile_data(
     return TileData(tile, rows, first.astype(np.int64), place, measured, origin, *own)
 
 
-def network_of(sightings: Sightings, data: TileData, levels: ErrorLevels, axes: int) -> Network:
-    """A tile's sightings in plan (two axes) or in height (one); an unknown height tells nothing."""
+def network_of(
+    sightings: Sightings,
+    data: TileData,
+    levels: ErrorLevels,
+    axes: int,
+    factors: FloatArray | None = None,
+) -> Network:
+    """A tile's sightings in plan (two axes) or in height (one); an unknown height tells nothing.
+
+    ``factors`` [d, 3] of each drive on what wanders, what lasts, in plan, and on its own errors.
+    """
     rows, n = data.rows, len(data.rows)
-    # each sighting is a node of its drive's path, and each drive one more
-    alike = correlations(sightings.time_s[rows], limits.PATH_CORRELATION_S)
-    alike[data.first[:-1]] = 0.0
-    drive = np.repeat(np.arange(len(data.first) - 1), np.diff(data.first))
-    node = np.column_stack([np.arange(n), n + drive])
-    alike = np.append(alike, np.zeros(len(data.first) - 1))
+    alike, node, between = _nodes(sightings.time_s[rows], data.first)
     most = max(levels.shared, 1.0)
     lasting = levels.shared if axes == 2 else most
     parts = np.sqrt([[1.0 - levels.lasting], [levels.lasting]]) * [[most], [lasting]]
+    by_drive = np.ones((n, 3)) if factors is None else factors[sightings.drive[rows]]
+    own_level = levels.own**2 * by_drive[:, 2, None, None] ** 2
     if axes == 2:
-        own = levels.own**2 * data.own[:, [0, 1, 1, 2]].reshape(-1, 2, 2)
+        parts = parts * by_drive[:, :2, None]
+        own = own_level * data.own[:, [0, 1, 1, 2]].reshape(-1, 2, 2)
         shared, measured = sightings.shared_sd[rows, :2], data.measured[:, :2]
     else:
         known = np.isfinite(data.measured[:, 2:])
-        own = np.where(known, levels.own**2 * data.own_u[:, None], _NO_HEIGHT)
-        own = own[:, :, None]
+        own = np.where(known[:, :, None], own_level * data.own_u[:, None, None], _NO_HEIGHT)
         shared = np.where(known, sightings.shared_sd[rows, 2:], 0.0)
         measured = np.where(known, data.measured[:, 2:], 0.0)
     information = np.asarray(np.linalg.inv(own), np.float64)
-    return Network(alike, node, data.sign, parts * shared[:, None], measured, information)
+    # what wanders is between two nodes
+    sd = (parts * shared[:, None])[:, [0, 0, 1]] * between[:, :, None]
+    return Network(alike, node, data.sign, sd, measured, information)
+
+
+def _nodes(time_s: FloatArray, first: IntArray) -> tuple[FloatArray, IntArray, FloatArray]:
+    """Nodes of the paths of a tile's drives: as ``Network`` has them ``alike`` [k], ``node`` [n, 3]
+    of each sighting, the one before it, the one after and the drive's own, one each, which come
+    last; and how much of the error at each it has [n, 3]."""
+    drives = len(first) - 1
+    drive = np.repeat(np.arange(drives), np.diff(first))
+    step = time_s / limits.NODE_S
+    before = np.floor(step)
+    after = step - before
+    begin = before[first[:-1]] if drives else before
+    width = int(np.max(before - begin[drive], initial=0.0)) + 2
+    key = drive * width + (before - begin[drive]).astype(np.int64)
+    used, place = np.unique(np.concatenate([key, key + 1]), return_inverse=True)
+    alike = correlations((used % width) * limits.NODE_S, limits.PATH_CORRELATION_S)
+    alike[np.flatnonzero(np.diff(used // width, prepend=-1))] = 0.0
+    node = np.column_stack([*place.reshape(2, -1), len(used) + drive])
+    both = np.exp(-limits.NODE_S / limits.PATH_CORRELATION_S)
+    # with the sigma that is stated there
+    most = np.sqrt(1.0 - 2.0 * after * (1.0 - after) * (1.0 - both))
+    between = np.column_stack([(1.0 - after) / most, after / most, np.ones(len(after))])
+    return np.append(alike, np.zeros(drives)), node, between
 
 
 @dataclass(frozen=True)
@@ -209,9 +242,11 @@ class Placed:
     sd: FloatArray
 
 
-def _placed(sightings: Sightings, data: TileData, levels: ErrorLevels) -> Placed:
-    plan = Equations(network_of(sightings, data, levels, 2))
-    up = Equations(network_of(sightings, data, levels, 1), plan.order)
+def _placed(
+    sightings: Sightings, data: TileData, levels: ErrorLevels, factors: FloatArray | None = None
+) -> Placed:
+    plan = Equations(network_of(sightings, data, levels, 2, factors))
+    up = Equations(network_of(sightings, data, levels, 1, factors), plan.order)
     weight = stray_weights(plan)
     m, n, drives = len(data.tile.core), len(data.rows), len(data.first) - 1
     result = Placed(

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from automap.gates import gate
-from automap.geolocation.limits import AWAY_COSINE
+from automap.geolocation.limits import AWAY_COSINE, BACK_PROBABILITY, THICKNESS_M
 from automap.mapping import limits
 from automap.mapping.grid import east_north
 from automap.records import FloatArray, IntArray
@@ -32,13 +32,13 @@ def map_backs(
     """Of which of the map signs [n] each is the back, as ``fronts_of_backs`` tells; ``cov_enu``
     [n, 3, 3] m^2."""
     place = east_north(lat, lon, lat[:1], lon[:1])
-    likely = gate(limits.BACK_PROBABILITY, 2)
+    likely = gate(BACK_PROBABILITY, 2)
 
     def apart(a: int, b: int) -> float:
         if not np.cos(facing_rad[a] - facing_rad[b]) < AWAY_COSINE:
             return np.inf
         offset = place[a] - place[b]
-        total = (cov_enu[a] + cov_enu[b])[:2, :2] + limits.THICKNESS_M**2 * np.eye(2)
+        total = (cov_enu[a] + cov_enu[b])[:2, :2] + THICKNESS_M**2 * np.eye(2)
         square = float(offset @ np.linalg.solve(total, offset))
         return square if square < likely else np.inf
 

@@ -51,16 +51,20 @@ def place_cell(
     passages: Sequence[Passage],
     cell: int,
     levels: ErrorLevels,
+    factors: FloatArray | None = None,
 ) -> PlacedCell:
     """Places and attributes of the signs that stand in ``cell``.
 
     ``near`` [n] the sightings within ``PLACE_MARGIN_M`` of the cell and ``sign`` [n] whose each is
-    (-1 nobody's); ``passages`` [d] where each drive's cameras looked, whose paths are thinned.
+    (-1 nobody's); ``passages`` [d] where each drive's cameras looked, whose paths are thinned;
+    ``factors`` [d, 3] of each drive on the levels.
     """
     rows = np.flatnonzero(sign >= 0)
     grouped, group = near.at(rows), renumbered(sign[rows])
     nothing = np.zeros((len(rows), 3))
-    whole = adjust(grouped, Association(group, nothing, nothing), levels, only={cell})
+    whole = adjust(
+        grouped, Association(group, nothing, nothing), levels, only={cell}, factors=factors
+    )
     standing = np.isfinite(whole.lat)
     rows = np.flatnonzero(standing[group]) if len(group) else np.zeros(0, np.int64)
     own = grouped.at(rows)

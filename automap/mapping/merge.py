@@ -8,11 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from automap.mapping.adjustment import Adjusted, ErrorLevels, adjust
+from automap.mapping.adjustment import Adjusted, ErrorLevels, adjust, rough_places
 from automap.mapping.association import Association
 from automap.mapping.attributes import Attributes, combine_attributes
 from automap.mapping.backs import map_backs, with_backs
 from automap.mapping.by_cells import associate_by_cells
+from automap.mapping.cells import cell_of
+from automap.mapping.drive_levels import drive_factors, drive_squares
 from automap.mapping.error_levels import estimate_levels
 from automap.mapping.existence import (
     Chances,
@@ -45,6 +47,7 @@ class Merged:
     association: Association
     adjusted: Adjusted
     levels: ErrorLevels
+    factors: FloatArray
     attributes: Attributes
     pairs: Chances
     rates: DetectionRates
@@ -69,9 +72,13 @@ def merge_drives(
     )
     progress(0.5, "how large the errors are")
     levels = estimate_levels(sightings, found)
+    homes = np.unique(cell_of(*rough_places(sightings, found.sign))).tolist()
+    squares = [drive_squares(sightings, found.sign, cell, levels) for cell in homes]
+    factors = drive_factors(squares, len(ordered))
     adjusted = adjust(
-        sightings, found, levels, lambda done: progress(0.55 + 0.25 * done, "where signs stand")
-    )
+        sightings, found, levels, lambda done: progress(0.6 + 0.2 * done, "where signs stand"),
+        factors=factors,
+    )  # fmt: skip
     progress(0.8, "which signs are there")
     attributes = combine_attributes(sightings, found.sign)
     views = opportunities(ordered, adjusted.lat, adjusted.lon, attributes.facing_rad)
@@ -90,7 +97,7 @@ def merge_drives(
     for k, who, name in zip(*(column.tolist() for column in columns), strict=True):
         keys[k].append(sighting_key(ordered[who], name))
     return Merged(
-        ordered, sightings, found, adjusted, levels, attributes, pairs, rates, belief,
+        ordered, sightings, found, adjusted, levels, factors, attributes, pairs, rates, belief,
         list(map_signs(
             {
                 **vars(attributes), **vars(adjusted), "class_name": names, "n_back_views": behind,

@@ -1,7 +1,7 @@
-"""One drive in a process of its own: ``python -m pipeline.fleet.child REQUEST``.
+"""One drive in a process of its own, which ``pipeline/fleet/fork_server.py`` forks.
 
-It ends when the process that started it ends, however that ends, and by itself writes nothing but
-``OUT`` and the answer.
+It ends when its worker ends, however that ends, and by itself writes nothing but ``OUT`` and the
+answer.
 """
 
 from __future__ import annotations
@@ -11,7 +11,6 @@ import json
 import math
 import os
 import resource
-import sys
 import threading
 import time
 from pathlib import Path
@@ -121,21 +120,18 @@ def _typical_sd(path: Any) -> list[float | None]:
 
 
 def _end_with_parent() -> None:
-    sys.stdin.buffer.read()
+    while os.read(0, 1):
+        pass
     os._exit(1)
 
 
-def main() -> None:
-    """Do what the request says and write the answer."""
-    request = json.loads(Path(sys.argv[1]).read_text(encoding="utf-8"))
-    # the parent holds the other end and says nothing
+def answer(path: Path) -> None:
+    """Do what the request in a file says and write the answer."""
+    # the worker holds the other end and says nothing meanwhile
     threading.Thread(target=_end_with_parent, daemon=True).start()
+    request = json.loads(path.read_text(encoding="utf-8"))
     from automap.io.trust import allowing
 
     with allowing([Path(folder) for folder in request["outside"]]):
-        answer = run_one(Path(request["drive"]), Path(request["out"]), request["settings"])
-    write_json(Path(request["answer"]), answer)
-
-
-if __name__ == "__main__":
-    main()
+        said = run_one(Path(request["drive"]), Path(request["out"]), request["settings"])
+    write_json(Path(request["answer"]), said)

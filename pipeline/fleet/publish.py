@@ -18,6 +18,7 @@ from automap.io.clock_json import write_clock
 from automap.io.map_tables import COVERAGE, SIGHTINGS
 from automap.io.signs_table import write_signs
 from automap.mapping.compare import Comparison, Newer, compare
+from automap.mapping.drive_levels import LEVELS
 from automap.mapping.identity import name_signs
 from automap.mapping.posts import with_supports
 from automap.records import FloatArray, IntArray
@@ -204,6 +205,7 @@ def _drive_rows(
                 "in_view": int(in_view[k]),
                 "seen_of_in_view": int(seen[k]),
                 "detection_rate": float(found.rates.drive[k]),
+                "error_levels": dict(zip(LEVELS, found.factors[k].tolist(), strict=True)),
             }
         )
     return rows

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from automap.errors import ConfigError, StageError
 from automap.io.trust import allowed_folders
+from pipeline.fleet.fork_server import end_idle
 from pipeline.fleet.orders import Order, key_of
 from pipeline.fleet.store import ASIDE, Entry, Store
 from pipeline.fleet.task import Result, run_task
@@ -228,4 +229,7 @@ def _client(scheduler: str | None, workers: int) -> Iterator[Any]:
             ) as cluster,
             Client(cluster, set_as_default=False) as client,
         ):  # fmt: skip
-            yield client
+            try:
+                yield client
+            finally:
+                end_idle()

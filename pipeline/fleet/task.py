@@ -8,10 +8,7 @@ import os
 import platform
 import shutil
 import signal
-import subprocess
-import sys
 import tempfile
-import time
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,15 +18,14 @@ from automap.errors import AutoMapError
 from automap.io import names
 from pipeline.fleet.add import parent_of
 from pipeline.fleet.child import kind_of
+from pipeline.fleet.fork_server import LOG, fork_server
 from pipeline.fleet.orders import Order
 from pipeline.fleet.store import DONE, DRIVES, Store, StoreGoneError, result_name
-from pipeline.shared.kernel_cache import ensure_kernel_cache
 
 _EVERY_S = 0.2
 """How often the memory of a drive's process is looked at."""
 _LEFT_OUT = frozenset({names.IMU, names.TRAJECTORY_FILTER, names.INNOVATIONS, ".digests.json"})
 """What only a further run in the same folder reads: two thirds of the bytes."""
-_THREADS = ("OPENBLAS", "OMP", "MKL", "NUMEXPR", "NUMBA", "ARROW_IO", "OPENCV_FOR")
 _SCRATCH = "automap-fleet."
 _LEAST_ROOM = 1 << 16
 """Bytes: a disk that cannot take so many is full, whatever a library says of it."""
@@ -147,30 +143,20 @@ def _supervised(drive: Path, out: Path, scratch: Path, order: Order) -> dict[str
         "outside": order.outside,
     }
     request.write_text(json.dumps(told), encoding="utf-8")
-    ensure_kernel_cache()
-    one = {f"{name}_NUM_THREADS": "1" for name in _THREADS}
     killed_before = _killed_for_memory()
     over = False
-    with (scratch / "log").open("wb") as log:
-        process = subprocess.Popen(
-            [sys.executable, "-m", "pipeline.fleet.child", str(request)],
-            stdin=subprocess.PIPE, stdout=log, stderr=log, env={**os.environ, **one},
-        )  # fmt: skip
-        try:
-            while process.poll() is None:
-                if _memory(process.pid) > order.memory:
-                    over = True
-                    process.kill()
-                time.sleep(_EVERY_S)
-        finally:
-            process.kill()
-            process.wait()
-            assert process.stdin is not None
-            process.stdin.close()
+
+    def look(pid: int) -> None:
+        nonlocal over
+        if _memory(pid) > order.memory:
+            over = True
+            os.kill(pid, signal.SIGKILL)
+
+    with fork_server() as server:
+        code = server.run(request, look, _EVERY_S)
     if answer.is_file() and not over:
         found: dict[str, Any] = json.loads(answer.read_text(encoding="utf-8"))
         return found
-    code = process.returncode
     if over:
         said = f"it took more than the {order.memory / 1e9:.1f} GB of memory that it may take"
         return {"kind": "memory", "error": f"{drive}: {said}."}
@@ -178,7 +164,7 @@ def _supervised(drive: Path, out: Path, scratch: Path, order: Order) -> dict[str
         if _killed_for_memory() > killed_before:
             return {"kind": "memory", "error": f"{drive}: its machine ran out of memory."}
         return {"kind": "lost", "error": f"{drive}: its process was ended by signal {-code}."}
-    last = (scratch / "log").read_text(errors="replace").strip().rpartition("\n")[2]
+    last = (scratch / LOG).read_text(errors="replace").strip().rpartition("\n")[2]
     return {"kind": "io", "error": f"{drive}: its process ended with code {code} ({last})."}
 
 

@@ -20,7 +20,7 @@ from pipeline.merge.cell_store import GROUPS, SIGHTINGS, occupied, read_drives
 from pipeline.shared.values import json_object
 
 LEVELS = "levels.json"
-_FORMAT = "2"
+_FORMAT = "3"
 """What another version told is told again."""
 
 

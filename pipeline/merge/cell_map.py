@@ -19,11 +19,13 @@ from automap.signs.backs import NO_BACK
 from pipeline.merge.cell_belief import kept_belief
 from pipeline.merge.cell_levels import levels_of
 from pipeline.merge.cell_steps import (
+    factors_of,
     group,
     place,
     placed_cells,
     standing,
     turns,
+    weigh,
 )
 from pipeline.merge.cell_store import Drives, read_drives
 from pipeline.shared.beside import processes
@@ -33,8 +35,8 @@ from pipeline.shared.beside import processes
 class StoreMap:
     """Signs [m] of a store: ``founder`` [m] keys that name them, places as ``Adjusted`` has them,
     ``existence`` [m], ``columns`` with all others, ``pairs`` of signs and drives, the ``homes``
-    that hold them, in the order of the signs; and how many cells were grouped and placed anew, of
-    how many."""
+    that hold them, in the order of the signs; ``factors`` [d, 3] of drives on the ``levels``;
+    and how many cells were grouped and placed anew, of how many."""
 
     founder: list[str]
     lat: FloatArray
@@ -46,6 +48,7 @@ class StoreMap:
     pairs: Chances
     homes: Sequence[int]
     levels: ErrorLevels
+    factors: FloatArray
     rates: DetectionRates
     grouped: int
     placed: int
@@ -89,20 +92,23 @@ def _merge(
             progress(0.5 * done / cells, "which sightings are one sign")
     levels = levels_of(folder, over)
     wanted = standing(folder)
+    every = [folder] * len(wanted), wanted, [levels] * len(wanted)
+    for done, _ in enumerate(over(weigh, *every)):
+        progress(0.5 + 0.1 * done / len(wanted), "how large the errors are")
+    factors = factors_of(folder, wanted)
     placed = 0
-    for done, changed in enumerate(
-        over(place, [folder] * len(wanted), wanted, [levels] * len(wanted))
-    ):
+    for done, changed in enumerate(over(place, *every, [factors] * len(wanted))):
         placed += changed
-        progress(0.5 + 0.4 * done / len(wanted), "where signs stand")
+        progress(0.6 + 0.3 * done / len(wanted), "where signs stand")
     progress(0.9, "which signs are there")
-    return _whole(folder, wanted, levels, (grouped, placed, cells), least_existence)
+    return _whole(folder, wanted, levels, factors, (grouped, placed, cells), least_existence)
 
 
 def _whole(
     folder: Path,
     cells: list[int],
     levels: ErrorLevels,
+    factors: FloatArray,
     done: tuple[int, int, int],
     least_existence: float,
 ) -> StoreMap:
@@ -122,4 +128,4 @@ def _whole(
     ]
     belief = np.where(fronts == NO_BACK, belief, 0.0)
     columns["n_back_views"] = with_backs(columns["n_back_views"], columns["n_views"], fronts)
-    return StoreMap(keys, *place, belief, columns, pairs, cells, levels, rates, *done)
+    return StoreMap(keys, *place, belief, columns, pairs, cells, levels, factors, rates, *done)

@@ -1,9 +1,9 @@
 """The merge of a store, step by step: every step is a function of one cell, and done once only.
 
-``group`` in the order of ``turns``, then, with the levels of ``cell_levels``, ``place`` of every
-cell that ``standing`` names. A step writes a file for its cell with a digest of what it took, and
-is left out where that digest is as it was: after new drives only cells change that have something
-new in them or near.
+``group`` in the order of ``turns``, then, with the levels of ``cell_levels``, ``weigh`` of every
+cell that ``standing`` names, and with each drive's own ``place`` of them. A step writes a file for
+its cell with a digest of what it took, and is left out where that digest is as it was: after new
+drives only cells change that have something new in them or near.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ from automap.mapping.association import renumbered
 from automap.mapping.by_cells import group_cell
 from automap.mapping.cell_merge import PLACE_MARGIN_M, place_cell
 from automap.mapping.cells import cell_of, colour_of
+from automap.mapping.drive_levels import drive_factors, drive_squares
 from automap.mapping.existence import Chances
 from automap.mapping.limits import FARTHEST_M, HALO_M
 from automap.records import FloatArray, IntArray
@@ -41,6 +42,7 @@ from pipeline.merge.cell_store import (
     PATHS,
     PLACED,
     SIGHTINGS,
+    SQUARES,
     Drives,
     Near,
     near_cells,
@@ -98,20 +100,49 @@ def standing(folder: Path) -> list[int]:
     return np.unique(np.concatenate(homes)).tolist() if homes else []
 
 
-def place(folder: Path, cell: int, levels: ErrorLevels) -> bool:
-    """Place the signs of one cell; False where nothing had changed."""
+def weigh(folder: Path, cell: int, levels: ErrorLevels) -> bool:
+    """Take the squares of the drives' errors in one cell; False where nothing had changed."""
+    cells = near_cells(folder, cell, HALO_M)
+    groups = [step_file(folder, GROUPS, k) for k in cells.tolist()]
+    stamp = stamp_of(parts(folder, SIGHTINGS, cells), groups) + repr(levels)
+    path = step_file(folder, SQUARES, cell)
+    if text_of(path, "stamp") == stamp:
+        return False
+    near, sign = grouped(folder, read_drives(folder), cell)
+    rows = np.flatnonzero(sign >= 0)
+    found = near.sightings.at(rows), renumbered(sign[rows]), cell, levels
+    drive, squares = drive_squares(*found)
+    write_columns(path, stamp=np.array(stamp), drive=near.drive[drive], squares=squares)
+    return True
+
+
+def factors_of(folder: Path, cells: Sequence[int]) -> FloatArray:
+    """Factors [d, 3] of all drives on the levels, by the squares of all cells."""
+    told = (read_columns(step_file(folder, SQUARES, cell)) for cell in cells)
+    pairs = ((each["drive"], each["squares"]) for each in told)
+    return drive_factors(pairs, len(read_drives(folder)))
+
+
+def place(folder: Path, cell: int, levels: ErrorLevels, factors: FloatArray) -> bool:
+    """Place the signs of one cell; False where nothing had changed. ``factors`` [d, 3] of all
+    drives on the levels."""
     cells = near_cells(folder, cell, HALO_M)
     files = parts(folder, SIGHTINGS, cells) + parts(folder, PATHS, cells)
     stamp = stamp_of(files, [step_file(folder, GROUPS, k) for k in cells.tolist()]) + repr(levels)
+    weighed = [step_file(folder, SQUARES, k) for k in cells.tolist()]
+    drives = [read_columns(path)["drive"] for path in weighed if path.is_file()]
+    own = factors[[k for k in sorted({*map(int, np.concatenate(drives))}) if k < len(factors)]]
+    stamp += hashlib.sha256(own.tobytes()).hexdigest()
     path = step_file(folder, PLACED, cell)
     if text_of(path, "stamp") == stamp:
         return False
     near, sign = grouped(folder, read_drives(folder), cell, VIEW_MARGIN_M)
+    own = factors[near.drive]
     took = FORMAT + near.digest() + repr(levels)
-    whole = hashlib.sha256(took.encode() + sign.tobytes())
+    whole = hashlib.sha256(took.encode() + sign.tobytes() + own.tobytes())
     if text_of(path, "digest") == whole.hexdigest() and restamp(path, stamp):
         return False
-    placed = place_cell(near.sightings, sign, near.tracks, cell, levels)
+    placed = place_cell(near.sightings, sign, near.tracks, cell, levels, own)
     a, b, s = placed.attributes, placed.adjusted, placed.sightings
     seen = b.drive_count[:, 0] > 0
     write_columns(

@@ -24,7 +24,7 @@ from automap.records.signs import BY_SIZE
 from pipeline.merge.cell_parts import pack, parts
 
 DRIVES, SIGHTINGS, PATHS = "drives", "sightings", "paths"
-GROUPS, PLACED, COVERED = "groups", "placed", "covered"
+GROUPS, SQUARES, PLACED, COVERED = "groups", "squares", "placed", "covered"
 _WIDE = {"own": ("own_ee", "own_en", "own_nn"), "shared_sd": ("shared_e", "shared_n", "shared_u")}
 _PLAIN = (
     "row", "time_s", "lat", "lon", "height", "per_lat", "per_lon", "own_u", "facing",

@@ -247,6 +247,7 @@ def _drive_summary(
     merged: Merged, number: int, folder: Path, counted: np.ndarray[Any, np.dtype[np.bool_]]
 ) -> dict[str, Any]:
     from automap.export.clock import iso_texts, utc_of_gps
+    from automap.mapping.drive_levels import LEVELS
 
     drive = merged.drives[number]
     lo, hi = (int(v) for v in merged.sightings.first[number : number + 2])
@@ -267,6 +268,7 @@ def _drive_summary(
         "in_view": int(likely.sum()),
         "seen_of_in_view": int((likely & pairs.seen).sum()),
         "detection_rate": float(merged.rates.drive[number]),
+        "error_levels": dict(zip(LEVELS, merged.factors[number].tolist(), strict=True)),
     }
 
 

@@ -34,6 +34,7 @@ from pipeline.fleet.older import Before
 from pipeline.fleet.store import Entry
 from pipeline.merge import cell_map
 from pipeline.merge.cell_files import path_stamp
+from pipeline.merge.cell_steps import factors_of
 from pipeline.merge.cell_store import read_drives
 
 TILES = 60
@@ -116,7 +117,8 @@ def write(cells: Path, out: Path, workers: int, older: Path | None = None) -> No
     started = time.monotonic()
     placed = sorted(cell_named(file.stem) for file in (cells / "placed").glob("*.npz"))
     levels = ErrorLevels(**json.loads((cells / "levels.json").read_text())["levels"])
-    found = cell_map._whole(cells, placed, levels, (0, 0, len(placed)))
+    factors = factors_of(cells, placed)
+    found = cell_map._whole(cells, placed, levels, factors, (0, 0, len(placed)), 0.5)
     drives = read_drives(cells)
     say(f"{len(drives)} drives, {len(found.lat)} merged signs")
     place = SimpleNamespace(url="/nowhere/town", folder=Path("/nowhere/town"))

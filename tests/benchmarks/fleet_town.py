@@ -9,10 +9,12 @@
 
 ``run`` has two workers of Dask with their nannies, a scheduler and ``automap fleet run``, and
 merges then; with ``--kill-every`` a process of a role drawn at random is killed that often, and
-the merge five times. It prints what was done, processor time a drive, and the memory of each role
-as the fleet grows; what was interrupted goes on with the same command. ``compare`` holds two such
-stores against each other byte by byte, ``judge`` the map against the town and against what
-``automap merge`` makes of the same drives, ``workers`` one worker against two by turns.
+the merge five times. On a machine where others compute, ``--by-processor`` counts the seconds that
+each of the two workers' processes computed instead of the clock's. It prints what was done,
+processor time a drive, and the memory of each role as the fleet grows; what was interrupted goes
+on with the same command. ``compare`` holds two such stores against each other byte by byte,
+``judge`` the map against the town and against what ``automap merge`` makes of the same drives,
+``workers`` one worker against two by turns.
 """
 
 from __future__ import annotations
@@ -20,6 +22,7 @@ from __future__ import annotations
 import argparse
 import hashlib
 import json
+import os
 import random
 import shutil
 import signal
@@ -104,6 +107,29 @@ def memory_mb(pid: int) -> tuple[float, float]:
     return held["VmRSS"], held["VmHWM"]
 
 
+class Work:
+    """Seconds that the processes of a crew have computed, by looking at them often."""
+
+    def __init__(self) -> None:
+        self.seconds = 0.0
+        self.last: dict[int, float] = {}
+
+    def look(self, crew: Crew) -> None:
+        """Add what they have computed since."""
+        now = {pid: processor_s(pid) for pids in crew.processes().values() for pid in pids}
+        self.seconds += sum(max(held - self.last.get(pid, 0.0), 0.0) for pid, held in now.items())
+        self.last = now
+
+
+def processor_s(pid: int) -> float:
+    """What a process has computed, s; 0 where it has ended."""
+    try:
+        told = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    except OSError:
+        return 0.0
+    return (int(told[11]) + int(told[12])) / os.sysconf("SC_CLK_TCK")
+
+
 class Memory:
     """The memory of a crew's roles, by the share of the drives that is done."""
 
@@ -125,7 +151,9 @@ class Memory:
                 print(f"  at {100 * limit:.0f} %, MB (at most): {self.at[limit]}", flush=True)
 
 
-def run(folder: Path, name: str, kill_every: float | None, seed: int = 1) -> None:
+def run(
+    folder: Path, name: str, kill_every: float | None, seed: int = 1, by_processor: bool = False
+) -> None:
     """Run all drives of a folder and merge them; the store lies in ``FOLDER/NAME`` then."""
     folder = folder.resolve()
     store_folder = folder / "store"
@@ -134,19 +162,25 @@ def run(folder: Path, name: str, kill_every: float | None, seed: int = 1) -> Non
     total = len(store.digests())
     draw, killed, memory = random.Random(seed), dict[str, int](), Memory()
     crew = Crew(folder, str(store_folder))
-    started = last = time.monotonic()
+    started, work = time.monotonic(), Work()
+
+    def gone() -> float:
+        return work.seconds / crew.size if by_processor else time.monotonic() - started
+
+    last = 0.0
     try:
         while not crew.keep_up():
             time.sleep(LOOK_S)
+            work.look(crew)
             done = sum(1 for _ in store_folder.glob("drives/*/done.json"))
             memory.look(crew, done / total)
-            if kill_every is not None and time.monotonic() - last >= kill_every:
+            if kill_every is not None and gone() - last >= kill_every:
                 last += kill_every
                 role = crew.kill_one(draw)
                 killed[role] = killed.get(role, 0) + 1
                 if sum(killed.values()) % 20 == 0:
-                    gone = time.monotonic() - started
-                    print(f"  {gone:.0f} s: {done} done, killed {killed}", flush=True)
+                    now = time.monotonic() - started
+                    print(f"  {now:.0f} s: {done} done, killed {killed}", flush=True)
         memory.look(crew, 1.0)
     finally:
         crew.end()
@@ -162,8 +196,9 @@ def run(folder: Path, name: str, kill_every: float | None, seed: int = 1) -> Non
     peak = np.array([entry.done["peak_bytes"] for entry in entries if entry.done]) / 1e6
     print(
         f"{name}: {states.count('done')} done, {states.count('aside')} aside of {total} in "
-        f"{seconds:.0f} s; processor {cost.mean():.2f} s a drive (first and last tenth "
-        f"{_ends(store, cost)}), at most {peak.max():.0f} MB; killed {killed}; client ended with "
+        f"{seconds:.0f} s, {work.seconds:.0f} s of processor; {cost.mean():.2f} s of it a drive "
+        f"(first and last tenth {_ends(store, cost)}), at most {peak.max():.0f} MB; "
+        f"killed {killed}; client ended with "
         f"{ {code: crew.codes.count(code) for code in sorted(set(crew.codes))} }",
         flush=True,
     )
@@ -289,13 +324,15 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument("--kill-every", type=float)
+    parser.add_argument("--by-processor", action="store_true")
     options = parser.parse_args()
     # so that the crew ends with it
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))
     if options.what == "make":
         make(options.folder, options.drives, options.seed, options.jobs)
     elif options.what == "run":
-        run(options.folder, options.names[0], options.kill_every, options.seed)
+        kills = options.kill_every, options.seed, options.by_processor
+        run(options.folder, options.names[0], *kills)
     elif options.what == "compare":
         compare(options.folder, *options.names)
     elif options.what == "workers":

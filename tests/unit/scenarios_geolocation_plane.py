@@ -146,7 +146,11 @@ def geolocation_network() -> Any:
         part = Equations(network, equations.order).solve(rng.uniform(0.2, 1.5, 19))
         solved = [
             {n: v for n, v in vars(each).items() if n != "factor"}
-            | {"variances": each.factor.variances()[: each.error.size].reshape(each.error.shape)}
+            | {
+                "variances": each.factor.inverse_at(*2 * (np.arange(each.error.size),)).reshape(
+                    each.error.shape
+                )
+            }
             | ({"places": each.place_variances(4)} if axes < 3 else {})
             for each in (whole, part)
         ]

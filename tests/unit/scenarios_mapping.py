@@ -117,6 +117,8 @@ def mapping_places() -> Any:
     from automap.mapping.association import Members, associate
     from automap.mapping.attributes import combine_attributes
     from automap.mapping.backs import map_backs, with_backs
+    from automap.mapping.cells import cell_of
+    from automap.mapping.drive_levels import drive_factors, drive_squares
     from automap.mapping.error_levels import estimate_levels
     from automap.mapping.identity import name_signs, sighting_key
     from automap.mapping.sightings import stack_sightings
@@ -132,6 +134,8 @@ def mapping_places() -> Any:
     tile = Tile(np.arange(3, 9), np.arange(1, 12))
     data = of.tile_data(stacked, members, tile, lat, lon)
     networks = [of.network_of(stacked, data, levels, axes) for axes in (1, 2)]
+    homes = np.unique(cell_of(lat, lon)).tolist()
+    told = [drive_squares(stacked, sign, home, levels) for home in homes]
     codes = stacked.code
     first = np.unique(sign, return_index=True)[1]
     keys = [sighting_key(drives[stacked.drive[k]], stacked.id[k]) for k in first]
@@ -148,6 +152,8 @@ def mapping_places() -> Any:
             "networks": networks,
             "stray": of.stray_weights(Equations(networks[1])),
             "placed": of._placed(stacked, data, levels),
+            "squares": told,
+            "factored": of._placed(stacked, data, levels, drive_factors(told, len(drives))),
             "adjusted": [of.adjust(stacked, found, each) for each in (levels, None)],
             "levels": estimate_levels(stacked, found),
             "attributes": combine_attributes(stacked, sign),

@@ -22,7 +22,7 @@ from automap.mapping.candidates import (
     V_U,
 )
 from automap.mapping.error_levels import estimate_levels
-from automap.mapping.limits import COMMON_SD_M, MOST
+from automap.mapping.limits import COMMON_SD_M, MOST, NODE_S
 from automap.mapping.offset_kernels import smooth, vote
 from automap.mapping.sightings import DrivePath, DriveSigns, Sightings, stack_sightings
 
@@ -130,8 +130,13 @@ def street() -> tuple[Sightings, np.ndarray]:
 
 
 def dense_covariance(sightings: Sightings, tau_s: float) -> tuple[np.ndarray, np.ndarray]:
-    """Covariance [3 n, 3 n] of what the drives' signs share and of all errors, ENU by row."""
+    """Covariance [3 n, 3 n] of what the drives' signs share and of all errors, ENU by row: between
+    nodes what wanders goes straight."""
     n = len(sightings)
+    node = np.unique(np.floor(sightings.time_s / NODE_S)[:, None] + [0.0, 1.0])
+    share = np.maximum(1.0 - np.abs(sightings.time_s[:, None] / NODE_S - node), 0.0)
+    alike = share @ np.exp(-NODE_S * np.abs(node[:, None] - node) / tau_s) @ share.T
+    alike /= np.sqrt(np.outer(np.diag(alike), np.diag(alike)))
     shared, own = np.zeros((3 * n, 3 * n)), np.zeros((3 * n, 3 * n))
     for i in range(n):
         ee, en, nn = sightings.own[i]
@@ -142,8 +147,7 @@ def dense_covariance(sightings: Sightings, tau_s: float) -> tuple[np.ndarray, np
         ]
         for j in range(n):
             if sightings.drive[i] == sightings.drive[j]:
-                apart = abs(sightings.time_s[i] - sightings.time_s[j])
-                both = np.exp(-apart / tau_s) * sightings.shared_sd[i] * sightings.shared_sd[j]
+                both = alike[i, j] * sightings.shared_sd[i] * sightings.shared_sd[j]
                 shared[3 * i : 3 * i + 3, 3 * j : 3 * j + 3] = np.diag(both)
     return shared, shared + own
 
