@@ -83,45 +83,48 @@ def unstable(
     ``chosen``, where a thousand to one speaks for it on the drives that were fitted, as for any
     name, and twenty to one on those held out, beside what is ``asked`` there."""
     known = selection.given(chosen)
+    layout, given = known.linear.layout, known.given
     ats = [node_motion(fit, motion_of(fit.last)) for fit in fits]
-    courses = _conditions(ats)
-    places = [i for i in range(len(known.linear.layout)) if known.shows((i,))]
-    places = [i for i in places if i not in known.given.columns]
-    best: tuple[float, Misfit, int, Condition, FloatArray] | None = None
-    price = math.log(max(len(places) * len(courses), 1)) - math.log(limits.OUTSIDE_LIBRARY)
-    for number, i in _shortlist(known, places, ats, courses):
-        cut, part = _cut(known.linear, known.given, i, courses[number], ats)
+    conditions = _conditions(ats)
+    places = [i for i in range(len(layout)) if known.shows((i,)) and i not in given.columns]
+    price = math.log(max(len(places) * len(conditions), 1)) - math.log(limits.OUTSIDE_LIBRARY)
+    likely: list[tuple[float, Column, Condition, FloatArray, Misfit]] = []
+    for number, i in _shortlist(known, places, ats, conditions):
+        condition, column = conditions[number], layout[i]
+        cut, part = _cut(known.linear, given, i, condition, ats)
         if not cut.shows(part):
             continue
         found = evidence(cut, part, asked.noise)
         odds = found.nats - price
-        if found.predicted_without_best <= 0.0 or (best is not None and odds <= best[0]):
+        if odds < limits.LEAST_ODDS or found.predicted_without_best <= 0.0:
             continue
-        column, (channel, size) = known.linear.layout[i], shown_by(cut, part)
         what = column.effect if column.term[1] else f"{column.effect} {column.parameter}"
-        where = f"{what} {WHEN} {courses[number].words}"
-        chance = min(math.exp(-odds), 1.0)
-        told = Misfit(CHANNELS[channel], WHEN, where, size, chance)
-        best = odds, told, i, courses[number], found.estimate
-    if best is None or best[0] < limits.LEAST_ODDS:
+        channel, size = shown_by(cut, part)
+        where = f"{what} {WHEN} {condition.words}"
+        told = Misfit(CHANNELS[channel], WHEN, where, size, math.exp(-odds))
+        likely.append((odds, column, condition, found.estimate, told))
+    if not likely:
         return ()
-    _, told, i, condition, estimate = best
-    column = known.linear.layout[i]
+    keys = {(column.effect, column.parameter) for _, column, _, _, _ in likely}
 
     def more(fit: Fit, motion: Motion, at: NodeMotion) -> list[Column]:
-        every = columns(fit, motion, at, [column.effect])
-        return [c for c in every if c.parameter == column.parameter]
+        every = columns(fit, motion, at, {effect for effect, _ in keys})
+        return [c for c in every if (c.effect, c.parameter) in keys]
 
     other = asked.linear(held_out, more, may_act=False)
-    keys = [(c.effect, c.parameter) for c in other.layout]
-    if (column.effect, column.parameter) not in keys:
-        return ()
-    place = keys.index((column.effect, column.parameter))
-    given = asked.selection.given_in(asked.chosen, other)
+    place = {(c.effect, c.parameter): i for i, c in enumerate(other.layout)}
+    beside = asked.selection.given_in(asked.chosen, other)
     others = [node_motion(fit, motion_of(fit.last)) for fit in held_out]
-    cut, part = _cut(other, given, place, condition, others)
-    gain = estimate @ cut.score[list(part)] - 0.5 * estimate @ cut.info(part) @ estimate
-    return (told,) if gain >= limits.CLOSE_NATS else ()
+    borne_out: list[tuple[float, Misfit]] = []
+    for odds, column, condition, estimate, told in likely:
+        at = place.get((column.effect, column.parameter))
+        if at is None or at in beside.columns:
+            continue
+        cut, part = _cut(other, beside, at, condition, others)
+        gain = estimate @ cut.score[list(part)] - 0.5 * estimate @ cut.info(part) @ estimate
+        if gain >= limits.CLOSE_NATS:
+            borne_out.append((odds + float(gain), told))
+    return tuple(told for _, told in sorted(borne_out, key=lambda one: -one[0])[:1])
 
 
 def _conditions(ats: Sequence[NodeMotion]) -> list[Condition]:

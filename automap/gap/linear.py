@@ -20,8 +20,7 @@ from automap.fusion.steady_rate import steady_rate
 from automap.gap import limits
 from automap.gap.fit import Fit, whitened_innovations
 from automap.gap.kernels import propagate_columns
-from automap.gap.leaning import LEANS, leaning
-from automap.gap.motion import Motion, at_times, motion_of
+from automap.gap.motion import LEANS, Motion, at_times, leaning, motion_of
 from automap.gap.whitening import LOOSE, Rows, moments, times, whitened_rows
 from automap.records import BoolArray, FloatArray, IntArray
 

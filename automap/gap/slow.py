@@ -178,6 +178,8 @@ def with_shapes(linear: Linear) -> Linear:
         values = [parse_formula(text)(signals) for text in shape.texts]
         for channel, gain in zip(on_channels, gains, strict=True):
             mine = of_channel[channel]
+            if gain and not np.ptp(inputs[mine]) > 0.0:
+                continue
             terms = [(channel, f"{gain} * {text}" if gain else text) for text in shape.texts]
             name = equation(terms)
             if name in known:
