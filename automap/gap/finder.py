@@ -12,7 +12,7 @@ from automap.gap import limits
 from automap.gap.beside import Beside
 from automap.gap.camera.search import CameraGap
 from automap.gap.candidates import library
-from automap.gap.confirm import costs
+from automap.gap.confirm import costs, levels_for_runs
 from automap.gap.constancy import drifts
 from automap.gap.dictionary import forget_formulas
 from automap.gap.drive import GapDrive, OpenDrive, in_vehicle_axes, open_drive
@@ -211,7 +211,8 @@ def _result(
     noisy = {n: noise_levels(n) for n in (*(f.effect for f in noise), *(c.level for c in claims))}
     paid = costs(held_out, final, values, noisy, stated.factors, stands.without)
     shown = places(first, final)
-    carried = replace(model, values={**model.values, **values, **_values_of(usual)})
+    levels = levels_for_runs((*fits, *final), base.factors)
+    carried = replace(model, values={**as_told.values, **_values_of(usual)}, factors=levels)
     return GapResult(
         gaps[0],
         rest,
