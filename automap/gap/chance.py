@@ -49,7 +49,7 @@ def null_maxima(known: Conditional, parts: Sequence[Part], draws: int, seed: int
     for start in range(0, draws, DRAWS):
         some = best[start : start + DRAWS]
         normal = rng.standard_normal((len(some), len(columns)))
-        g = (normal.astype(np.float32) @ root) * unit
+        g = np.asarray((normal.astype(np.float32) @ root) * unit, np.float64)
         if len(single):
             own = unit[single] ** 2
             some[:] = single_nats(g[:, single] ** 2 / own, own, sds[single]).max(axis=1)
