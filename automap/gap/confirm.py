@@ -172,7 +172,9 @@ def levels_for_runs(told: Sequence[Fit], before: Mapping[str, float]) -> Mapping
     others = [
         fit_drive(f.opened, replace(f.model, factors=dict(before)), linearised_at=f) for f in told
     ]
-    return told[0].model.factors if likelier(told, others)[1] >= limits.APART else dict(before)
+    nats, sigmas = likelier(told, others)
+    apart = nats >= limits.CLOSE_NATS and sigmas >= limits.APART
+    return told[0].model.factors if apart else dict(before)
 
 
 @dataclass(frozen=True)
