@@ -37,6 +37,7 @@ FIX_AGE, VELOCITY_AGE = "gnss_latency", "gnss_velocity_latency"
 COURSE = re.compile(
     r"\(?(step\(time - |exp\(-time / |sin\(2 \* pi \* time / |cos\(2 \* pi \* time / )"
 )
+GAIN = re.compile(r"(rate|force)_[xyz] \* ")
 FAMILIES = ("imu", "vehicle", "clock", "gnss", "earth")
 
 
@@ -297,3 +298,8 @@ def signal_column(
 def is_course(terms: Sequence[tuple[str, str]]) -> bool:
     """Whether a formula is a course of time with an instant, a time constant or a period."""
     return bool(terms) and all(COURSE.match(text) for _, text in terms)
+
+
+def follows_time(terms: Sequence[tuple[str, str]]) -> bool:
+    """Whether a formula is a course of time, of a bias or of a gain."""
+    return is_course([(on, GAIN.sub("", text, count=1)) for on, text in terms])

@@ -38,7 +38,8 @@ def null_maxima(known: Conditional, parts: Sequence[Part], draws: int, seed: int
     info /= unit
     # courses of time are made of fewer boxes than there are of them: their scores are singular
     info[np.diag_indices(len(info))] += SINGULAR
-    root = np.linalg.cholesky(info).T
+    # what is drawn is known to far less than single precision
+    root = np.linalg.cholesky(info).T.astype(np.float32)
     sds = known.linear.prior_sd[columns]
     single = np.array([place[part[0]] for part in parts if len(part) == 1], np.int64)
     joint = [part for part in parts if len(part) > 1]
@@ -47,7 +48,8 @@ def null_maxima(known: Conditional, parts: Sequence[Part], draws: int, seed: int
     best = np.full(draws, -np.inf)
     for start in range(0, draws, DRAWS):
         some = best[start : start + DRAWS]
-        g = (rng.standard_normal((len(some), len(columns))) @ root) * unit
+        normal = rng.standard_normal((len(some), len(columns)))
+        g = np.asarray((normal.astype(np.float32) @ root) * unit, np.float64)
         if len(single):
             own = unit[single] ** 2
             some[:] = single_nats(g[:, single] ** 2 / own, own, sds[single]).max(axis=1)

@@ -12,11 +12,12 @@ from automap.gap import limits
 from automap.gap.beside import Beside
 from automap.gap.camera.search import CameraGap
 from automap.gap.candidates import library
-from automap.gap.confirm import costs
+from automap.gap.confirm import costs, levels_for_runs
 from automap.gap.constancy import drifts
 from automap.gap.dictionary import forget_formulas
 from automap.gap.drive import GapDrive, OpenDrive, in_vehicle_axes, open_drive
 from automap.gap.fit import Fit, GapModel, Values, base_model, fit_drive, without
+from automap.gap.instability import unstable
 from automap.gap.leftover import given_up, in_noise
 from automap.gap.linear import Column, NodeMotion
 from automap.gap.misfit import Misfit, Place, misfits, places, worst_by_channel
@@ -51,7 +52,7 @@ from automap.gap.scoring import (
     total_score,
     whitener_of,
 )
-from automap.gap.screening import Found, Screening
+from automap.gap.screening import Found, Screening, in_layout
 from automap.gap.search import Search
 from automap.gap.stochastic import (
     BEHIND,
@@ -210,7 +211,8 @@ def _result(
     noisy = {n: noise_levels(n) for n in (*(f.effect for f in noise), *(c.level for c in claims))}
     paid = costs(held_out, final, values, noisy, stated.factors, stands.without)
     shown = places(first, final)
-    carried = replace(model, values={**model.values, **values, **_values_of(usual)})
+    levels = levels_for_runs((*fits, *final), base.factors)
+    carried = replace(model, values={**as_told.values, **_values_of(usual)}, factors=levels)
     return GapResult(
         gaps[0],
         rest,
@@ -257,8 +259,8 @@ def _followed(
     held_out: Sequence[Fit],
     values: Values,
 ) -> tuple[dict[str, Drift], tuple[Misfit, ...]]:
-    """Which named effects are not constant, and what follows manoeuvres in a way of its own, by
-    fits of all drives with the effects held at ``values``."""
+    """Which named effects are not constant, what follows manoeuvres in a way of its own, and what
+    acts under some condition only, by fits of all drives with the effects held at ``values``."""
     chosen = found.chosen
     for name in chosen.names:
         if found.effects.get(name, name) not in values:
@@ -270,7 +272,12 @@ def _followed(
     names = {effect: name for name, effect in found.effects.items()}
     known = {names.get(effect, effect): its for effect, its in values.items()}
     asked = Beside(found.selection, chosen, columns, known)
-    return drifts(asked, (*fitted, *held_out)), responses(asked, fitted, held_out)
+    later = responses(asked, fitted, held_out)
+    alone = found.nothing_else
+    beside = in_layout(found.chosen, found.selection.linear.layout, alone)
+    fits = found.fitted.fits
+    later += unstable(alone, beside, fits, asked, screening.columns, held_out)
+    return drifts(asked, (*fitted, *held_out)), later
 
 
 def _unclear(fits: Sequence[Fit], model: GapModel, exclude: Collection[str]) -> Identifiability:

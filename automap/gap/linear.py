@@ -20,8 +20,7 @@ from automap.fusion.steady_rate import steady_rate
 from automap.gap import limits
 from automap.gap.fit import Fit, whitened_innovations
 from automap.gap.kernels import propagate_columns
-from automap.gap.leaning import LEANS, leaning
-from automap.gap.motion import Motion, at_times, motion_of
+from automap.gap.motion import LEANS, Motion, at_times, leaning, motion_of
 from automap.gap.whitening import LOOSE, Rows, moments, times, whitened_rows
 from automap.records import BoolArray, FloatArray, IntArray
 
@@ -55,8 +54,8 @@ class Direct:
 @dataclass(frozen=True)
 class Column:
     """One parameter of a candidate: how it acts, and its prior sd; channel and text of a formula's
-    ``term``, out of how many ``choices`` it was the likeliest, and whether it acts on the vehicle
-    constraint itself, ``of_vehicle``."""
+    ``term``, out of how many ``choices`` it was the likeliest, whether it acts on the vehicle
+    constraint itself, ``of_vehicle``, and what its axis mostly measures, ``mean_input``."""
 
     effect: str
     parameter: str
@@ -66,6 +65,7 @@ class Column:
     term: tuple[str, str] = ("", "")
     choices: float = 1.0
     of_vehicle: bool = False
+    mean_input: float = 0.0
 
     def in_layout(self) -> Column:
         """The same without how it acts, which is as long as the drive."""

@@ -2,7 +2,7 @@
 
 A filter that takes delays as states sees a position as late by delay times velocity, a velocity
 by delay times acceleration. What is more to it is taken from the smoothed motion and out of the
-fixes, so models with other delays are compared at the same nodes.
+fixes, so models with other delays are compared at the same nodes. And by how much a sensor leans.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from automap.earth import gravity, metres_per_radian
 from automap.effects.gnss import low_pass
 from automap.effects.limits import COURSE_SPEED
 from automap.effects.measured_kernels import course_changes
-from automap.frames import quat_to_matrix
+from automap.frames import quat_to_matrix, quat_to_rpy
 from automap.fusion.delay_states import (
     COURSE_DISTANCE_STATE,
     COURSE_STATE,
@@ -25,9 +25,12 @@ from automap.fusion.delay_states import (
     VEL_LAG_STATE,
     VEL_LATENCY_STATE,
 )
+from automap.fusion.filtered import full_covariance
 from automap.fusion.kernel_runs import run_dense
+from automap.fusion.layout import PHI_ID
+from automap.fusion.limits import ROAD_ROLL_SD
 from automap.fusion.nodes import FixModel
-from automap.fusion.passes import Pass
+from automap.fusion.passes import Pass, Session
 from automap.fusion.steady_rate import steady_rate
 from automap.records import FloatArray
 
@@ -36,6 +39,11 @@ STREET_SPEED = 10.0
 """At which a distance is so many seconds, m/s."""
 CHANGE = 5e-4
 """Ages that moved by less, in s or as a share, change nothing of the remainder."""
+
+LEANS = ("imu_mounting", "roll")
+"""Effect and parameter of what a sensor leans by in its vehicle. Vehicles do not lean in the mean
+of a drive; the vehicle constraint does not tell a roll of the mounting, and fixes do by the arm
+alone, as an arm to the side does. So its weight tells."""
 
 
 @dataclass(frozen=True)
@@ -232,3 +240,23 @@ def _steady(last: Pass, motion: Motion) -> FloatArray:
     acc = np.einsum("nij,nj->ni", motion.dcm, force)
     acc[:, 2] += float(gravity(float(motion.pos[0, 0]), float(motion.pos[0, 2])))
     return np.asarray(acc)
+
+
+def leaning(last: Pass) -> tuple[float, float]:
+    """Mean roll of the sensor's axes along a drive, rad, and the variance with which that is the
+    mounting's: what the filter does not know of it, and ``ROAD_ROLL_SD``."""
+    cov = full_covariance(last.forward.store.cov[-1:], last.problem.model.size)[0]
+    tilt = 0.5 * float(cov[PHI_ID, PHI_ID] + cov[PHI_ID + 1, PHI_ID + 1])
+    roll = quat_to_rpy(last.smooth.nominal[:, 6:10])[:, 0]
+    return float(roll.mean()), ROAD_ROLL_SD**2 + tilt
+
+
+def told_by_weight(session: Session, about: Pass) -> Session:
+    """A session that estimates the mounting, begun with what another pass tells of its roll."""
+    name = "_".join(LEANS)
+    mean, var = session.means.get(name, 0.0), session.sds[name] ** 2
+    lean, its_var = leaning(about)
+    share = var / (var + its_var)
+    mean += share * (lean - mean)
+    sd = float(np.sqrt(share * its_var))
+    return replace(session, means={**session.means, name: mean}, sds={**session.sds, name: sd})

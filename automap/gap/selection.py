@@ -12,7 +12,7 @@ import numpy as np
 
 from automap.effects.catalogue import alike_to_first_order
 from automap.gap import limits
-from automap.gap.candidates import Candidate, is_course
+from automap.gap.candidates import Candidate, follows_time
 from automap.gap.evidence import Evidence, apart, evidence, inflation, nats_of_parts
 from automap.gap.linear import Conditional, Given, Linear, Part, conditional
 from automap.gates import exceeds
@@ -107,7 +107,7 @@ class Selection:
         """Lower all evidence by what the candidates beside a choice say more than they should."""
         known = self.given(chosen)
         single = [
-            (is_course(c.terms), part[0])
+            (follows_time(c.terms), part[0])
             for c in self.candidates.values()
             for part in c.parts
             if c.choices == 1.0 and c.name not in chosen.names and len(part) == 1
@@ -120,7 +120,7 @@ class Selection:
     def evidence(self, known: Conditional, name: str, part: Part) -> Evidence:
         """Evidence of a part of a candidate, given too what is free beside it."""
         known = self._beside(known, name)
-        ratio = self.inflated.get(is_course(self.candidates[name].terms), 1.0)
+        ratio = self.inflated.get(follows_time(self.candidates[name].terms), 1.0)
         return evidence(known, part, ratio)
 
     def _beside(self, known: Conditional, name: str) -> Conditional:

@@ -1,7 +1,8 @@
-"""What follows time alone: periods, transients, steps, found through boxes.
+"""What changes with time alone: periods, transients, steps of a bias or a gain, through boxes.
 
 A bias in boxes of some seconds along each inertial axis has a column a box. Every slow course of
 time is a sum of boxes, so thousands of periods, time constants and instants cost no column more.
+So is a gain that changes: what an axis measures, times a course of time.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from automap.effects.formula_text import parse_formula
 from automap.effects.signals import FIELDS, Signals
 from automap.effects.user import INERTIAL
 from automap.gap import limits
-from automap.gap.candidates import formula_column, is_course, size_of
+from automap.gap.candidates import follows_time, formula_column, is_course, size_of
 from automap.gap.fit import Fit
 from automap.gap.limits import LEAST_BOXES, PLATEAUS
 from automap.gap.linear import Column, Inertial, Linear, NodeMotion
@@ -34,6 +35,16 @@ OVERSAMPLED = 2.0
 """Frequencies stand closer than the inverse length of the drive by this factor: in between a
 period loses no more than a fifth of its evidence, sinc^2(1 / 4)."""
 DECAYS = 12
+GAINS = {
+    **{f"gyro_{a}": "rate_z" for a in "xyz"},
+    "accel_x": "force_x",
+    "accel_y": "force_y",
+}
+"""What an axis mostly measures in a vehicle. Upwards that is its weight, and a gain is a bias."""
+GAIN_PERIODS = 32
+"""So many periods of a gain a drive at most, and steps: a gain shows in bends and changes of speed
+alone, and between two of them nobody sees it."""
+GAIN_DECAYS = 4
 FINER = 21
 """Steps of a refinement: a tenth of the distance of those first tried."""
 NUMBER = re.compile(r"(?<=[-/] )[\d.e+-]+(?=\))")
@@ -60,7 +71,11 @@ def box_columns(fit: Fit, motion: Motion) -> list[Column]:
             acts = (Inertial.on(channel, inside),)
             name = f"{BOX} {fit.opened.drive.name}"
             key = f"{channel} {middle:.3f}"
-            out.append(Column(name, key, size_of(channel), acts, term=(channel, f"{middle:.3f}")))
+            sensor, axis = divmod(INERTIAL.index(channel), 3)
+            # of a gyro the turn rate, whatever its axis
+            read = motion.force[inside, axis] if sensor else motion.rate[inside, 2]
+            term, mean = (channel, f"{middle:.3f}"), float(read.mean())
+            out.append(Column(name, key, size_of(channel), acts, term=term, mean_input=mean))
     return out
 
 
@@ -86,6 +101,22 @@ def shapes(begin_s: float, end_s: float) -> list[Shape]:
         out.append(Shape((f"exp(-time / {tau:.3g})",)))
     # between two boxes
     for at in np.arange(begin_s + 2.5 * width, end_s - 2.0 * width, width):
+        out.append(Shape((f"step(time - {at:.4g})",)))
+    return out
+
+
+def gain_shapes(begin_s: float, end_s: float) -> list[Shape]:
+    """Courses of a gain: slower than those of a bias."""
+    length = end_s - begin_s
+    shortest = max(limits.BLOCKS_S[-1], length / GAIN_PERIODS)
+    step = max(limits.BLOCKS_S[0], length / GAIN_PERIODS)
+    out = []
+    for i in range(2, int(OVERSAMPLED * length / shortest) + 1):
+        turn = f"2 * pi * time / {OVERSAMPLED * length / i:.4g}"
+        out.append(Shape((f"sin({turn})", f"cos({turn})")))
+    for tau in np.geomspace(limits.BLOCKS_S[0], 0.5 * length, GAIN_DECAYS):
+        out.append(Shape((f"exp(-time / {tau:.3g})",)))
+    for at in np.arange(begin_s + step, end_s - 0.5 * step, step):
         out.append(Shape((f"step(time - {at:.4g})",)))
     return out
 
@@ -133,26 +164,31 @@ def with_shapes(linear: Linear) -> Linear:
     known = {c.effect for c in layout}
     courses: list[FloatArray] = []
     left = linear.score - linear.info @ linear.values
-    signals = _time_signals(times)
-    axes: tuple[str, ...] = INERTIAL
-    every = [(shape, axes) for shape in shapes(float(times.min()), float(times.max()))]
+    signals, inputs = _time_signals(times), np.array([linear.layout[i].mean_input for i in boxes])
+    ends = float(times.min()), float(times.max())
+    axes, some, none = tuple(INERTIAL), tuple(GAINS), ("",) * len(INERTIAL)
+    every = [(shape, axes, none) for shape in shapes(*ends)]
     of_channel = {c: np.flatnonzero(np.array(channels) == c) for c in INERTIAL}
     for channel, mine in of_channel.items():
         at = np.array(boxes)[mine]
         inner = linear.info[np.ix_(at, at)]
-        every += [(shape, (channel,)) for shape in plateaus(times[mine], left[at], inner)]
-    for shape, on_channels in every:
+        every += [(s, (channel,), none[:1]) for s in plateaus(times[mine], left[at], inner)]
+    every += [(shape, some, tuple(GAINS.values())) for shape in gain_shapes(*ends)]
+    for shape, on_channels, gains in every:
         values = [parse_formula(text)(signals) for text in shape.texts]
-        spreads = [max(float(np.std(v)), 1e-9) for v in values]
-        for channel in on_channels:
-            terms = [(channel, text) for text in shape.texts]
+        for channel, gain in zip(on_channels, gains, strict=True):
+            mine = of_channel[channel]
+            if gain and not np.ptp(inputs[mine]) > 0.0:
+                continue
+            terms = [(channel, f"{gain} * {text}" if gain else text) for text in shape.texts]
             name = equation(terms)
             if name in known:
                 continue
             names = coefficient_names(len(terms))
-            for parameter, value, spread, term in zip(names, values, spreads, terms, strict=True):
-                courses.append(value[of_channel[channel]])
-                sd = size_of(channel) / spread
+            for parameter, value, term in zip(names, values, terms, strict=True):
+                course = value[mine] * inputs[mine] if gain else value[mine]
+                sd = size_of(channel) / max(float(np.std(course if gain else value)), 1e-9)
+                courses.append(course)
                 layout.append(Column(name, parameter, sd, term=term, choices=shape.choices))
     mixing = np.zeros((len(linear.layout), len(layout)))
     mixing[plain, np.arange(len(plain))] = 1.0
@@ -219,7 +255,12 @@ def variants(
         moved = value * np.geomspace(1.0 / WIDER, WIDER, FINER)
         return [((on, AMOUNT.sub(rf"\g<1>{v:.3g}", text)),) for v in moved]
     if not is_course(terms):
-        return []
+        if not follows_time(terms):
+            return []
+        gain, times, _ = terms[0][1].partition(" * ")
+        plain = [(on, text.removeprefix(gain + times)) for on, text in terms]
+        every = variants(plain, length_s)
+        return [tuple((on, gain + times + text) for on, text in one) for one in every]
     width = box_s(length_s)
     text = terms[0][1]
     ends = [float(n) for n in NUMBER.findall(text)]

@@ -181,21 +181,21 @@ def whitened_rows(
     favour what they say.
     """
     left = [r.w - times(r.phi, known) for r in raw]
+    values = np.zeros(len(sds))
+    inverse: FloatArray | None = None
     for number in range(PASSES if may_act else 0):
-        info: FloatArray = np.diag(sds**-2.0)
-        score: FloatArray = np.zeros(len(sds))
         roots = [_root_weights(rest, r.channel) for r, rest in zip(raw, left, strict=True)]
-        for r, root in zip(raw, roots, strict=True):
-            for start in range(0, len(root), STRETCH):
-                part = slice(start, start + STRETCH)
-                f = r.phi[part] * root[part, None].astype(np.float32)
-                info += f.T @ f
-                score += f.T.astype(np.float64) @ (r.w[part] * root[part])
-        values = np.asarray(np.linalg.solve(info, score))
+        if number != 1 or inverse is None:
+            inverse, values = _ridge(raw, roots, sds)
+        else:
+            # by the weights of before, whose matrix is nearly that of these (Huber, section 7.8)
+            slope = -values * sds**-2.0
+            for r, root in zip(raw, roots, strict=True):
+                slope += _transposed(r.phi, root**2 * (r.w - times(r.phi, values)))
+            values = values + inverse.T @ (inverse @ slope)
         left = [r.w - times(r.phi, values) for r in raw]
         if number == PASSES - 1:
-            cov = np.asarray(np.linalg.inv(info), np.float64)
-            left = [_studentised(*each, cov) for each in zip(left, raw, roots, strict=True)]
+            left = [_studentised(*each, inverse) for each in zip(left, raw, roots, strict=True)]
     out = []
     for r, rest in zip(raw, left, strict=True):
         whitener = fit_whitener(rest, r.channel)
@@ -203,16 +203,49 @@ def whitened_rows(
     return tuple(out)
 
 
-def _studentised(left: FloatArray, rows: Rows, root: FloatArray, cov: FloatArray) -> FloatArray:
-    """What is left [s] of rows of weights ``root``^2 after a fit of covariance ``cov`` [c, c], as
-    large as the noise in them is: a fit follows the rows that tell most, and leaves little of them
-    (Cook and Weisberg, Residuals and Influence in Regression, 1982, section 2.2)."""
+def _ridge(
+    raw: Sequence[Rows], roots: Sequence[FloatArray], sds: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Values [c] that fit rows of weights ``roots``^2 under priors of ``sds`` [c], and the inverse
+    of the Cholesky factor of their information [c, c]."""
+    from scipy.linalg import solve_triangular
+
+    info: FloatArray = np.diag(sds**-2.0)
+    score: FloatArray = np.zeros(len(sds))
+    for r, root in zip(raw, roots, strict=True):
+        for start in range(0, len(root), STRETCH):
+            part = slice(start, start + STRETCH)
+            f = r.phi[part] * root[part, None].astype(np.float32)
+            info += f.T @ f
+        score += _transposed(r.phi, root**2 * r.w)
+    # parameters have sizes of many orders
+    unit = 1.0 / np.sqrt(np.diag(info))
+    factor = np.linalg.cholesky(info * np.outer(unit, unit))
+    inverse = solve_triangular(factor, np.diag(unit), lower=True, overwrite_b=True)
+    return np.asarray(inverse), np.asarray(inverse.T @ (inverse @ score))
+
+
+def _studentised(left: FloatArray, rows: Rows, root: FloatArray, inverse: FloatArray) -> FloatArray:
+    """What is left [s] of rows of weights ``root``^2 after a fit whose information's factor has the
+    ``inverse`` [c, c], as large as the noise in them is: a fit follows the rows that tell most, and
+    leaves little of them (Cook and Weisberg, Residuals and Influence in Regression, 1982, section
+    2.2)."""
     out = np.empty_like(left)
+    across = inverse.T.astype(np.float32)
     for start in range(0, len(left), STRETCH):
         part = slice(start, start + STRETCH)
-        f = rows.phi[part] * root[part, None]
-        leverage = np.einsum("sc,sc->s", f @ cov, f)
+        f = (rows.phi[part] * root[part, None].astype(np.float32)) @ across
+        leverage = np.einsum("sc,sc->s", f, f)
         out[part] = left[part] / np.sqrt(np.maximum(1.0 - leverage, LEAST_OWN))
+    return out
+
+
+def _transposed(phi: FloatArray, values: FloatArray) -> FloatArray:
+    """phi' times values [c] in double precision, a stretch at a time."""
+    out = np.zeros(phi.shape[1])
+    for start in range(0, len(values), STRETCH):
+        part = slice(start, start + STRETCH)
+        out += phi[part].T.astype(np.float64) @ values[part]
     return out
 
 

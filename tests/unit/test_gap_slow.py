@@ -13,7 +13,7 @@ import pytest
 from automap.effects.formula_text import parse_formula
 from automap.effects.user import INERTIAL as CHANNELS
 from automap.gap import limits
-from automap.gap.candidates import is_course, size_of
+from automap.gap.candidates import follows_time, is_course, size_of
 from automap.gap.evidence import plain_nats
 from automap.gap.limits import PLATEAUS
 from automap.gap.linear import Column, Given, Linear, conditional
@@ -231,8 +231,50 @@ def test_a_course_of_time_stands_out_of_its_boxes(course: str, on: str, word: st
     assert best == equation([linear.layout[i].term for i in parts[best]])
 
 
+def turning(linear: Linear, swing: FloatArray) -> Linear:
+    """The same drive with turns, whose rates the gyro tells by ``swing`` [n] of them too large."""
+    rates = np.tile(0.2 * np.sin(np.arange(len(TIMES))), (len(CHANNELS), 1)).T.ravel()
+    layout = [
+        replace(c, mean_input=0.0 if i == 0 else float(rates[i - 1]))
+        for i, c in enumerate(linear.layout)
+    ]
+    acts = linear.rows[0].phi[:, [c.term[0] == "gyro_z" for c in layout]]
+    w = linear.rows[0].w + acts @ (rates[:: len(CHANNELS)] * swing)
+    rows = replace(linear.rows[0], w=w)
+    return replace(linear, layout=tuple(layout), rows=(rows,), score=rows.phi.T @ w)
+
+
+@pytest.mark.parametrize(
+    ("swing", "word"), [("sin(2 * pi * time / 75)", "sin"), ("step(time - 210)", "step")]
+)
+def test_a_gain_that_changes_stands_out_of_the_boxes(swing: str, word: str) -> None:
+    nothing = boxes("0 * time", "gyro_z")
+    linear = with_shapes(turning(nothing, 0.01 * curve(swing)))
+    parts: dict[str, list[int]] = {}
+    for i, column in enumerate(linear.layout):
+        parts.setdefault(column.effect, []).append(i)
+    known = conditional(linear, Given())
+    nats = {name: plain_nats(known, tuple(part))[0] for name, part in parts.items()}
+    best = max(nats, key=lambda name: nats[name])
+    terms = [linear.layout[i].term for i in parts[best]]
+    assert terms[0][0] == "gyro_z"
+    assert terms[0][1].startswith(f"rate_z * {word}")
+    assert nats[best] > 20.0
+    assert follows_time(terms)
+    assert not is_course(terms)
+    # its period or instant is refined as that of a bias is
+    finer = variants(terms, LENGTH_S)
+    assert len(finer) > 10
+    assert all(text.startswith("rate_z * ") for one in finer for _, text in one)
+
+
+def test_a_car_that_never_turns_shows_no_gain() -> None:
+    linear = with_shapes(boxes("0 * time", "gyro_z"))
+    assert not any(c.term[1].startswith("rate_z") for c in linear.layout)
+
+
 def test_courses_have_score_and_information_of_their_rows() -> None:
-    linear = with_shapes(boxes("step(time - 200)", "gyro_z"))
+    linear = with_shapes(turning(boxes("step(time - 200)", "gyro_z"), 0.0 * TIMES))
     (rows,) = linear.rows
     phi = linear.columns(rows, range(len(linear.layout)))
     np.testing.assert_allclose(linear.score, phi.T @ rows.w, rtol=1e-6, atol=1e-6)
