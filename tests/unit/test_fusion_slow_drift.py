@@ -142,3 +142,11 @@ def test_fixes_without_velocities_show_no_drift() -> None:
     fixes = with_pulse(drive(U_BLOX, 31))
     unknown = np.full_like(fixes.vel_ned, np.nan)
     assert all(drift.gain < 1.0 for drift in drifts_of(replace(fixes, vel_ned=unknown)))
+
+
+@pytest.mark.parametrize("seed", [131, 141, 151, 161])
+def test_velocities_that_err_for_ten_seconds_make_no_drift(seed: int) -> None:
+    """What they add up to in minutes no level of seconds tells; waves of half a minute do."""
+    fixes = drive(Receiver(rate=5.0, lasting=0.12, lasting_tau=10.0), seed)
+    for drift in (*drifts_of(fixes), *beside(fixes, followed(300.0, seed, None))):
+        assert drift.gain < COARSE.gain
