@@ -112,10 +112,10 @@ DRIFT_SIZES, DRIFT_STEPS = (0.5, 16.0), 20
 what levels are tried to."""
 DRIFT_BESIDE = 4
 """Beside them are waves up to so many times as quick, of half a minute and longer: three times as
-many, which tell the size of the noise to a fifth, and yet slow, as what adds up on the way."""
-DRIFT_NOISES = 1.0 / 8.0, 8.0, 13
-"""Factors on that size, to a step of 1.4: a half and a bit of its sigma with the fewest waves; to
-one and a half ``LEVEL_SPREAD``."""
+many, which tell the size of the noise to an eighth, and yet slow, as what adds up on the way."""
+DRIFT_NOISES = 1.0 / 8.0, 8.0, 25
+"""Factors on that size, to a step of 1.2, which with forty amplitudes are known to 1.12; to one and
+a half ``LEVEL_SPREAD``."""
 PATH_ACCELERATION = 0.3
 """Of what roads make, a fix's way from an IMU's path does: velocities that the path has followed
 are not asked again (by 0.3 m/s in a second and 2 m/s in a minute it goes where they do), and what
