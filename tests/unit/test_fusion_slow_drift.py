@@ -107,6 +107,11 @@ def test_the_sigmas_hold_a_drift_and_it_is_told() -> None:
     expected = np.hypot(alone.sd_vel_ned[:, :2], drifts[0].rate_sd)
     assert np.allclose(wider.sd_vel_ned[:, :2], expected)
     assert (wider.sd_pos_ned[:, 2] == alone.sd_pos_ned[:, 2]).all()
+    # readings go on before the first fix and behind the last
+    longer = replace(alone, gps_s=alone.gps_s + np.linspace(-2.0, 2.0, len(alone.gps_s)))
+    wider = drifting(longer, drifts)
+    ends = np.hypot(alone.sd_pos_ned[[0, -1], :2], drifts[0].sd_m[[0, -1]])
+    assert np.allclose(wider.sd_pos_ned[[0, -1], :2], ends)
     # where something else parts positions and velocities, that tells how far
     parted = Reason("positions_parted", "", error_m=20.0)
     assert pattern_doubts(fixes, alone, OPTIONS, levels, 1.0, [parted]) == ([], [])
