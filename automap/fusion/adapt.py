@@ -59,6 +59,8 @@ class Search:
 
 COARSE = Search(WHITE_LEVELS, 2.0, 16.0, 180.0, 2, 3.0, True)
 """Of every run. Chosen: quick, and no step without odds of 20 to 1 (three nats)."""
+_LASTING_WHITE = {"wander": "position_h", "wander_v": "position_v", "multipath": "position_h"}
+"""What lasts of positions, and the white level beside it."""
 FINE = Search(LEVELS, 2.0**0.5, 64.0, 1800.0, 6, 1.0, True)
 """On request. Chosen: half an hour of driving shows the slow levels too, at many times the cost."""
 
@@ -148,7 +150,11 @@ def refine_noise(
     def bounds(level: str) -> tuple[float, float]:
         return max(1.0 / limit, least.get(level, 0.0)), limit
 
-    top = climb(likelihood, _raised(initial, least), tuple(levels), bounds)
+    tops = [
+        climb(likelihood, _raised(start, least), tuple(levels), bounds)
+        for start in _starts(initial)
+    ]
+    top = max(tops, key=lambda found: found.score)
     if VELOCITY_WANDER not in levels or not _below_white(part, problem, top.factors):
         return top.factors
     others = tuple(level for level in levels if level != VELOCITY_WANDER)
@@ -158,6 +164,18 @@ def refine_noise(
     # of the sizes that were possible only those up to this one are left
     gain -= math.log(0.5 * math.erfc(-some / math.sqrt(2.0)))
     return absent.factors if gain > LASTING_ODDS_NATS else top.factors
+
+
+def _starts(initial: Mapping[str, float]) -> list[Mapping[str, float]]:
+    """Where climbs begin: at ``initial`` factors; and, where the white part of positions is as
+    small as was looked for, at ones with what lasts of them as small.
+
+    Of a receiver that states 20 m and errs by one a climb is else at first without positions, and
+    ends where noise of the accelerometer stands for the lasting error of velocities.
+    """
+    at_end = initial["position_h"] < (1.0 + 1e-9) / COARSE.limit
+    lasting = {level: initial[white] for level, white in _LASTING_WHITE.items()}
+    return [initial, {**initial, **lasting}] if at_end else [initial]
 
 
 def _below_white(nodes: Nodes, problem: Problem, factors: Mapping[str, float]) -> bool:

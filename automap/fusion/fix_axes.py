@@ -11,7 +11,7 @@ from automap.earth import local_ned
 from automap.errors import InputError
 from automap.fusion.kernels.axis import smooth_axis
 from automap.fusion.kernels.whiten import whiten_axis
-from automap.fusion.levels import ROAD_ACCELERATION, TIME_LEVELS, VELOCITY_WANDER
+from automap.fusion.levels import ROAD_ACCELERATION, VELOCITY_WANDER
 from automap.fusion.limits import LEAST_FIXES, ROAD_ACCELERATION_PSD
 from automap.fusion.measurements.position import lasting_share
 from automap.fusion.nodes import model_fixes
@@ -114,6 +114,6 @@ def _noise(
         white**2,
         np.column_stack([share * at.stated_sd[:, axis], lasting]),
         ROAD_ACCELERATION_PSD[axis] * factors.get(ROAD_ACCELERATION, 1.0) ** 2,
-        (options.wander_tau_s, factors.get(TIME_LEVELS[1], 1.0) * options.velocity_wander_tau_s),
+        (options.wander_tau_s, options.velocity_wander_tau_s),
         gate(options.gate_probability, 1),
     )

@@ -20,5 +20,4 @@ TIME_LEVELS = ("wander_tau", "velocity_wander_tau")
 alone fits."""
 ALL_LEVELS = (*LEVELS, *VEHICLE_LEVELS, TIME_LEVELS[1])
 ROAD_ACCELERATION = "road_acceleration"
-"""How much vehicles accelerate where no IMU tells it, or what one leaves of it: fitted where drifts
-of positions are looked for."""
+"""How much vehicles accelerate where no IMU tells it, or what one leaves of it."""

@@ -107,6 +107,11 @@ def test_the_sigmas_hold_a_drift_and_it_is_told() -> None:
     expected = np.hypot(alone.sd_vel_ned[:, :2], drifts[0].rate_sd)
     assert np.allclose(wider.sd_vel_ned[:, :2], expected)
     assert (wider.sd_pos_ned[:, 2] == alone.sd_pos_ned[:, 2]).all()
+    # readings go on before the first fix and behind the last
+    longer = replace(alone, gps_s=alone.gps_s + np.linspace(-2.0, 2.0, len(alone.gps_s)))
+    wider = drifting(longer, drifts)
+    ends = np.hypot(alone.sd_pos_ned[[0, -1], :2], drifts[0].sd_m[[0, -1]])
+    assert np.allclose(wider.sd_pos_ned[[0, -1], :2], ends)
     # where something else parts positions and velocities, that tells how far
     parted = Reason("positions_parted", "", error_m=20.0)
     assert pattern_doubts(fixes, alone, OPTIONS, levels, 1.0, [parted]) == ([], [])
@@ -142,3 +147,11 @@ def test_fixes_without_velocities_show_no_drift() -> None:
     fixes = with_pulse(drive(U_BLOX, 31))
     unknown = np.full_like(fixes.vel_ned, np.nan)
     assert all(drift.gain < 1.0 for drift in drifts_of(replace(fixes, vel_ned=unknown)))
+
+
+@pytest.mark.parametrize("seed", [131, 141, 151, 161])
+def test_velocities_that_err_for_ten_seconds_make_no_drift(seed: int) -> None:
+    """What they add up to in minutes no level of seconds tells; waves of half a minute do."""
+    fixes = drive(Receiver(rate=5.0, lasting=0.12, lasting_tau=10.0), seed)
+    for drift in (*drifts_of(fixes), *beside(fixes, followed(300.0, seed, None))):
+        assert drift.gain < COARSE.gain

@@ -110,6 +110,16 @@ DRIFT_TIMES_S = (30.0, 60.0, 120.0, 240.0)
 DRIFT_SIZES, DRIFT_STEPS = (0.5, 16.0), 20
 """Their sizes in that of the slow error that is stated, to a step of a fifth: from what it hides to
 what levels are tried to."""
+DRIFT_BESIDE = 4
+"""Beside them are waves up to so many times as quick, of half a minute and longer: three times as
+many, which tell the size of the noise to an eighth, and yet slow, as what adds up on the way."""
+DRIFT_NOISES = 1.0 / 8.0, 8.0, 25
+"""Factors on that size, to a step of 1.2, which with forty amplitudes are known to 1.12; to one and
+a half ``LEVEL_SPREAD``."""
+PATH_ACCELERATION = 0.3
+"""Of what roads make, a fix's way from an IMU's path does: velocities that the path has followed
+are not asked again (by 0.3 m/s in a second and 2 m/s in a minute it goes where they do), and what
+lies between two fixes, 0.1 m, is below what they err by."""
 DRIFT_MEAN = 2.0
 """What grows from nothing as a random walk has a mean square of its mean over a drive, T/3, that is
 so many times the variance about the mean, T/6; no innovation shows the mean."""

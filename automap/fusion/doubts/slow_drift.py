@@ -124,14 +124,18 @@ def drift_doubts(drifts: list[Drift], start_gps_s: float, sd_m: float) -> Iterat
 
 
 def drifting(path: Trajectory, drifts: list[Drift]) -> Trajectory:
-    """The ``path`` as unsure as its fixes drift, which it follows."""
+    """The ``path`` as unsure as its fixes drift, which it follows; before the first and behind the
+    last of them as at these, between two windows in between."""
+    if not drifts:
+        return path
+    gps_s = np.concatenate([drift.gps_s for drift in drifts])
     sd, rate = np.zeros((2, len(path.gps_s), 3))
-    for drift in drifts:
-        there = (path.gps_s >= drift.gps_s[0]) & (path.gps_s <= drift.gps_s[-1])
-        for whole, part in ((sd, drift.sd_m), (rate, drift.rate_sd)):
-            for axis, one in enumerate(part.T):
-                here = np.interp(path.gps_s[there], drift.gps_s, one)
-                whole[there, axis] = np.maximum(whole[there, axis], here)
+    for whole, parts in (
+        (sd, [drift.sd_m for drift in drifts]),
+        (rate, [drift.rate_sd for drift in drifts]),
+    ):
+        for axis, one in enumerate(np.concatenate(parts).T):
+            whole[:, axis] = np.interp(path.gps_s, gps_s, one)
     return replace(
         path,
         sd_pos_ned=np.hypot(path.sd_pos_ned, sd),
