@@ -29,8 +29,8 @@ MOST_SURE = 0.999
 CLASS_AT_HOME, CLASS_ELSEWHERE = (-3.7, 2.9), (-5.0, 3.9)
 """Log odds that a sign is not of the class a list says, shift and slope by the logarithm of what
 its views give to the best other class over what they give to that one: fitted on the half to fit of
-the passes of ``tests/benchmarks/listed_classes.py``, of a known country and of none, as the
-classifier's own powers are."""
+the passes of ``tests/benchmarks/listed_classes.py``, of a known country and of none, with the
+classifier before this one."""
 OTHER_LOOK = 0.1
 """How much it counts that the views look like faces of another shape or colour, which may be none
 that the classifier names. Little: some faces are drawn within others, a red circle on a white

@@ -12,7 +12,7 @@ from automap.records import FloatArray
 from automap.vision.dark import brightened
 from pipeline.train import scenes
 from pipeline.train.art import Face
-from pipeline.train.degrade import at_random, motion_blur, night
+from pipeline.train.degrade import at_random, compress, exposed, motion_blur, night
 from pipeline.train.drawn_streets import PREFIX
 from pipeline.train.face_chooser import FaceChooser
 from pipeline.train.street_data import Street
@@ -28,8 +28,10 @@ _ZOOMED = 0.65
 _ZOOMS = (1.2, 2.0)
 """Share of the pictures that are enlarged as the detector enlarges small ones, and by how much."""
 _LEAST_CONTRAST = 4.0
-_NIGHT, _BLURRED = 0.14, 0.1
-"""Shares of the pictures that are spoilt by darkness or by motion more than chance has it."""
+_NIGHT, _BLURRED, _COMPRESSED = 0.14, 0.18, 0.06
+"""Shares of the pictures that are spoilt by darkness, motion or compression more than chance has
+it: what is missed of the images to tune on are small signs in motion, and burnt out or in deep
+shade, which ``exposed`` makes."""
 
 
 @dataclass(frozen=True)
@@ -168,8 +170,10 @@ def _spoilt(image: Image, rng: Random) -> Image:
         image = night(image, rng, rng.uniform(0.12, 0.4), rng.uniform(3.0, 14.0))
     elif chance < _NIGHT + _BLURRED:
         image = motion_blur(image, rng.uniform(4.0, 11.0), rng.normal(0.0, 30.0))
+    elif chance < _NIGHT + _BLURRED + _COMPRESSED:
+        image = compress(image, int(rng.uniform(10.0, 35.0)))
     else:
-        image = at_random(image, rng)
+        image = at_random(exposed(image, rng), rng)
     return brightened(image)
 
 

@@ -172,7 +172,9 @@ def _taught_by(names: list[str], device: str) -> Judge:
             right = (folded[:n].argmax(1) == label).float().mean()
             figures = {"right": right, "right of the teacher": figures.get("right", right)}
         alike = F.kl_div(said[1], said[0].detach(), reduction="batchmean", log_target=True)
-        return losses[0] + losses[1] + _TAUGHT * alike, figures
+        # one that begins anew beside a network that goes on has nothing to teach at first
+        ahead = (losses[0] < losses[1]).float().detach()
+        return losses[0] + losses[1] + _TAUGHT * ahead * alike, figures
 
     return judge
 

@@ -170,7 +170,8 @@ STAGE = Stage(
     # 7: how the pictures turn against the path
     # 8: pictures that stay while the vehicle drives are not searched; networks trained in full
     # 9: bends that know an offset better than the manifest
-    version=9,
+    # 10: the classifier trained on, with what blue discs show and words on boards
+    version=10,
     run=run,
     inputs=_inputs,
     # where the camera was when says which frames are worth a search
