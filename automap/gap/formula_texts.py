@@ -68,6 +68,8 @@ REMEMBERED = (
     # an axis that hangs behind what it measures by a play: hysteresis
     *((f"accel_{a}", f"(force_{a} - play(force_{a}, 0.5))") for a in "xy"),
     ("gyro_z", "(rate_z - play(rate_z, 0.05))"),
+    # courses that a receiver holds until they have turned by more, and that hang behind by so much
+    ("velocity_across", "(speed * (heading - play(heading, 0.01)))"),
     # receivers that run on; of velocities that is what a low-pass does, which has a name
     ("position_along", "lag(acceleration, 2)"),
     ("position_across", "lag(lateral_acceleration, 2)"),

@@ -90,6 +90,25 @@ def test_an_axis_that_hangs_behind_is_told_with_its_play() -> None:
     assert float(width) == pytest.approx(0.8, rel=0.2)
 
 
+def test_a_course_that_hangs_behind_is_told_with_its_play() -> None:
+    drive = simulated({})
+    vel = drive.fixes.vel_ned.copy()
+    speed = np.hypot(vel[:, 0], vel[:, 1])
+    course = np.unwrap(np.arctan2(vel[:, 1], vel[:, 0]))
+    # at rest a course is noise, and the receiver holds the last
+    moves = np.maximum.accumulate(np.where(speed > 2.0, np.arange(len(speed)), 0))
+    held = play(np.ascontiguousarray(course[moves]), 0.02)
+    vel[:, 0], vel[:, 1] = speed * np.cos(held), speed * np.sin(held)
+    search = search_on(replace(drive, fixes=replace(drive.fixes, vel_ned=vel)))
+    selection = search.selection(search.base, False)
+    chosen = select(selection, Chosen(), 1)
+    assert chosen.names == ("velocity_across += k * (speed * (heading - play(heading, 0.01)))",)
+    finer, _ = search.refined(search.base, selection, chosen)
+    (width,) = re.findall(r", ([\d.]+)\)", finer.names[0])
+    # the noise of fixes, 3 mrad at 15 m/s, moves a held course on before the car has turned so far
+    assert float(width) == pytest.approx(0.02, rel=0.5)
+
+
 def test_what_lasts_for_a_moment_is_no_plateau() -> None:
     drive = simulated({})
     t = (drive.imu.t_ns - drive.imu.t_ns[0]) * 1e-9

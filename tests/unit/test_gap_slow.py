@@ -15,11 +15,9 @@ from automap.effects.user import INERTIAL as CHANNELS
 from automap.gap import limits
 from automap.gap.candidates import follows_time, is_course, size_of
 from automap.gap.evidence import plain_nats
-from automap.gap.limits import PLATEAUS
 from automap.gap.linear import Column, Given, Linear, conditional
 from automap.gap.result import equation
 from automap.gap.slow import (
-    LEAST_BOXES,
     PLATEAU,
     _time_signals,
     box_s,
@@ -56,7 +54,7 @@ def told(values: FloatArray, seed: int = 1) -> tuple[FloatArray, FloatArray]:
 def test_the_likeliest_plateau_is_the_one_that_is_there(begin: float, end: float) -> None:
     inside = (begin < TIMES) & (end > TIMES)
     best = plateaus(TIMES, *told(np.where(inside, 1.0, 0.0)))
-    assert len(best) == PLATEAUS
+    assert len(best) == limits.PLATEAUS
     assert instants(best[0].texts[0]) == pytest.approx([begin, end], abs=WIDTH_S)
     # one in so many pairs of instants
     assert all(shape.choices > 100.0 for shape in best)
@@ -104,7 +102,7 @@ def test_every_course_of_a_drive_is_near_one_that_is_tried() -> None:
     def nearest(values: FloatArray, word: str) -> float:
         return max(explained(values, s.texts, t) for s in every if word in s.texts[0])
 
-    for period in np.geomspace(1.1 * LEAST_BOXES * box_s(LENGTH_S), 0.7 * LENGTH_S, 25):
+    for period in np.geomspace(1.1 * limits.LEAST_BOXES * box_s(LENGTH_S), 0.7 * LENGTH_S, 25):
         phase = rng.uniform(0.0, 2.0 * np.pi)
         # halfway between two frequencies sinc(1 / 3)^2 of the power is left
         assert nearest(np.sin(2.0 * np.pi * t / period + phase), "sin") > 0.64
@@ -158,7 +156,7 @@ def test_a_course_is_refined_between_those_that_were_tried(
 
 
 def test_a_plateau_of_a_moment_does_not_last() -> None:
-    least = LEAST_BOXES * box_s(LENGTH_S)
+    least = limits.LEAST_BOXES * box_s(LENGTH_S)
 
     def plateau(seconds: float) -> list[tuple[str, str]]:
         return [("accel_x", PLATEAU.format(100.0, 100.0 + seconds))]
