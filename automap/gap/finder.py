@@ -220,7 +220,7 @@ def _result(
         tuple(findings),
         dict(model.factors),
         tuple(formulas),
-        verdict(findings, formulas, left, gaps[0], rest, kept_out),
+        verdict(findings, formulas, left, gaps[0], rest, kept_out, claims),
         carried,
         base,
         warnings=stands.warnings,

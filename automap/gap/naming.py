@@ -22,6 +22,7 @@ from automap.gap.result import (
     Drift,
     Finding,
     KeptOut,
+    NoiseClaim,
     ParameterValue,
     Refused,
     Term,
@@ -199,8 +200,10 @@ def verdict(
     before: float,
     after: float,
     kept_out: Sequence[KeptOut] = (),
+    claims: Sequence[NoiseClaim] = (),
 ) -> str:
-    """What is missing, in a sentence; what only the fitted data show is no silence."""
+    """What is missing, in a sentence; what only the fitted data show is no silence, and neither is
+    noise beyond what is stated."""
     parts = []
     if findings:
         names = [f.effect + (f" (or {f.resembles})" if f.resembles else "") for f in findings]
@@ -228,6 +231,13 @@ def verdict(
             "not taken, since the fitted data speak for it and the held-out data against: "
             f"{', '.join(against)}"
         )
+    if claims and not (findings or formulas or left):
+        parts = parts or ["no effect that these drives can show is missing from the model"]
+        levels = ", ".join(
+            f"{c.level.replace('_', ' ')} {c.factor:.2g} times ({c.evidence_nats:.0f} nats)"
+            for c in claims
+        )
+        parts.append(f"but noise is not as stated, and what makes it is not told: {levels}")
     return "; ".join(parts) or "nothing is missing from the model as far as these drives can show"
 
 

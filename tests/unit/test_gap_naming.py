@@ -18,7 +18,7 @@ from automap.gap.linear import Column, Given, conditional
 from automap.gap.misfit import Misfit
 from automap.gap.naming import chance, describe, strongest_refused, suspected, verdict
 from automap.gap.noise import Fitted, Joint
-from automap.gap.result import Finding, KeptOut, Refused, Term, Unexplained
+from automap.gap.result import Finding, KeptOut, NoiseClaim, Refused, Term, Unexplained
 from automap.gap.screening import Found
 from automap.gap.selection import Chosen, Selection
 from automap.gap.stepwise import select
@@ -208,6 +208,15 @@ def test_what_only_fitted_data_show_is_no_silence() -> None:
     # a receiver's delay that each drive has its own of is told as such
     own = (KeptOut("gnss_latency", False, 9.0, each_drive=True),)
     assert verdict([], [], [], 0.1, 0.1, own) == verdict([], [], [], 0.1, 0.1)
+
+
+def test_noise_that_is_not_as_stated_is_no_silence() -> None:
+    claim = NoiseClaim("gyro", 5.4, 57.0, 1e-20)
+    text = verdict([], [], [], 0.1, 0.1, claims=(claim,))
+    assert "nothing is missing" not in text
+    assert "gyro 5.4 times (57 nats)" in text
+    # beside a finding the pages list it
+    assert "5.4" not in verdict([FINDING], [], [], 1.0, 0.2, claims=(claim,))
 
 
 def test_a_misfit_is_no_silence() -> None:
