@@ -120,9 +120,10 @@ def narrowest(views: Views) -> float:
 
 
 def find_facings(
-    views: Views, groups: Sequence[Sequence[Sighting]], path: Path
+    views: Views, groups: Sequence[Sequence[Sighting]], path: Path, least: float = -np.inf
 ) -> tuple[list[Facing], Faces]:
-    """The way each sign faces, of its sightings (at least one each), and what all have in common.
+    """The way each sign faces, of its sightings (at least one each), and what all have in common;
+    ``least`` log width of a box that is found, as ``narrowest`` tells of a detector's.
 
     Where a sign's boxes tell nothing it faces against the traffic, with the sigma of all.
     """
@@ -133,7 +134,6 @@ def find_facings(
         >= limits.SCATTER_VIEWS
     ]
     some = telling[:: max(1, -(-len(telling) // limits.SCATTER_SIGNS))]
-    least = narrowest(views)
     faces = _common([_observed(views, sightings, path, least) for sightings in some])
     # what was expected of every box of a long drive would be gigabytes
     seen = (_observed(views, sightings, path, least) for sightings in groups)
