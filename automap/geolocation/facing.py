@@ -10,7 +10,8 @@ How far those of a drive are turned, how its boxes scatter, and how far they are
 than their faces is measured from the drive's own signs (expectation maximisation, Dempster, Laird
 and Rubin, J. R. Statist. Soc. B 39, 1977) and pulled towards stated values where there are few.
 Every sign's belief over its normals is kept whole, on a grid: of two normals that
-explain its boxes alike neither is chosen, and the sigma spans both.
+explain its boxes alike the likelier is stated, and the sigma spans both. From afar a turned face
+may be too narrow for a detector; that only its widest boxes are found is allowed for.
 """
 
 from __future__ import annotations
@@ -19,8 +20,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from scipy.special import ndtr
 
 from automap.frames import wrap_pi
+from automap.gates import sigmas
 from automap.geolocation import limits
 from automap.geolocation.box_noise import scatter
 from automap.geolocation.path_relation import Path, roads_at
@@ -39,6 +42,8 @@ _GRID: FloatArray = np.radians(np.arange(-90.0, 90.5, 1.0))
 and a degree is a fifth of what the best are known to."""
 _OCTAVES = 8
 """Of the sizes of boxes, as directions: from a 256th of the focal length, four pixels, on."""
+_OUTSIDE = 0.05
+"""Of the belief, beyond the interval that the sigma tells: of 95 %."""
 _CIRCLE_POINTS = 24
 """Of a round face: its width is right to 1 - cos(7.5 deg), below a hundredth."""
 
@@ -73,8 +78,9 @@ class _Seen:
     how much less a sign that far from such a road is for it than one at its side; ``measured`` [n]
     log aspects of its boxes, ``expected`` [n, g] those of the bare face; ``sd`` [n]; ``columns``
     [n, 1 + k] of what its boxes share: the aspect, and what those of each octave of size err by in
-    common, stated sigmas; ``octave`` [n] of each box and ``octaves`` [k] of the columns; ``sure``
-    whether the face's shape is known; ``yaw_sd`` of the trajectory, rad."""
+    common, stated sigmas; ``least`` [n] log aspect below which no box is found; ``octave`` [n] of
+    each box and ``octaves`` [k] of the columns; ``sure`` whether the face's shape is known;
+    ``yaw_sd`` of the trajectory, rad."""
 
     grid: FloatArray
     centres: FloatArray
@@ -83,6 +89,7 @@ class _Seen:
     expected: FloatArray
     sd: FloatArray
     columns: FloatArray
+    least: FloatArray
     octave: IntArray
     octaves: IntArray
     sure: bool
@@ -104,10 +111,19 @@ class _Belief:
     absorbed: float
 
 
+def narrowest(views: Views) -> float:
+    """Logarithm of the width, as a direction, below which a detector finds no box: from the two
+    narrowest of its boxes (D. S. Robson, J. H. Whitlock, Biometrika 51, 1964)."""
+    widths = views.measured[:, 2] + views.log_aspect
+    least = np.sort(widths[np.isfinite(widths)])[:2]
+    return float(2.0 * least[0] - least[1]) if len(least) == 2 else -np.inf
+
+
 def find_facings(
-    views: Views, groups: Sequence[Sequence[Sighting]], path: Path
+    views: Views, groups: Sequence[Sequence[Sighting]], path: Path, least: float = -np.inf
 ) -> tuple[list[Facing], Faces]:
-    """The way each sign faces, of its sightings (at least one each), and what all have in common.
+    """The way each sign faces, of its sightings (at least one each), and what all have in common;
+    ``least`` log width of a box that is found, as ``narrowest`` tells of a detector's.
 
     Where a sign's boxes tell nothing it faces against the traffic, with the sigma of all.
     """
@@ -118,13 +134,15 @@ def find_facings(
         >= limits.SCATTER_VIEWS
     ]
     some = telling[:: max(1, -(-len(telling) // limits.SCATTER_SIGNS))]
-    faces = _common([_observed(views, sightings, path) for sightings in some])
+    faces = _common([_observed(views, sightings, path, least) for sightings in some])
     # what was expected of every box of a long drive would be gigabytes
-    seen = (_observed(views, sightings, path) for sightings in groups)
+    seen = (_observed(views, sightings, path, least) for sightings in groups)
     return [_summary(one, _believe(one, faces)) for one in seen], faces
 
 
-def _observed(views: Views, sightings: Sequence[Sighting], path: Path) -> _Seen:
+def _observed(
+    views: Views, sightings: Sequence[Sighting], path: Path, least: float = -np.inf
+) -> _Seen:
     rows = np.concatenate([s.landmark.rows for s in sightings])
     sd = np.concatenate([view_sd(views, s.landmark.rows)[:, 2] for s in sightings])
     weight = np.concatenate([s.landmark.weight for s in sightings])
@@ -152,6 +170,7 @@ def _observed(views: Views, sightings: Sequence[Sighting], path: Path) -> _Seen:
         columns=np.column_stack(
             [np.ones(len(rows))] + [np.where(octave == one, alike, 0.0) for one in octaves]
         ),
+        least=least - views.measured[rows, 2],
         octave=octave,
         octaves=octaves,
         sure=sure,
@@ -200,7 +219,8 @@ def expected_aspect(views: Views, rows: IntArray, normal: FloatArray, shape: str
 
 def _believe(one: _Seen, faces: Faces) -> _Belief:
     """Bayes' rule on the grid, aspect and margins eliminated (Schur complement); boxes that fit the
-    likeliest normal ill count less (Cauchy)."""
+    likeliest normal ill count less (Cauchy). Of a face so turned that only its widest boxes are
+    found, those that were are as wide as that: each counts by how likely it is among the found."""
     aspect_sd = np.hypot(faces.aspect_sd, 0.0 if one.sure else limits.PLATE_ASPECT_SD)
     prior = np.full(one.columns.shape[1], faces.alike) ** -2.0
     prior[0] = aspect_sd**-2.0
@@ -212,6 +232,9 @@ def _believe(one: _Seen, faces: Faces) -> _Belief:
         inverse = np.linalg.inv(scaled.T @ one.columns + np.diag(prior))
         shared = inverse @ (scaled.T @ off)
         square = (weight / sd**2) @ off**2 - np.einsum("kg,kg->g", scaled.T @ off, shared)
+        wider = one.measured[:, None] - off + one.columns @ shared - one.least[:, None]
+        found = np.maximum(ndtr(wider / sd[:, None]), limits.FOUND_ANYWAY)
+        square += 2.0 * weight @ np.log(found)
         likely = np.exp(-0.5 * (square - square.min()))
         total = float(((core.sum(axis=0) + elsewhere) * likely).sum())
         normal = (core.sum(axis=0) + elsewhere) * likely / total
@@ -284,7 +307,12 @@ def _common(seen: Sequence[_Seen]) -> Faces:
 
 
 def _summary(one: _Seen, belief: _Belief) -> Facing:
-    """Mean direction and standard deviation of a belief."""
-    mean = float(np.arctan2(belief.normal @ np.sin(one.grid), belief.normal @ np.cos(one.grid)))
-    variance = float(belief.normal @ wrap_pi(one.grid - mean) ** 2)
-    return Facing(mean % (2.0 * np.pi), float(np.sqrt(variance + one.yaw_sd**2)))
+    """The median of a belief, which is in the likelier of two modes and near the mean of one, and
+    the root mean square about it; no less than what 95 % of the belief lies within tells."""
+    middle = float(np.interp(0.5, np.cumsum(belief.normal) - 0.5 * belief.normal, one.grid))
+    off = np.abs(one.grid - middle)
+    order = np.argsort(off)
+    within = np.cumsum(belief.normal[order])
+    most = float(off[order][np.searchsorted(within, 1.0 - _OUTSIDE)]) / sigmas(_OUTSIDE)
+    sd = max(float(np.sqrt(belief.normal @ off**2)), most)
+    return Facing(middle % (2.0 * np.pi), float(np.hypot(sd, one.yaw_sd)))

@@ -299,6 +299,9 @@ margins, before a drive tells. Chosen: a pixel of fifty."""
 FACES_FREEDOM, TURNED_FREEDOM = 4.0, 30.0
 """How many signs outweigh what is stated above. Chosen as for margins; of turns, which a sign's own
 boxes tell to several degrees only, the signs of half an hour of town."""
+FOUND_ANYWAY = 0.05
+"""Of boxes that should be too narrow to be found, those that are: chosen, for two sigmas off a
+scatter is no longer normal."""
 THINNEST = 0.02
 """A face seen edge on is still as wide as that part of its height: plates have an edge."""
 FACE_READ_SD = math.radians(40.0)

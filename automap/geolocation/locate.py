@@ -22,7 +22,7 @@ from automap.geolocation.course_yaw import yaw_by_course
 from automap.geolocation.due_frames import patterns_of
 from automap.geolocation.existence import existence_odds, existence_of
 from automap.geolocation.face_sizes import face_odds
-from automap.geolocation.facing import find_facings
+from automap.geolocation.facing import find_facings, narrowest
 from automap.geolocation.landmark import Landmark, SizePrior, fit_landmark
 from automap.geolocation.merging import combine
 from automap.geolocation.pass_errors import solve_with_pass_errors
@@ -185,7 +185,7 @@ def _located(
         adjusted = AdjustedTrajectory(trajectory, passes.adjustment, views.origin)
     path = make_path(trajectory, views.origin, passes.adjustment)
     joined = [[sightings[k] for k in group] for group in groups]
-    facings, faces = find_facings(views, joined, path)
+    facings, faces = find_facings(views, joined, path, narrowest(views))
     condition_of = conditions(views, joined, [[shown[k] for k in g] for g in groups], detections)
     signs: list[Sign] = []
     places, own = [], []

@@ -30,6 +30,7 @@ from automap.inventory.pairs import (
     Pairs,
     belief_in_another,
     candidates,
+    doubts,
     fit,
     near_pairs,
     one_to_one,
@@ -81,9 +82,9 @@ def compare_inventory(
     pairs = candidates(signs, inventory, shares, near, at_home)
     views, rows = looks_at(inventory, drives)
     looked = rows >= HALF_APPROACH_ROWS
-    off = pairs.apart
-    pairs = without_common_errors(pairs, fit(pairs, inventory, len(signs), looked), signs)
-    known = fit(pairs, inventory, len(signs), looked)
+    off, doubt = pairs.apart, doubts(signs)
+    pairs = without_common_errors(pairs, fit(pairs, inventory, doubt, looked), signs)
+    known = fit(pairs, inventory, doubt, looked)
     chosen = one_to_one(pairs, known.evidence, len(signs))
     parts = with_taken_off(parts, signs, pairs.listed[chosen], (off - pairs.apart)[chosen])
     findings = [

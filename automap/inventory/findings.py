@@ -169,7 +169,7 @@ def class_belief(sign: Sign) -> float:
     return min(1.0 / (1.0 + math.exp(-min(odds, 50.0))), limits.MOST_SURE)
 
 
-def _exists(sign: Sign) -> float:
+def existence_belief(sign: Sign) -> float:
     """How surely there is a sign at all."""
     return _probability(sign.existence if math.isfinite(sign.existence) else sign.confidence)
 
@@ -188,7 +188,7 @@ def new_signs(signs: Sequence[Sign], unknown: IntArray) -> list[Finding]:
     """
     from scipy.optimize import minimize
 
-    exists = np.clip([_exists(s) for s in signs], 1.0 - limits.MOST_SURE, limits.MOST_SURE)
+    exists = np.clip([existence_belief(s) for s in signs], 1.0 - limits.MOST_SURE, limits.MOST_SURE)
     doubt = logit(limits.MOST_SURE) - logit(np.asarray(exists, np.float64).reshape(-1))
     listed = np.ones(len(signs), np.bool_)
     listed[unknown] = False

@@ -19,7 +19,7 @@ from automap.assignment import assign_near
 from automap.earth import ecef
 from automap.inventory import limits
 from automap.inventory.classes import of_another_class, same_face
-from automap.inventory.findings import Inventory, class_belief
+from automap.inventory.findings import Inventory, class_belief, existence_belief
 from automap.inventory.neighbours import (
     Looks,
     facing_evidences,
@@ -137,10 +137,18 @@ def candidates(
     return Pairs(i[keep], j[keep], apart[keep], cov[keep], told[keep], beside[keep], zero)
 
 
-def fit(pairs: Pairs, inventory: Inventory, n: int, looked: BoolArray) -> Fit:
-    """By ``n`` signs of a map; ``looked`` [m] whether drives had a listed sign in view."""
+def doubts(signs: Sequence[Sign]) -> FloatArray:
+    """Odds [n] that there is no sign, by the map alone."""
+    exists = np.array([existence_belief(s) for s in signs], np.float64)
+    exists = np.clip(exists, 1.0 - limits.MOST_SURE, limits.MOST_SURE)
+    return np.asarray((1.0 - exists) / exists, np.float64)
+
+
+def fit(pairs: Pairs, inventory: Inventory, doubt: FloatArray, looked: BoolArray) -> Fit:
+    """By a map's signs [n], of which there is ``doubt`` [n]; ``looked`` [m] whether drives had a
+    listed sign in view."""
     shift, sd, new = np.zeros(2), limits.USUAL_SD_M, limits.NEW_SHARE
-    m = len(inventory)
+    n, m = len(doubt), len(inventory)
     if len(pairs.sign) == 0:
         return Fit(shift, sd, *(np.zeros(0),) * 4, math.nan)
     stated = inventory.sd_m[pairs.listed]
@@ -164,9 +172,9 @@ def fit(pairs: Pairs, inventory: Inventory, n: int, looked: BoolArray) -> Fit:
         square = np.einsum("ki,ki->k", residual, weighted)
         in_place = (1.0 - limits.STALE) * np.exp(-0.5 * square)
         in_place /= 2.0 * math.pi * np.sqrt(np.linalg.det(total))
-        # the listed one unseen, and what was found not listed
+        # the listed one unseen, and what was found not listed, or no sign, which stands anywhere
         unseen = (1.0 - found[pairs.listed]) / found[pairs.listed]
-        alone = unseen * new * pairs.beside
+        alone = unseen * (new * pairs.beside + doubt[pairs.sign] / AREA_M2)
         evidence = pairs.told + np.log((in_place + moved_density) / alone)
         odds = np.exp(np.minimum(evidence, 500.0))
         # of one listed sign's candidates at most one is it, and so the other way round

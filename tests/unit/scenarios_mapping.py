@@ -353,9 +353,9 @@ def compare_lists() -> Any:
     near = pairing.near_pairs(signs, listed)
     pairs = pairing.candidates(signs, listed, shares, near, True)
     rows = findings.looks_at(listed, drives)[1]
-    first = pairing.fit(pairs, listed, n, rows > 3)
+    first = pairing.fit(pairs, listed, pairing.doubts(signs), rows > 3)
     alone = pairing.without_common_errors(pairs, first, signs)
-    fit = pairing.fit(alone, listed, n, rows > 3)
+    fit = pairing.fit(alone, listed, pairing.doubts(signs), rows > 3)
     chosen = pairing.one_to_one(alone, fit.evidence, n)
     spread = replace(fit, moved=np.linspace(0.0, 1.0, len(pairs.sign)))
     paired = [

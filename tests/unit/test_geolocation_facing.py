@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -15,7 +15,15 @@ from automap.export.osm_tags import direction_tag
 from automap.frames import rpy_to_matrix, wrap_pi
 from automap.gates import sigmas
 from automap.geolocation import limits
-from automap.geolocation.facing import _observed, expected_aspect, find_facings
+from automap.geolocation.facing import (
+    Faces,
+    _believe,
+    _observed,
+    _Seen,
+    _summary,
+    expected_aspect,
+    find_facings,
+)
 from automap.geolocation.landmark import view_sd
 from automap.geolocation.locate import locate_signs
 from automap.geolocation.path_relation import make_path
@@ -152,3 +160,46 @@ def test_a_face_beside_the_road_is_still_told_by_the_road() -> None:
     found, sd = _slant(-4.5, normal, 0.3)
     assert abs(wrap_pi(found - normal)) < 2.0 * sd
     assert sd < np.radians(12.0)
+
+
+def _believed(least: float, told: float, draws: int = 150) -> float:
+    """Mean probability, over draws, of the right one of two mirror images of a face 62 deg off the
+    line of sight that a car comes nearer to: a detector finds boxes of more than the log width
+    ``least`` alone, and the estimator takes it for one of ``told``."""
+    rng, sd = np.random.default_rng(3), 0.2
+    grid, turn = np.radians(np.arange(-90.0, 90.5, 1.0)), np.radians(np.linspace(-5.0, 5.0, 6))
+    height = np.linspace(0.0, 0.4, 6)
+    expected = np.log(np.maximum(np.cos(grid - turn[:, None]), 0.02))
+    right: list[float] = []
+    while len(right) < draws:
+        measured = expected[:, 152] + sd * rng.standard_normal(6)
+        kept = measured + height > least
+        n = int(kept.sum())
+        if n < 2:
+            continue
+        one = _Seen(
+            grid=grid, centres=np.array([np.pi]), beside=np.zeros(1), measured=measured[kept],
+            expected=expected[kept], sd=np.full(n, sd),
+            columns=np.column_stack([np.ones(n), np.full(n, 0.02)]),
+            least=(told - height)[kept], octave=np.zeros(n, np.int64),
+            octaves=np.zeros(1, np.int64), sure=True, yaw_sd=0.0,
+        )  # fmt: skip
+        right.append(float(_believe(one, Faces()).normal[grid > 0.0].sum()))
+    return float(np.mean(right))
+
+
+def test_boxes_too_narrow_to_be_found_do_not_speak_for_the_mirror_image() -> None:
+    none, cut = -9.0, float(np.log(0.5))
+    every, allowed, taken = _believed(none, none), _believed(cut, cut), _believed(cut, none)
+    assert taken + 0.05 < allowed < every
+
+
+def test_of_two_mirror_images_the_likelier_is_stated_and_the_sigma_reaches_the_other() -> None:
+    grid = np.radians(np.arange(-90.0, 90.5, 1.0))
+    for share in (0.6, 0.9):
+        normal = share * np.exp(-0.5 * ((grid - 1.0) / 0.05) ** 2)
+        normal += (1.0 - share) * np.exp(-0.5 * ((grid + 1.0) / 0.05) ** 2)
+        belief: Any = SimpleNamespace(normal=normal / normal.sum())
+        found = _summary(cast(_Seen, SimpleNamespace(grid=grid, yaw_sd=0.0)), belief)
+        assert abs(found.rad - 1.0) < 0.1
+        assert found.rad - 1.96 * found.sd_rad < -0.9

@@ -335,8 +335,8 @@ STAGE = Stage(
     # 15: contrast of the faces, how often they were seen, backs
     # 21: stamps and pictures as the bends of the videos say, existence by frames that are due,
     # a nose off its course
-    # 25: offsets that bends know better than the manifest, facings far aside of the road
-    version=25,
+    # 26: of two mirror images of a face the likelier is stated; boxes too narrow to be found
+    version=26,
     run=run,
     inputs=_inputs,
     needs=(
