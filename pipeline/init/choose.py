@@ -17,6 +17,7 @@ _LOG_KINDS = {
     "nmea": "NMEA sentences",
     "mixed": "u-blox and NMEA messages",
     "rtklib": "an RTKLIB solution",
+    "gpx": "a GPX track",
 }
 _CLOCKS = {"unix": "unix_ns", "gps": "gps_ns"}
 _COUNTRY = re.compile(r"[A-Za-z]{2}")
