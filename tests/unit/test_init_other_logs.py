@@ -1,4 +1,4 @@
-"""Receiver logs beside the one that is taken."""
+"""What a folder holds beside what is taken: other receiver logs, files that are not known."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import pytest
 from input_drive import write_drive
 
 from pipeline.init.choose import draft_of
+from pipeline.init.command import init_drive
 from pipeline.init.found import look
 from pipeline.init.other_logs import seconds_late
 from tests.unit.receiver_scene import simulated_fixes
@@ -46,3 +47,15 @@ def test_a_log_that_is_not_taken_is_named(tmp_path: Path) -> None:
     shutil.copy(drive / "gnss.nmea", drive / "other.nmea")
     doubts = draft_of(look(drive), drive, None).doubts
     assert any("other.nmea is a receiver's log too and is not taken" in text for text in doubts)
+
+
+def test_many_files_that_are_not_used_are_told_in_one_line(tmp_path: Path) -> None:
+    drive = write_drive(tmp_path / "photos")
+    (drive / "drive.toml").unlink()
+    for number in range(50):
+        (drive / f"IMG_{number:04d}.JPG").write_bytes(b"\xff\xd8")
+    (drive / "notes.xyz").write_text("-")
+    told = init_drive(drive, None, lambda *_: []).told
+    assert sum("IMG_" in text for text in told) == 1
+    assert any("IMG_0049.JPG, 50 files" in text and "import mapillary" in text for text in told)
+    assert any("notes.xyz: not used" in text for text in told)
