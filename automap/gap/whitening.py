@@ -210,19 +210,34 @@ def _ridge(
     of the Cholesky factor of their information [c, c]."""
     from scipy.linalg import solve_triangular
 
-    info: FloatArray = np.diag(sds**-2.0)
     score: FloatArray = np.zeros(len(sds))
+    for r, root in zip(raw, roots, strict=True):
+        score += _transposed(r.phi, root**2 * r.w)
+    try:
+        factor, unit = _factor(raw, roots, sds, np.float32)
+    except np.linalg.LinAlgError:
+        # a drive that stands tells many candidates apart by priors alone, which rounding hides
+        factor, unit = _factor(raw, roots, sds, np.float64)
+    inverse = solve_triangular(factor, np.diag(unit), lower=True, overwrite_b=True)
+    return np.asarray(inverse), np.asarray(inverse.T @ (inverse @ score))
+
+
+def _factor(
+    raw: Sequence[Rows],
+    roots: Sequence[FloatArray],
+    sds: FloatArray,
+    precision: type[np.float32] | type[np.float64],
+) -> tuple[FloatArray, FloatArray]:
+    """Cholesky factor [c, c] of the information of rows in units [c] that make its diagonal one."""
+    info: FloatArray = np.diag(sds**-2.0)
     for r, root in zip(raw, roots, strict=True):
         for start in range(0, len(root), STRETCH):
             part = slice(start, start + STRETCH)
-            f = r.phi[part] * root[part, None].astype(np.float32)
+            f = r.phi[part].astype(precision) * root[part, None].astype(precision)
             info += f.T @ f
-        score += _transposed(r.phi, root**2 * r.w)
     # parameters have sizes of many orders
     unit = 1.0 / np.sqrt(np.diag(info))
-    factor = np.linalg.cholesky(info * np.outer(unit, unit))
-    inverse = solve_triangular(factor, np.diag(unit), lower=True, overwrite_b=True)
-    return np.asarray(inverse), np.asarray(inverse.T @ (inverse @ score))
+    return np.asarray(np.linalg.cholesky(info * np.outer(unit, unit)), np.float64), unit
 
 
 def _studentised(left: FloatArray, rows: Rows, root: FloatArray, inverse: FloatArray) -> FloatArray:

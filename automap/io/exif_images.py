@@ -18,8 +18,9 @@ from automap.errors import InputError
 from automap.io.json_text import parse_json
 
 _DESCRIPTION, _DATE_TIME, _SUB_SECOND, _OFFSET = 0x010E, 0x9003, 0x9291, 0x9011
+_QUARTER_S = 900.0
 _EXIF_IFD, _GPS_IFD = 0x8769, 0x8825
-_SUFFIXES = (".jpg", ".jpeg")
+IMAGE_SUFFIXES = (".jpg", ".jpeg")
 
 
 @dataclass(frozen=True)
@@ -40,7 +41,7 @@ class PlacedImage:
 def read_images(folder: Path) -> tuple[list[PlacedImage], list[str]]:
     """The JPEG images of a folder that have place and time, in their order in time, and a
     sentence on those that have not. Raises InputError when fewer than two have."""
-    paths = sorted(path for path in folder.iterdir() if path.suffix.lower() in _SUFFIXES)
+    paths = sorted(path for path in folder.iterdir() if path.suffix.lower() in IMAGE_SUFFIXES)
     if not paths:
         raise InputError(f"{folder} holds no .jpg images; give the folder of one sequence.")
     images, without = [], []
@@ -141,12 +142,23 @@ def _time(tags: dict[int, Any], gps: dict[int, Any]) -> tuple[float | None, bool
         if len(zone) == 6 and zone[0] in "+-":
             shift = int(zone[1:3]) * 3600 + int(zone[4:6]) * 60
             return seconds - (shift if zone[0] == "+" else -shift), False
-        return seconds, True
-    if 29 in gps and 7 in gps:
+        told = _receiver_time(gps)
+        if told is None:
+            return seconds, True
+        # the receiver's time is UTC and tells the zone, of quarters of an hour
+        return seconds - _QUARTER_S * round((seconds - told) / _QUARTER_S), False
+    return _receiver_time(gps), False
+
+
+def _receiver_time(gps: dict[int, Any]) -> float | None:
+    """UNIX time that the receiver told, None where it is not there or damaged."""
+    try:
         day = datetime.strptime(str(gps[29]).strip("\0 "), "%Y:%m:%d").replace(tzinfo=UTC)
         hour, minute, second = (float(v) for v in gps[7])
-        return day.timestamp() + hour * 3600.0 + minute * 60.0 + second, False
-    return None, False
+    except (KeyError, ValueError, TypeError, ZeroDivisionError):
+        return None
+    seconds = day.timestamp() + hour * 3600.0 + minute * 60.0 + second
+    return seconds if np.isfinite(seconds) else None
 
 
 def _angle(parts: Any) -> float:

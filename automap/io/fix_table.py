@@ -94,7 +94,12 @@ def read_fix_table(
         )
     if len(order.keep) < len(rows):
         lost = len(rows) - len(order.keep)
-        warnings.append(f"{path}: {lost} fixes whose times do not continue were left out")
+        left_out = _lines(table)[np.delete(rows, order.keep)]
+        warnings.append(
+            f"{path}: {lost} fixes, lines {left_out.min()} to {left_out.max()}, are left out, "
+            "since their times do not continue those of the rest; if a clock was set back there, "
+            "correct them, and if they are another drive, put them in a folder of their own"
+        )
     rows = rows[order.keep]
     columns = table.columns
     if exchanged(columns["lat"][rows], columns["lon"][rows]):

@@ -19,6 +19,7 @@ from automap.io.epoch_fixes import build_fixes
 from automap.io.epoch_join import EARLIEST_GPS_S, Joined, join_epochs
 from automap.io.esf import ReceiverImu, read_esf
 from automap.io.fix_table import RowStamps, read_fix_table
+from automap.io.gpx import decode_gpx, looks_like_gpx
 from automap.io.named_table import look_at_table
 from automap.io.nmea import NmeaTable
 from automap.io.receiver_told import (
@@ -38,7 +39,6 @@ _SNIFF_BYTES = 1 << 20
 _TABLE_SUFFIXES = (".csv", ".tsv", ".tab")
 _PLAIN_FIX = 1
 """Quality of GGA: a fix without corrections."""
-_GPX = re.compile(rb"<gpx[\s>]")
 _CONTENT = re.compile(rb"[^ \t\r\n\0]")
 
 
@@ -49,7 +49,7 @@ class ReceiverLog:
     ``fixes`` one row an epoch, without arrival times; ``imu`` the receiver's own inertial
     sensors. ``messages`` counts by name ("UBX-NAV-PVT", "NMEA-GNGGA", "UBX-0x27-0x03").
     ``garbage_bytes`` belong to no message (blank and ``#`` lines apart); ``truncated`` says
-    what the end of the file cut off. ``kind`` is "ubx", "nmea", "mixed" or "rtklib".
+    what the end of the file cut off. ``kind`` is "ubx", "nmea", "mixed", "rtklib" or "gpx".
     ``ubx`` and ``nmea`` are the decoded tables by type. ``notes`` say how a table of fixes
     (``kind`` "table") was understood. ``period_s`` where no date is told: times are known within
     a day (UTC) or a week (GPS time) then, and count from the first one of 1980.
@@ -70,9 +70,11 @@ class ReceiverLog:
 
 
 def sniff(data: bytes) -> str | None:
-    """Kind of a log by its content: ubx, nmea, mixed, rtklib; None when it is none of them."""
+    """Kind of a log by its content: ubx, nmea, mixed, rtklib, gpx; None when it is none of them."""
     if rtklib.looks_like_pos(data):
         return "rtklib"
+    if looks_like_gpx(data):
+        return "gpx"
     kind = _stream_kind(scan_bytes(data[:_SNIFF_BYTES]))
     if kind is None and len(data) > _SNIFF_BYTES:
         kind = _stream_kind(scan_bytes(data))
@@ -86,7 +88,7 @@ def read_receiver_log(
     written: RowStamps | None = None,
     accept_manual: bool = False,
 ) -> ReceiverLog:
-    """Read a u-blox, NMEA, mixed or RTKLIB log, or a table of fixes.
+    """Read a u-blox, NMEA, mixed or RTKLIB log, a GPX track, or a table of fixes.
 
     ``not_before_gps_s``: dates before it are taken for ones of a past 1024-week era and moved.
     ``accept_manual``: GGA positions of quality 7 (typed in by hand) are fixes; programs of phones
@@ -145,14 +147,11 @@ def read_receiver_bytes(
         raise InputError(f"{name} is empty; record the receiver's output again")
     if rtklib.looks_like_pos(data):
         return _read_rtklib(data, name)
+    if looks_like_gpx(data):
+        return _read_gpx(data, name)
     scan = scan_bytes(data)
     kind = _stream_kind(scan)
     if kind is None:
-        if _GPX.search(data) is not None:
-            raise InputError(
-                f"{name} is a GPX track, which is not read: write its points into a table with the "
-                "columns time, lat, lon and ele"
-            )
         found = scan.bad_nmea + scan.bad_ubx
         why = f"; all {found} message starts have a wrong checksum" if found else ""
         raise InputError(
@@ -190,6 +189,20 @@ def _read_rtklib(data: bytes, name: str) -> ReceiverLog:
         truncated=truncated,
         warnings=warnings,
         kind="rtklib",
+    )
+
+
+def _read_gpx(data: bytes, name: str) -> ReceiverLog:
+    fixes, warnings = decode_gpx(data, name)
+    return ReceiverLog(
+        fixes=fixes,
+        imu=None,
+        messages={"GPX track point": len(fixes)},
+        bad_checksums=0,
+        garbage_bytes=0,
+        truncated=None,
+        warnings=warnings + epoch_warnings(fixes),
+        kind="gpx",
     )
 
 

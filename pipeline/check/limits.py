@@ -18,6 +18,11 @@ FEW_STEPS = 5
 chance once in 1e10 drives, of those with seven once in 1e30."""
 ROUNDED = 1e-5
 """Parts of a step within which a number, radians between, is the one that was written."""
+SET_SPEED_M_S, SET_WAY_S, SET_PART = 3.0, 1.0, 0.5
+"""A vehicle that drove on while its clock was set: slower than this it may have parked; velocities
+are over the way of a second, which is known to half of itself at that speed."""
+SET_JITTER_S = 0.05
+"""Of stamps beside a set clock: what a busy phone's readings are late by."""
 LOST_SHARE = 0.2
 """Of the epochs without a fix. Chosen: a start in a garage and some bridges lose less."""
 LATE_PROBABILITY = 2.7e-3

@@ -12,8 +12,8 @@ from automap.io.frame_times import frame_times
 from automap.io.recording import Recording, imu_time
 from automap.io.video import VideoInput, read_header
 from automap.records import NO_TIME, FloatArray, IntArray
-from automap.timebase import gps_to_iso, unix_to_gps
-from pipeline.check import limits
+from automap.timebase import ROLLOVER_S, gps_to_iso, unix_to_gps
+from pipeline.check import clock_set, limits
 
 
 def imu_gps_time(drive: Drive, recording: Recording) -> FloatArray | None:
@@ -49,6 +49,9 @@ def check(drive: Drive, recording: Recording) -> list[Finding]:
     if fixes is None or not len(fixes):
         return []
     findings = _arrivals(drive, recording)
+    was_set = clock_set.fixes_set(fixes)
+    if was_set is not None:
+        return [*findings, was_set]
     gps_s = imu_gps_time(drive, recording)
     dated = fixes.gps_s[np.isfinite(fixes.gps_s)]
     if gps_s is None or len(dated) < 2:
@@ -62,6 +65,11 @@ def check(drive: Drive, recording: Recording) -> list[Finding]:
     )
     if shared <= 0:
         advice = f"they are not of one drive, or time = {drive.imu.time!r} in [imu] is wrong"
+        if overlap_s(gps_s - ROLLOVER_S, span) > 0:
+            advice = (
+                "the receiver's dates are 1024 weeks early, as of receivers that are older than "
+                "that: write the dates of the drive into the log, or update the receiver"
+            )
         text = f"IMU and fixes do not overlap in time: {spans}"
         findings.append(Finding("error", text, advice, "no_overlap"))
         return findings
@@ -71,6 +79,10 @@ def check(drive: Drive, recording: Recording) -> list[Finding]:
         text = f"{used} of {len(at)} fixes lie in the IMU's time, and a path needs two: {spans}"
         advice = "wait for a fix before driving, and record the IMU for the whole drive"
         findings.append(Finding("error", text, advice, "few_fixes"))
+        return findings
+    was_set = clock_set.one_set(gps_s, fixes)
+    if was_set is not None:
+        findings.append(was_set)
         return findings
     outside = int(np.count_nonzero((dated < gps_s[0]) | (dated > gps_s[-1])))
     if shared < limits.SHORT_OVERLAP * shorter:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from automap.io.table_form import ACCEL, GYRO
 from automap.io.table_guess import TableGuess
+from pipeline.init import other_logs
 from pipeline.init.cameras import Ask, cameras
 from pipeline.init.draft import AS_UTC, Draft
 from pipeline.init.found import Found
@@ -16,6 +17,7 @@ _LOG_KINDS = {
     "nmea": "NMEA sentences",
     "mixed": "u-blox and NMEA messages",
     "rtklib": "an RTKLIB solution",
+    "gpx": "a GPX track",
 }
 _CLOCKS = {"unix": "unix_ns", "gps": "gps_ns"}
 _COUNTRY = re.compile(r"[A-Za-z]{2}")
@@ -120,6 +122,8 @@ def _receiver(draft: Draft, found: Found, imu: Path | None, ask: Ask | None) -> 
     others = [other.name for other in (*logs, *tables) if other not in (path, imu)]
     if path in logs:
         draft.set("gnss", "file", path, f"it holds {_LOG_KINDS[logs[path]]}{_beside(others)}")
+        for text in other_logs.told(path, [log for log in logs if log != path]):
+            draft.doubt("gnss", text)
     else:
         draft.set("gnss", "file", path, f"its columns are latitude and longitude{_beside(others)}")
         _form(draft, "gnss", tables[path])

@@ -11,6 +11,7 @@ from automap.io import names
 from automap.io.atomic import write_text
 from automap.io.csv_columns import listed
 from automap.io.csv_layout import read_layout
+from automap.io.exif_images import IMAGE_SUFFIXES
 from automap.io.named_table import look_at_table
 from pipeline.importers.parts import copy_or_link
 from pipeline.importers.target import Import, new_drive
@@ -80,6 +81,8 @@ def init_drive(
 
 
 _MOST_ZONE_H = 14.0
+_MANY = 4
+"""Files that end alike, from which they are told in one line."""
 _ONE = "put each in a folder of its own, or name one: automap init FILE -o DRIVE"
 
 
@@ -137,7 +140,7 @@ def _zones(draft: Draft, ask: Ask | None) -> None:
 def _told(found: Found, joined: Joined | None, draft: Draft | None = None) -> list[str]:
     """What the user has to know of what was and was not used, and of what was taken for granted."""
     parts = () if joined is None else (joined.gyro.path, joined.accel.path)
-    passed = [f"{p}: not used: {why}" for p, why in found.passed.items() if p not in parts]
+    passed = _passed({path: why for path, why in found.passed.items() if path not in parts})
     if draft is not None:
         zones = [s for s in draft.sections if draft.why(s, "utc_offset_h") == AS_UTC]
         files = dict.fromkeys(draft.get(section, "file") for section in zones)
@@ -148,6 +151,27 @@ def _told(found: Found, joined: Joined | None, draft: Draft | None = None) -> li
     gyro, accel = (path.name for path in parts)
     passed = [text.replace(ALONE, "; another table of that sensor is used") for text in passed]
     return [f"{names.IMU_TABLE} is made of {gyro} and {accel}", *passed]
+
+
+def _passed(files: dict[Path, str]) -> list[str]:
+    """A sentence a file that is not used; many that end alike, for one reason, are told in one."""
+    alike: dict[tuple[str, str], list[Path]] = {}
+    for path, why in files.items():
+        alike.setdefault((why, path.suffix.lower()), []).append(path)
+    told = []
+    for (why, suffix), paths in alike.items():
+        if len(paths) < _MANY:
+            told += [f"{path}: not used: {why}" for path in paths]
+            continue
+        advice = ""
+        if suffix in IMAGE_SUFFIXES:
+            advice = (
+                "; images with their places: put them in a folder of their own, for "
+                "'automap import mapillary'"
+            )
+        first, last = paths[0], paths[-1].name
+        told.append(f"{first} to {last}, {len(paths)} files: not used: {why}{advice}")
+    return told
 
 
 def _unread(found: Found, draft: Draft) -> list[str]:

@@ -75,6 +75,9 @@ def regress(request: Request, log: Callable[[str], None] = lambda text: None) ->
     stored = read_baseline(request.baseline)
     new = [name for name in called if name not in stored]
     if new and not request.new_drives_welcome:
+        absent = [folder for folder in request.drives if not folder.exists()]
+        if absent:
+            raise ConfigError(f"{absent[0]}: there is no such drive folder; check the path.")
         raise ConfigError(
             f"{request.baseline} has no figures of {_some(new)}; store them first with "
             "automap regress --update."

@@ -7,7 +7,14 @@ import pytest
 
 from automap.fusion.layout import CH_NHC, CH_VEL
 from automap.gap.linear import Linear
-from automap.gap.whitening import Rows, _studentised, stretch_scatter, whitened_rows
+from automap.gap.whitening import (
+    Rows,
+    _factor,
+    _ridge,
+    _studentised,
+    stretch_scatter,
+    whitened_rows,
+)
 from automap.records import BoolArray, FloatArray
 from tests.unit.gap_linear import columns_named
 
@@ -187,3 +194,21 @@ def test_a_fit_that_follows_a_few_rows_does_not_make_them_look_quiet() -> None:
         followed.append(np.mean(left[loud] ** 2))
     assert np.mean(followed) < 0.6 * size**2
     assert np.mean(noises) == pytest.approx(size**2, rel=0.1)
+
+
+def test_columns_that_only_their_priors_tell_apart() -> None:
+    # as of a drive that stands: in single precision the information of such is not positive
+    rng = np.random.default_rng(9933)
+    n, c = 4000, 40
+    shared = rng.normal(size=n)
+    phi = np.outer(shared, 1e3 * np.ones(c)) + 1e-3 * rng.normal(size=(n, c))
+    w = 1e3 * shared * 2e-3 + rng.normal(size=n)
+    rows = rows_of(w, np.asfortranarray(phi, np.float32))
+    sds = np.full(c, 1.0)
+    white = whitened_rows([rows], np.zeros(c), sds)
+    assert all(np.isfinite(each.w).all() and np.isfinite(each.phi).all() for each in white)
+    unit = np.ones(n)
+    with pytest.raises(np.linalg.LinAlgError):
+        _factor([rows], [unit], sds, np.float32)
+    _, values = _ridge([rows], [unit], sds)
+    assert values.sum() == pytest.approx(2e-3, rel=0.2)

@@ -16,7 +16,7 @@ from automap.io import names
 from automap.io.drive import load_drive
 from automap.io.imu_csv import read_imu_csv
 from automap.io.tables import read_fixes, read_imu
-from automap.timebase import unix_to_gps
+from automap.timebase import ROLLOVER_S, unix_to_gps
 from pipeline.check.command import CheckReport, check_drive
 from pipeline.run.stage import StageContext
 from pipeline.run.stages import ingest
@@ -140,6 +140,18 @@ def test_unknown_axes_are_fine(drive: Path) -> None:
     move = motion()
     _rewrite(drive, move.gyro[:, [2, 0, 1]], move.accel[:, [2, 0, 1]])
     assert check_drive(drive).usable
+
+
+def test_dates_that_are_1024_weeks_early_are_told_as_such(drive: Path) -> None:
+    imu = read_imu_csv(drive / "imu.csv").data
+    since = imu.t_ns - BOOT_NS + round((unix_to_gps(START.timestamp()) + ROLLOVER_S) * 1e9)
+    lines = [
+        f"{t}," + ",".join(map(str, row))
+        for t, row in zip(since, np.hstack([imu.gyro, imu.accel]).tolist(), strict=True)
+    ]
+    (drive / "imu.csv").write_text("\n".join(["t_ns,gx,gy,gz,ax,ay,az", *lines]))
+    _edit(drive, "[imu]\n", '[imu]\ntime = "gps_ns"\n')
+    assert "the receiver's dates are 1024 weeks early" in _errors(check_drive(drive))
 
 
 def test_recordings_of_different_times_are_refused(drive: Path) -> None:

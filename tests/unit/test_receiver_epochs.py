@@ -332,7 +332,7 @@ def test_what_the_end_cuts_off_is_said() -> None:
     [
         (b"", "empty"),
         (b"\r\n\r\n", "empty"),
-        (b'<?xml version="1.0"?><gpx version="1.1"><trk>', "is a GPX track, which is not read"),
+        (b'<?xml version="1.0"?><gpx version="1.1"><trk>', "is not whole as GPX"),
         (b"hello world" * 50, "no UBX, NMEA or RTKLIB"),
         (bytes(range(256)) * 10, "no UBX, NMEA or RTKLIB"),
         (zda(GPS), "no message with a position"),

@@ -176,3 +176,11 @@ def test_the_plugin_tells_in_a_sentence_what_failed(pytester: pytest.Pytester) -
 def test_without_the_setting_nothing_is_collected(pytester: pytest.Pytester) -> None:
     drive(pytester.path / "drives" / "golf-01")
     assert collected(pytester) == []
+
+
+def test_a_drive_that_is_not_there_is_told_as_such(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    absent, baseline = tmp_path / "golf-99", tmp_path / "base.json"
+    assert run_command(["regress", str(absent), "--baseline", str(baseline)]) == 2
+    assert f"{absent}: there is no such drive folder" in capsys.readouterr().err
