@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -59,8 +59,9 @@ def find(
         effect_named(name)
     make_folder(out)
     progress(0.02, "reading")
-    fitted = gap_drives(drives, out / "runs", settings)
-    held = gap_drives(holdout, out / "runs", settings)
+    noted: list[str] = []
+    fitted = gap_drives(drives, out / "runs", settings, noted.append)
+    held = gap_drives(holdout, out / "runs", settings, noted.append)
     done = 0
 
     def log(text: str) -> None:
@@ -70,6 +71,7 @@ def find(
         progress(1.0 - 0.9 * 0.97**done, text)
 
     result = find_gaps(fitted, held, model, without, log)
+    result = replace(result, warnings=(*noted, *result.warnings))
     for text in result.warnings:
         print(f"warning: {text}", file=sys.stderr)
     lines = camera_lines([], settings)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -38,12 +38,18 @@ def gap_model(config: Path | None) -> tuple[GapModel, Settings]:
     return model, settings
 
 
-def gap_drives(paths: Sequence[Path], runs: Path, settings: Settings) -> list[GapDrive]:
-    """Ingest and synchronise drive folders, as ``automap run`` does.
+def gap_drives(
+    paths: Sequence[Path],
+    runs: Path,
+    settings: Settings,
+    warn: Callable[[str], None] = lambda text: None,
+) -> list[GapDrive]:
+    """Ingest and synchronise drive folders, as ``automap run`` does; ``warn`` is told what is wrong
+    with a drive, which no search should be left to name.
 
     Raises InputError where a drive has no IMU or no fixes.
     """
-    return [_gap_drive(path, runs / _name(path, paths), settings) for path in paths]
+    return [_gap_drive(path, runs / _name(path, paths), settings, warn) for path in paths]
 
 
 def run_folder(path: Path, paths: Sequence[Path], runs: Path) -> Path:
@@ -57,8 +63,8 @@ def _name(path: Path, paths: Sequence[Path]) -> str:
     return name if len(same) == 1 else f"{name}-{same.index(path) + 1}"
 
 
-def _gap_drive(path: Path, out: Path, settings: Settings) -> GapDrive:
-    inputs = prepared(path, make_folder(out) / "run", settings)
+def _gap_drive(path: Path, out: Path, settings: Settings, warn: Callable[[str], None]) -> GapDrive:
+    inputs = prepared(path, make_folder(out) / "run", settings, warn)
     arm = inputs.lever_arm
     fixed = settings.fuse.options().fixed.get("gnss_lever_arm")
     if fixed is not None:
