@@ -60,6 +60,7 @@ def face_of(
         expected=np.log(np.maximum(np.cos(0.3 + _GRID - view[:, None]), 0.02)),
         sd=own,
         columns=columns,
+        least=np.full(n, -np.inf),
         octave=octave,
         octaves=octaves,
         sure=True,
@@ -124,12 +125,17 @@ def test_the_belief_over_normals_is_bayes_rule_with_all_errors_of_the_boxes(sure
     # a direction, and of each shared error as much as its variance fell by
     took = 1.0 - np.diag(cov) / np.diag(shared)
     assert found.absorbed == pytest.approx(1.0 + took.sum())
-    # the mean of directions on a grid, with the trajectory's own error of heading
+    # half of the belief lies to either side of it, and 95 % within the sigmas that tell as much,
+    # with the trajectory's own error of heading
     told = _summary(one, found)
-    middle = float(normal @ one.grid)
-    assert np.cos(told.rad - middle) > np.cos(0.01)
-    variance = float(normal @ (one.grid - middle) ** 2)
-    assert told.sd_rad == pytest.approx(np.sqrt(variance + 0.01**2), rel=0.02)
+    step = np.radians(1.0)
+    off = one.grid - told.rad
+    assert normal[off < -step].sum() < 0.5 < normal[off < step].sum()
+    own = np.sqrt(told.sd_rad**2 - 0.01**2)
+    assert normal[np.abs(off) <= 1.96 * own + step].sum() >= 0.95
+    rms = np.sqrt(normal @ off**2)
+    assert own >= rms * (1.0 - 1e-9)
+    assert own == pytest.approx(rms, rel=0.1)
 
 
 def test_what_faces_have_in_common_is_what_is_expected_of_each(
