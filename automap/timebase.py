@@ -20,6 +20,9 @@ DAY_S, WEEK_S = 86_400, 604_800
 ROLLOVER_S = 1024 * WEEK_S
 """Period of the ten-bit week number of the legacy GPS message, 19.6 years."""
 
+QUARTER_S = 900.0
+"""Zones and summer times differ by multiples of it."""
+
 UNIX_OF_GPS_EPOCH = 315_964_800
 """UNIX time of 1980-01-06T00:00:00 UTC."""
 

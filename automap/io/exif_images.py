@@ -16,9 +16,9 @@ import numpy as np
 
 from automap.errors import InputError
 from automap.io.json_text import parse_json
+from automap.timebase import QUARTER_S
 
 _DESCRIPTION, _DATE_TIME, _SUB_SECOND, _OFFSET = 0x010E, 0x9003, 0x9291, 0x9011
-_QUARTER_S = 900.0
 _EXIF_IFD, _GPS_IFD = 0x8769, 0x8825
 IMAGE_SUFFIXES = (".jpg", ".jpeg")
 
@@ -146,7 +146,7 @@ def _time(tags: dict[int, Any], gps: dict[int, Any]) -> tuple[float | None, bool
         if told is None:
             return seconds, True
         # the receiver's time is UTC and tells the zone, of quarters of an hour
-        return seconds - _QUARTER_S * round((seconds - told) / _QUARTER_S), False
+        return seconds - QUARTER_S * round((seconds - told) / QUARTER_S), False
     return _receiver_time(gps), False
 
 

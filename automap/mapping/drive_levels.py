@@ -32,7 +32,7 @@ from automap.records import FloatArray, IntArray
 LEVELS = ("wanders", "lasts", "own")
 """What each drive has factors on, in the order of their columns."""
 _ROUNDS = 3
-"""Of the levels in a cell: what they still change then is below what they are rounded to."""
+"""Of the levels in a cell. Chosen: what more of them would change was not measured."""
 _FREEDOM = 0.5 / limits.LEVEL_LOG_SD**2
 """Squares that tell a standard deviation as well as it is stated."""
 

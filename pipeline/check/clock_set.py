@@ -7,11 +7,9 @@ import numpy as np
 from automap.earth import local_ned
 from automap.evaluation.plausibility import Finding
 from automap.records import Fixes, FloatArray
-from automap.timebase import gps_to_iso
+from automap.timebase import QUARTER_S, gps_to_iso
 from pipeline.check import limits
 
-QUARTER_S = 900.0
-"""Zones and summer times differ by multiples of it."""
 ADVICE = (
     "a clock was set while it recorded, as for summer time: correct the times from there on, or "
     "cut the drive in two there"
