@@ -21,6 +21,7 @@ ROOT = Path(__file__).resolve().parents[2]
 
 @pytest.mark.skipif(shutil.which("gcc") is None, reason="no gcc to build the failing calls with")
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="the failing calls are Linux's")
+@pytest.mark.slow
 def test_faults_in_an_export_leave_the_old_file_or_the_new_one() -> None:
     # kinds that begin otherwise: those the long run still finds wrong are among the others
     words = ["--only", "export gpx", "--kind", "[!rsn]*", "--count", "5", "--seed", "3"]

@@ -137,6 +137,7 @@ def test_every_detection_is_accounted_for(world) -> None:
     assert np.sqrt(np.nanmean(observations.residual_px**2)) == pytest.approx(1.0, abs=0.3)
 
 
+@pytest.mark.slow
 def test_covariance_fits_the_error() -> None:
     """Errors drawn as the model takes them: boxes, attitude from frame to frame, and for each
     sign a turn and an offset of the stamps of its own."""

@@ -65,7 +65,8 @@ def test_the_aspect_of_a_small_face_is_that_of_its_projected_outline(name: str) 
         np.testing.assert_allclose(told[:, k], shown, atol=0.012)
 
 
-@pytest.mark.parametrize("seeds", [(100,), pytest.param((101, 102), marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("seeds", [(100,), (101, 102)])
 def test_turned_signs_face_where_they_do_within_their_sigmas(seeds: tuple[int, ...]) -> None:
     d = replace(ONE, turned="uniform", turned_deg=15.0, duration_s=300.0)
     off, sd = np.concatenate([errors(d, seed) for seed in seeds]).T
