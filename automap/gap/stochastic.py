@@ -17,14 +17,14 @@ import numpy as np
 from automap.effects import CATALOGUE
 from automap.effects.catalogue import bias_walks
 from automap.fusion.filtered import full_covariance
-from automap.fusion.layout import CH_VEL, N_NAV
+from automap.fusion.layout import CH_VEL, N_NAV, NHC
 from automap.fusion.levels import ALL_LEVELS, RECEIVER_LEVELS, VELOCITY_WANDER
 from automap.fusion.measurements.position import lasting_share
 from automap.fusion.nodes import model_fixes
 from automap.gap import limits
 from automap.gap.drive import OpenDrive, count_outliers
 from automap.gap.fit import Fit, Values, without
-from automap.gap.noise import fit_noise, fitted_about, noise_score, with_noise
+from automap.gap.noise import fit_noise, fitted_about, noise_score, rest_factors, with_noise
 from automap.gap.result import Finding, NoiseClaim, ParameterValue, advice
 from automap.gap.scoring import epochs, fit_held_out, likelier, total_score, whitener_of
 from automap.gap.screening import Found
@@ -58,8 +58,9 @@ def stochastic_findings(
         ratio = fitted[name] / stated_factors[name]
         if name in exclude or ratio < limits.WALK_FACTOR:
             continue
-        nats = score(fitted) - score(_at_best(fits, fitted | {name: stated_factors[name]}, (name,)))
-        nats -= limits.OCCAM_NATS
+        as_stated = {name: stated_factors[name]}
+        nats = score(fitted) - score(_at_best(fits, fitted | as_stated, (name,)))
+        nats = min(nats, _of_no_vehicle(fits, fitted, as_stated)) - limits.OCCAM_NATS
         if nats < limits.NOISE_NATS:
             continue
         value = float(getattr(fits[0].model.options, name)) * fitted[name]
@@ -81,10 +82,12 @@ def noise_claims(
     says as well. The vehicle's own are not of a sensor or receiver.
 
     Of a receiver's figure only the whole can be too small: it does not say how much of its error
-    lasts, and how that is split is the model's own matter.
+    lasts, and how that is split is the model's own matter. A sensor that is at rest as noisy as
+    that is; else what speaks for its noise must do so without the vehicle constraint.
     """
     fitted = dict(fits[0].model.factors)
     score = _memo(lambda f: noise_score(fits, f))
+    resting = rest_factors(fits)
     ratios = {level: fitted[level] / stated_factors[level] for level in SENSOR_LEVELS}
     ratios |= dict(zip(FIGURES, _whole(fits, fitted, stated_factors), strict=True))
     out = []
@@ -94,7 +97,13 @@ def noise_claims(
         parts = FIGURES.get(level, (level,))
         as_stated = {part: fitted[part] / ratio for part in parts}
         held = _at_best(fits, fitted | as_stated, parts)
-        nats = score(fitted) - score(held) - limits.OCCAM_NATS
+        nats = score(fitted) - score(held)
+        if (
+            level in SENSOR_LEVELS
+            and resting.get(level, 0.0) < limits.SCALE_FACTOR * stated_factors[level]
+        ):
+            nats = min(nats, _of_no_vehicle(fits, fitted, as_stated))
+        nats -= limits.OCCAM_NATS
         if nats >= limits.NOISE_NATS:
             out.append(NoiseClaim(level, ratio, nats, _p(nats)))
     return tuple(sorted(out, key=lambda c: -c.evidence_nats))
@@ -115,6 +124,23 @@ def _at_best(
     """The factors with all levels but those ``held`` moved to where they suit the drives best:
     what another level can say as well is no evidence for one."""
     return fit_noise(fits, [k for k in ALL_LEVELS if k not in held], factors)
+
+
+def _of_no_vehicle(
+    fits: Sequence[Fit], fitted: Mapping[str, float], as_stated: Mapping[str, float]
+) -> float:
+    """Log-likelihood ratio, nats, of levels free beside ``as_stated`` where nothing is known of how
+    the vehicle moves: a body that sways against its path looks like noise of the sensors in it."""
+    free = [_unconstrained(f) for f in fits]
+    best = fit_noise(free, initial=fitted)
+    held = _at_best(free, best | dict(as_stated), tuple(as_stated))
+    return noise_score(free, best) - noise_score(free, held)
+
+
+def _unconstrained(fit: Fit) -> Fit:
+    """A fit whose nodes say nothing of sideways slip and springs."""
+    nodes = replace(fit.last.nodes, flags=fit.last.nodes.flags & ~NHC)
+    return replace(fit, last=replace(fit.last, nodes=nodes))
 
 
 def _memo(

@@ -8,8 +8,9 @@ from typing import cast
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
-from automap.gap import base_model
+from automap.gap import GapDrive, base_model
 from automap.gap.drive import count_outliers, open_drive
 from automap.gap.fit import Fit, fit_drive
 from automap.gap.noise import Fitted, fit_noise, with_noise
@@ -79,6 +80,42 @@ def test_a_receivers_figure_is_of_its_whole_error(claims: float, larger: tuple[s
     for level in larger:
         # of an error of minutes a short drive shows but some values
         assert told[level] == pytest.approx(1.0 / claims, rel=0.4)
+
+
+def _swaying(drive: GapDrive, sd: float, tau_s: float) -> GapDrive:
+    """The body, and the sensors in it, turned about down by an angle that wanders, rad."""
+    imu = drive.imu
+    t = (imu.t_ns - imu.t_ns[0]) * 1e-9
+    keep = np.exp(-np.median(np.diff(t)) / tau_s)
+    drawn = np.random.default_rng(1).standard_normal(len(t)) * sd * np.sqrt(1.0 - keep**2)
+    # no body jerks
+    bell = np.hanning(30) / np.hanning(30).sum()
+    angle = np.convolve(lfilter([1.0], [1.0, -keep], drawn), bell, "same")
+    c, s = np.cos(angle), np.sin(angle)
+    gyro, accel = (
+        np.column_stack([c * v[:, 0] + s * v[:, 1], c * v[:, 1] - s * v[:, 0], v[:, 2]])
+        for v in (imu.gyro, imu.accel)
+    )
+    gyro[:, 2] += np.gradient(angle, t)
+    return replace(drive, imu=replace(imu, gyro=gyro, accel=accel))
+
+
+@pytest.mark.parametrize("noisy", [False, True])
+def test_a_body_that_sways_is_no_noise_of_the_sensors_in_it(noisy: bool) -> None:
+    drive = simulated({})
+    if noisy:
+        noise = 0.04 * np.random.default_rng(2).standard_normal(drive.imu.gyro.shape)
+        gyro = drive.imu.gyro + noise
+        drive = replace(drive, imu=replace(drive.imu, gyro=gyro))
+    else:
+        drive = _swaying(drive, 0.02, 4.0)
+    model = base_model()
+    fit = fit_drive(open_drive(drive, model.options), model)
+    factors = fit_noise([fit])
+    # the level rises with either
+    assert factors["gyro"] > 5.0
+    fit = fit_drive(fit.opened, replace(model, factors=factors), linearised_at=fit)
+    assert [c.level for c in noise_claims([fit], model.factors)] == (["gyro"] if noisy else [])
 
 
 @pytest.mark.parametrize(
