@@ -18,6 +18,7 @@ from automap.gap.fit import ORIGIN, Fit, Values
 from automap.gap.limits import ALIKE, SHOWS
 from automap.gap.linear import Part, linearised
 from automap.gap.misfit import LIKE, Misfit
+from automap.gap.reading_steps import cut_off
 from automap.gap.result import (
     Drift,
     Finding,
@@ -75,7 +76,8 @@ def describe(
             for q, (v, sd) in found.full.of(effect).items()
         }
         drift = drifting.get(name)
-        other = str(drift) if drift else doubt(selection, chosen, name, gain)
+        other = str(drift) if drift else cut_off(found.fitted.fits, effect, found.full.of(effect))
+        other = other or doubt(selection, chosen, name, gain)
         its = (effect, parameters, nats, p, 0.0, 0.0, confusable, advice(effect, confusable))
         told.append((odds, Finding(*its, other, drift)))
     return [one for _, one in sorted(told, key=lambda item: -item[0])]

@@ -1,0 +1,50 @@
+"""The steps in which an inertial sensor's readings come, and what they are taken for.
+
+Where what is between two steps is cut off, towards zero, readings are half a step too small and
+nothing is read below one: a dead zone in all but the cause.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from automap.gap.fit import Fit
+from automap.records import FloatArray
+
+ZONES = {"gyro_dead_zone": "gyro", "accel_dead_zone": "accel"}
+"""Effects that look so, and whose readings they are of."""
+_OFF = 0.05
+"""Of a step: a log's digits leave readings less than that off its multiples, chance hardly all."""
+
+
+def cut_off(fits: Sequence[Fit], effect: str, values: Mapping[str, tuple[float, float]]) -> str:
+    """What a dead zone may be where the readings come in steps of its size, in words; nothing of
+    other effects, and where steps are finer. ``values`` parameter (axis) -> value and sd."""
+    if effect not in ZONES:
+        return ""
+    axis = max(values, key=lambda a: values[a][0] / max(values[a][1], 1e-12))
+    size, sd = values[axis]
+    steps = [
+        step_of(getattr(fit.opened.drive.imu, ZONES[effect])[:, "xyz".index(axis)]) for fit in fits
+    ]
+    step = min(steps)
+    # half a step is cut off in the mean, nearly a whole one where a sensor reads little
+    if not 0.5 * step - 2.0 * sd < size < step + 2.0 * sd:
+        return ""
+    return f"readings that are cut off towards zero, in the steps of {step:.3g} in which they come"
+
+
+def step_of(readings: FloatArray) -> float:
+    """The step of which all differences of readings [n] are multiples; 0 where there is none."""
+    levels = np.unique(readings[np.isfinite(readings)])
+    if not 2 < len(levels) < len(readings) / 2:
+        # what is hardly ever read twice comes in no steps that could be seen
+        return 0.0
+    apart = np.diff(levels)
+    # equal but for the last bits
+    apart = apart[apart > _OFF * np.median(apart)]
+    count = np.rint(apart / apart.min())
+    step = float(apart.sum() / count.sum())
+    return step if np.abs(apart / step - count).max() < _OFF else 0.0
