@@ -6,7 +6,7 @@ from pathlib import Path
 
 from automap.errors import ConfigError, InputError
 from automap.io import names
-from pipeline.export.content import map_content, trajectory_of
+from pipeline.export.content import map_content, refuse_lost_signs, trajectory_of
 from pipeline.export.datum import check_format, in_datum
 from pipeline.export.formats import FORMATS, TRAJECTORY_FORMATS, write_dictionary
 from pipeline.export.projected import check_projected, in_projection
@@ -34,7 +34,8 @@ def export_run(
     ``datum`` such as GDA2020@2026.5 moves the positions of GIS formats into it; ``roads`` is a
     layer on which the signs get a place, in place of the map's own; ``crs`` such as EPSG:25832
     projects positions, with ``heights`` such as EPSG:7837. Returns the file and the warnings.
-    Raises ConfigError for an unknown format or a view of signs, InputError when OUT holds no run.
+    Raises ConfigError for an unknown format or a view of signs, InputError when OUT holds no
+    run, or has lost the signs that its run located.
     """
     view = TrajectoryView() if view is None else view
     if fmt not in FORMATS:
@@ -55,6 +56,8 @@ def export_run(
     if path.name == names.DICTIONARY:
         raise ConfigError(f"{path} is where the meaning of the columns goes; name another file.")
     content = map_content(out, drive_of(out)[0], min_confidence, roads is None)
+    if fmt not in TRAJECTORY_FORMATS:
+        refuse_lost_signs(content)
     if not view.is_plain:
         content.products.trajectory = viewed(out, trajectory_of(content), view)
         content.every_row = view.at is not None
