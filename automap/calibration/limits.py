@@ -89,6 +89,9 @@ CUT_OFF = 0.05
 UNIT_RANGE = (0.8, 1.25)
 """Ratio of a scale or of gravity to what it should be, within which the unit is right: no sensor is
 wrong by a quarter, and the nearest two units, g and m/s^2, differ by ten."""
+RANGES = 8.0
+"""From the least to the widest range that a sensor can be set to: 250 to 2000 deg/s, 2 to 16 g, in
+steps of two."""
 
 # dynamic calibration
 
