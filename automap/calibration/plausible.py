@@ -6,7 +6,13 @@ import math
 
 import numpy as np
 
-from automap.calibration.limits import CUT_OFF, LEAST_RUN, RANGES, SATURATION_PROBABILITY, UNIT_RANGE
+from automap.calibration.limits import (
+    CUT_OFF,
+    LEAST_RUN,
+    RANGES,
+    SATURATION_PROBABILITY,
+    UNIT_RANGE,
+)
 from automap.earth import STANDARD_GRAVITY
 from automap.errors import InputError
 from automap.records import FloatArray, RawImu
