@@ -117,6 +117,9 @@ MUCH_TRANSLATION = 0.5
 """RMS velocity of the hand, m/s, above which the result is poor."""
 WELL_KNOWN = 0.5
 """An error is determined when its sigma falls below this part of the prior's."""
+OTHER_SENSOR_PROBABILITY = 1e-6
+"""So rarely is a right calibration, its sensor's errors normal with the sigmas above, taken for
+that of another one."""
 
 # the hand
 
