@@ -175,10 +175,12 @@ def geoid_heights(content: MapContent) -> tuple[FloatArray | None, FloatArray | 
 
 
 def refuse_lost_signs(content: MapContent) -> None:
-    """Raise InputError where the run's signs are missing or damaged: a map without them would
-    take the place of a right one."""
-    if content.products.signs is None and names.SIGNS_RAW in content.products.lost:
-        raise InputError(content.products.lost[names.SIGNS_RAW])
+    """Raise InputError where the signs are missing or damaged, or what was decided about them:
+    a map without would take the place of a right one."""
+    lost = content.products.lost
+    for name in (names.SIGNS_RAW, names.REVIEW):
+        if name in lost:
+            raise InputError(lost[name])
 
 
 def trajectory_of(content: MapContent) -> Trajectory:

@@ -103,6 +103,10 @@ def test_what_its_run_wrote_and_is_not_there_any_more_is_told(tmp_path: Path) ->
     table.write_bytes(content[:-40])
     with pytest.raises(InputError, match="cannot be read"):
         export_run(out, "csv", tmp_path / "map")
+    table.write_bytes(content)
+    (out / names.REVIEW).write_text('{"schema": "automap.review/2", "acti')
+    with pytest.raises(InputError, match=r"review\.json cannot be read as a review"):
+        export_run(out, "csv", tmp_path / "map")
 
 
 def test_a_map_without_its_record_says_what_it_lacks(tmp_path: Path) -> None:
@@ -110,3 +114,14 @@ def test_a_map_without_its_record_says_what_it_lacks(tmp_path: Path) -> None:
     (out / names.RUN).unlink()
     _, warnings = export_run(out, "csv", tmp_path / "map.csv")
     assert any("run.json is missing, so the country" in text for text in warnings)
+
+
+def test_a_byte_order_mark_is_no_damage(tmp_path: Path) -> None:
+    """Editors on Windows put one before a file."""
+    out = write_run(tmp_path / "out", signs=3, seconds=20.0)
+    record = (out / names.RUN).read_text()
+    (out / names.RUN).write_text(record, encoding="utf-8-sig")
+    (out / names.REVIEW).write_text(
+        '{"schema": "automap.review/2", "actions": []}', encoding="utf-8-sig"
+    )
+    assert not load_products(out).problems
