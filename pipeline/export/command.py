@@ -51,6 +51,7 @@ def export_run(
     check_run(out)
     file_name, write = FORMATS[fmt]
     path = target if target is not None else out / file_name
+    _check_suffix(path, fmt)
     spare_results(path, out, file_name)
     spare_recordings(path, *([] if view.at is None else [view.at]))
     if path.name == names.DICTIONARY:
@@ -73,6 +74,16 @@ def export_run(
         # that there are no signs concerns no trajectory
         return path, list(content.products.problems)
     return path, content.warnings
+
+
+def _check_suffix(path: Path, fmt: str) -> None:
+    """Raise ConfigError where a file would bear the name of another format: no program opens it."""
+    suffixes = {name: Path(file).suffix for name, (file, _) in FORMATS.items()}
+    own = suffixes.pop(fmt)
+    if path.suffix.lower() in {*suffixes.values(), ".shp"} - {own}:
+        raise ConfigError(
+            f"{path} has the name of another format than {fmt}; give it the ending {own}."
+        )
 
 
 def check_run(out: Path) -> None:
