@@ -25,6 +25,7 @@ from automap.calibration.hand_motion import (
 from automap.calibration.rest import movement, noise_density
 from automap.errors import InputError
 from automap.frames import matrix_to_quat, rpy_to_matrix
+from automap.gates import sigmas
 from automap.records import FloatArray, RawImu
 
 ERROR_NAMES = tuple(f"{effect}_{axis}" for effect in limits.EFFECTS for axis in "xyz")
@@ -207,5 +208,13 @@ def _judged(result: DynamicCalibration, log: RawImu, prior_sd: FloatArray) -> Dy
     if open_ones:
         found.append(
             f"{log.name}: {', '.join(open_ones)} stay open; turn the sensor through more attitudes"
+        )
+    ratio = np.abs(result.final) / prior_sd
+    worst = int(ratio.argmax())
+    if ratio[worst] > sigmas(limits.OTHER_SENSOR_PROBABILITY / N_ERRORS):
+        found.append(
+            f"{log.name}: {ERROR_NAMES[worst]} is {ratio[worst]:.0f} times what may be expected of "
+            "a sensor before this calibration; is the static calibration that of this sensor, and "
+            "are units and axes those of its log?"
         )
     return replace(result, warnings=tuple(found))

@@ -89,6 +89,9 @@ CUT_OFF = 0.05
 UNIT_RANGE = (0.8, 1.25)
 """Ratio of a scale or of gravity to what it should be, within which the unit is right: no sensor is
 wrong by a quarter, and the nearest two units, g and m/s^2, differ by ten."""
+RANGES = 8.0
+"""From the least to the widest range that a sensor can be set to: 250 to 2000 deg/s, 2 to 16 g, in
+steps of two."""
 
 # dynamic calibration
 
@@ -114,6 +117,9 @@ MUCH_TRANSLATION = 0.5
 """RMS velocity of the hand, m/s, above which the result is poor."""
 WELL_KNOWN = 0.5
 """An error is determined when its sigma falls below this part of the prior's."""
+OTHER_SENSOR_PROBABILITY = 1e-6
+"""So rarely is a right calibration, its sensor's errors normal with the sigmas above, taken for
+that of another one."""
 
 # the hand
 

@@ -2,9 +2,17 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
-from automap.calibration.limits import CUT_OFF, LEAST_RUN, SATURATION_PROBABILITY, UNIT_RANGE
+from automap.calibration.limits import (
+    CUT_OFF,
+    LEAST_RUN,
+    RANGES,
+    SATURATION_PROBABILITY,
+    UNIT_RANGE,
+)
 from automap.earth import STANDARD_GRAVITY
 from automap.errors import InputError
 from automap.records import FloatArray, RawImu
@@ -104,8 +112,16 @@ def _refuse(
     low, high = UNIT_RANGE
     if low < middle < high:
         return
+    times = 2.0 ** round(math.log2(middle)) if middle > 0.0 else 1.0
     near = [text for text, value in others if low < middle / value < high and text != unit]
-    if near:
+    if unit == "counts" and 1.0 / RANGES <= times <= RANGES and low < middle / times < high:
+        advice = (
+            f"they fit {times:g} times the range of the data sheet, so name a sheet of that range "
+            f"with --sensor, its counts_per_unit {1.0 / times:g} times as large"
+        )
+    elif unit == "counts":
+        advice = "name the right data sheet with --sensor, or correct its counts_per_unit"
+    elif near:
         advice = f"it fits {near[0]}, so say {option} {near[0]}"
     elif sensor == "gyro":
         advice = f"correct {option}, the time column or --rate"

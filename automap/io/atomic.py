@@ -18,9 +18,9 @@ from automap.errors import StageError
 _ADVICE = {
     errno.ENOSPC: "the disk is full; free some space or choose another output folder",
     errno.EDQUOT: "the disk quota is used up; free some space or choose another output folder",
-    errno.EROFS: "the file system is read-only; choose another output folder with -o",
-    errno.EACCES: "no permission to write there; choose another output folder with -o",
-    errno.EPERM: "no permission to write there; choose another output folder with -o",
+    errno.EROFS: "the file system is read-only; choose another output folder or work on a copy",
+    errno.EACCES: "no permission to write there; choose another output folder or work on a copy",
+    errno.EPERM: "no permission to write there; choose another output folder or work on a copy",
     errno.EISDIR: "a folder of that name is in the way; remove it",
     errno.ENOTDIR: "a part of the path is a file, not a folder; choose another output folder",
     errno.ENAMETOOLONG: "the name is too long; choose a shorter output folder",

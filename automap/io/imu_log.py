@@ -14,6 +14,7 @@ from automap.io.named_table import NamedTable, look_at_table, read_table
 from automap.io.sensor_file import SI_PER_UNIT, SensorModel
 from automap.io.stamps import order_stamps
 from automap.io.table_form import ACCEL, GYRO, TableForm
+from automap.io.wrapped_counts import first_wrap
 from automap.records import FloatArray, IntArray, RawImu
 
 SKIP = "-"
@@ -159,6 +160,19 @@ def _read_drive(path: Path, form: LogFormat) -> ImuLog:
     return ImuLog(_with_units(raw, stated), (drive.imu_file,), recording.warnings)
 
 
+def _refuse_wrapped(name: str, t_ns: IntArray, gyro: FloatArray, accel: FloatArray) -> None:
+    """Raise where counts ran over: what was turned or felt since then is wrong."""
+    for sensor, values in (("accelerometer", accel), ("gyro", gyro)):
+        for i, axis in enumerate("xyz"):
+            row = first_wrap(values[:, i])
+            if row is not None:
+                raise InputError(
+                    f"{name}: the {sensor}'s {axis} axis jumps from {values[row, i]:g} to "
+                    f"{values[row + 1, i]:g} at {1e-9 * (t_ns[row] - t_ns[0]):.2f} s, so its 16 "
+                    "bits ran over; turn it more slowly or set a wider range, and record again."
+                )
+
+
 @dataclass(frozen=True)
 class _Readings:
     """Stamps [n], None where there are none, readings [n, 3] and temperatures [n] or None."""
@@ -195,6 +209,7 @@ def _assemble(
     if order is None or len(order.keep) < 2:
         raise InputError(f"{name}: its time column does not run; correct --columns or its unit.")
     kept = rows[order.keep]
+    _refuse_wrapped(name, t_ns[kept], found.gyro[kept], found.accel[kept])
     if len(kept) < len(rows):
         warnings.append(f"{name}: {len(rows) - len(kept)} rows with stamps out of order left out")
     raw = RawImu(

@@ -10,6 +10,9 @@ _LONGEST = 20
 
 def parse_json(text: str | bytes) -> Any:
     """The value of a JSON text; ValueError for any text that is none, however it is damaged."""
+    if isinstance(text, str):
+        # of editors on Windows; bytes are looked at by the parser itself
+        text = text.removeprefix("\ufeff")
     try:
         return json.loads(text, parse_int=_whole)
     except RecursionError:

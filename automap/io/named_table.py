@@ -25,6 +25,7 @@ from automap.io.table_form import (
 from automap.io.table_guess import TableGuess, guess_table
 from automap.io.table_times import Clock, TimeForm, stamps
 from automap.io.table_units import to_si
+from automap.io.wrapped_counts import UNSIGNED, with_sign, without_sign
 from automap.records import BoolArray, FloatArray, IntArray
 
 OURS: dict[TableKind, tuple[str, ...]] = {
@@ -129,8 +130,13 @@ def read_table(
         if quantity is not None and unit is not None and role not in GYRO + ACCEL:
             values = to_si(values, unit, quantity)
         columns[role] = values
+    notes = guess.notes
+    triads = {role: columns[role] for role in GYRO + ACCEL if role in columns}
+    if kind == "imu" and without_sign(triads.values()):
+        columns |= {role: with_sign(values) for role, values in triads.items()}
+        notes = (*notes, f"{path}: {UNSIGNED}.")
     clock: Clock = "host" if guess.time is None else guess.time.clock
-    return NamedTable(columns, t_ns, clock, table, dict(guess.units), guess.notes, guess)
+    return NamedTable(columns, t_ns, clock, table, dict(guess.units), notes, guess)
 
 
 def _kind(role: str, guess: TableGuess) -> Kind:

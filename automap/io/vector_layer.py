@@ -136,15 +136,17 @@ def _parquet(path: Path) -> VectorLayer:
 
 
 def _csv(path: Path) -> VectorLayer:
+    import codecs
     import csv
     import io
 
     data = path.read_bytes()
+    # a spreadsheet's "Unicode text" is UTF-16, its CSV on Windows often of the code page
+    wide = data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
     try:
-        text = data.decode("utf-8-sig")
+        text = data.decode("utf-16" if wide else "utf-8-sig")
     except UnicodeDecodeError:
-        # what spreadsheets on Windows write
-        text = data.decode("cp1252", "replace")
+        text = data.decode("utf-16" if wide else "cp1252", "replace")
     first = text.partition("\n")[0]
     separator = max((";", ",", "\t", "|"), key=first.count)
     try:

@@ -23,9 +23,9 @@ _NOTHING = "the camera gives no detections"
 def judge(drive: Drive, video: VideoInput) -> Iterator[tuple[Path, list[Finding]]]:
     """Errors of the manifest's numbers, which put every sign in a wrong place; ``check`` has them
     among the rest."""
-    found = geometry(drive, video, [])
-    yield drive.manifest_file, [finding for finding in found if finding.severity == "error"]
     size = image_size(video.chapters)
+    found = geometry(drive, video, size)
+    yield drive.manifest_file, [finding for finding in found if finding.severity == "error"]
     mismatch = None if size is None else size_mismatch(video, *size)
     if mismatch is not None:
         yield video.chapters[0], [mismatch]
@@ -43,7 +43,8 @@ def check(drive: Drive, video: VideoInput) -> Iterator[tuple[Path | str, list[Fi
         header, counted = _counted(path, header)
         headers.append(header)
         yield path, [*_chapter(video, header), *counted]
-    found = geometry(drive, video, headers)
+    size = (headers[0].width, headers[0].height) if headers else None
+    found = geometry(drive, video, size)
     yield drive.manifest_file, [finding for finding in found if finding.severity != "error"]
     if headers and video.frames is None:
         yield drive.manifest_file, _start(video, headers)
@@ -87,17 +88,28 @@ def size_mismatch(video: VideoInput, wide: int, high: int) -> Finding | None:
     width, height = video.section.width, video.section.height
     if width is None or height is None or (width, height) == (wide, high):
         return None
+    # of the same proportions but for a row that a coder rounds
+    if abs(wide * height - high * width) <= 2 * max(width, height):
+        advice = (
+            f"correct width and height, and multiply the camera_matrix by {wide / width:.4g} if "
+            "it was measured at the other size"
+        )
+    else:
+        advice = (
+            "its proportions are others, so a part of the picture is cut off and no factor makes "
+            "the camera_matrix fit: calibrate with the settings of this video"
+        )
     return Finding(
         "error",
         f"the manifest says {width}x{height}, the video has {wide}x{high}",
-        f"correct width and height, and multiply the camera_matrix by {wide / width:.4g} if it "
-        "was measured at the other size",
+        advice,
         "camera_size",
     )
 
 
-def geometry(drive: Drive, video: VideoInput, headers: list[VideoHeader]) -> list[Finding]:
-    """Findings on what the manifest says of a camera's optics and place."""
+def geometry(drive: Drive, video: VideoInput, size: tuple[int, int] | None) -> list[Finding]:
+    """Findings on what the manifest says of a camera's optics and place; ``size`` of its pictures
+    where the manifest has none, width and height."""
     section = video.section
     findings = [
         Finding("warning", text)
@@ -116,10 +128,11 @@ def geometry(drive: Drive, video: VideoInput, headers: list[VideoHeader]) -> lis
     if section.camera_matrix is None:
         return findings
     (fx, _, cx), (_, fy, cy), _ = section.camera_matrix
-    width = section.width or (headers[0].width if headers else None)
-    height = section.height or (headers[0].height if headers else None)
-    if width is None or height is None:
+    if section.width is not None and section.height is not None:
+        size = section.width, section.height
+    if size is None:
         return findings
+    width, height = size
     view = float(np.degrees(2.0 * np.arctan(0.5 * width / fx)))
     shown = f"[video.{video.name}] camera_matrix: {view:.0f} deg of horizontal view"
     if view > limits.WIDEST_DEG:
@@ -133,6 +146,16 @@ def geometry(drive: Drive, video: VideoInput, headers: list[VideoHeader]) -> lis
                 f"{shown}, its centre ({cx:.0f}, {cy:.0f}) is far from that of {width}x{height}",
                 "the matrix belongs to another resolution or its rows are mixed up",
                 "camera_matrix",
+            )
+        )
+    elif off_centre > limits.OFF_CENTRE_DOUBTED:
+        findings.append(
+            Finding(
+                "warning",
+                f"{shown}, its centre ({cx:.0f}, {cy:.0f}) is {100 * off_centre:.0f} % off that of "
+                f"{width}x{height}",
+                "was it measured at other proportions, as 4:3? Calibrate with the settings of this "
+                "video",
             )
         )
     elif not limits.VIEW_DEG[0] < view < limits.VIEW_DEG[1]:

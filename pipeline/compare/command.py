@@ -111,8 +111,8 @@ def _map(folder: Path) -> RunProducts:
         raise InputError(f"{folder}: no such map; give a folder of automap run or merge.")
     products = load_products(folder)
     if products.signs is None:
-        told = f" ({products.problems[0]})" if products.problems else ""
-        raise InputError(f"{folder} holds no signs{told}; run the drive up to the export first.")
+        none = f"{folder} holds no signs; run the drive up to the export first."
+        raise InputError(products.lost.get(names.SIGNS_RAW, none))
     return products
 
 

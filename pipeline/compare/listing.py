@@ -24,7 +24,10 @@ def listed_signs(
     """The list's signs that have a position, and their rows."""
     rows, codes = _entries(read, path, warnings)
     if not rows:
-        raise InputError(f"{path}: no entry has a position; see --columns and --crs.")
+        raise InputError(
+            f"{path}: none of its entries has a position that can be read as numbers; see whether "
+            "a spreadsheet has put separators into them, or name other columns with --columns."
+        )
     classes = classes_of(codes, country)
     unknown = Counter(code for code, name in zip(codes, classes, strict=True) if name is None)
     if unknown:

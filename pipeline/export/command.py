@@ -6,7 +6,7 @@ from pathlib import Path
 
 from automap.errors import ConfigError, InputError
 from automap.io import names
-from pipeline.export.content import map_content, trajectory_of
+from pipeline.export.content import map_content, refuse_lost_signs, trajectory_of
 from pipeline.export.datum import check_format, in_datum
 from pipeline.export.formats import FORMATS, TRAJECTORY_FORMATS, write_dictionary
 from pipeline.export.projected import check_projected, in_projection
@@ -34,7 +34,8 @@ def export_run(
     ``datum`` such as GDA2020@2026.5 moves the positions of GIS formats into it; ``roads`` is a
     layer on which the signs get a place, in place of the map's own; ``crs`` such as EPSG:25832
     projects positions, with ``heights`` such as EPSG:7837. Returns the file and the warnings.
-    Raises ConfigError for an unknown format or a view of signs, InputError when OUT holds no run.
+    Raises ConfigError for an unknown format or a view of signs, InputError when OUT holds no
+    run, or has lost the signs that its run located.
     """
     view = TrajectoryView() if view is None else view
     if fmt not in FORMATS:
@@ -50,11 +51,14 @@ def export_run(
     check_run(out)
     file_name, write = FORMATS[fmt]
     path = target if target is not None else out / file_name
+    _check_suffix(path, fmt)
     spare_results(path, out, file_name)
     spare_recordings(path, *([] if view.at is None else [view.at]))
     if path.name == names.DICTIONARY:
         raise ConfigError(f"{path} is where the meaning of the columns goes; name another file.")
     content = map_content(out, drive_of(out)[0], min_confidence, roads is None)
+    if fmt not in TRAJECTORY_FORMATS:
+        refuse_lost_signs(content)
     if not view.is_plain:
         content.products.trajectory = viewed(out, trajectory_of(content), view)
         content.every_row = view.at is not None
@@ -70,6 +74,16 @@ def export_run(
         # that there are no signs concerns no trajectory
         return path, list(content.products.problems)
     return path, content.warnings
+
+
+def _check_suffix(path: Path, fmt: str) -> None:
+    """Raise ConfigError where a file would bear the name of another format: no program opens it."""
+    suffixes = {name: Path(file).suffix for name, (file, _) in FORMATS.items()}
+    own = suffixes.pop(fmt)
+    if path.suffix.lower() in {*suffixes.values(), ".shp"} - {own}:
+        raise ConfigError(
+            f"{path} has the name of another format than {fmt}; give it the ending {own}."
+        )
 
 
 def check_run(out: Path) -> None:

@@ -89,9 +89,10 @@ def map_content(
             f"{left_out} of {left_out + len(signs)} signs are less sure than {min_confidence:g}; "
             "they were left out."
         )
-    if content.path is None or not len(content.path):
+    no_path = content.path is None or not len(content.path)
+    if no_path and names.TRAJECTORY not in products.lost:
         content.warnings.append("There is no trajectory, so the map shows no path.")
-    if products.signs is None:
+    if products.signs is None and names.SIGNS_RAW not in products.lost:
         content.warnings.append("No signs were located, so the map has none.")
     lost = len(signs) - int(signs.located.sum())
     if lost:
@@ -173,6 +174,15 @@ def geoid_heights(content: MapContent) -> tuple[FloatArray | None, FloatArray | 
     return sign_geoid, track_geoid
 
 
+def refuse_lost_signs(content: MapContent) -> None:
+    """Raise InputError where the signs are missing or damaged, or what was decided about them:
+    a map without would take the place of a right one."""
+    lost = content.products.lost
+    for name in (names.SIGNS_RAW, names.REVIEW):
+        if name in lost:
+            raise InputError(lost[name])
+
+
 def trajectory_of(content: MapContent) -> Trajectory:
     """The trajectory; InputError where OUT has none."""
     trajectory = content.products.trajectory
@@ -181,6 +191,8 @@ def trajectory_of(content: MapContent) -> Trajectory:
             "a merged map has the thinned tracks of several drives; give the folder of one drive, "
             "or take gpx, which holds them all."
         )
+    if names.TRAJECTORY in content.products.lost and trajectory is None:
+        raise InputError(content.products.lost[names.TRAJECTORY])
     if trajectory is None or len(trajectory) == 0:
         raise InputError("there is no trajectory in OUT; run the drive first.")
     return trajectory

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from automap.errors import ConfigError
 from pipeline.export.command import check_run
-from pipeline.export.content import map_content
+from pipeline.export.content import map_content, refuse_lost_signs
 from pipeline.export.projected import check_projected, in_projection
 from pipeline.export.roads import put_on_roads
 from pipeline.shared.run_record import drive_of
@@ -36,6 +36,7 @@ def export_postgis(
     database = parse_url(url, os.environ)
     check_run(out)
     content = map_content(out, drive_of(out)[0], least, roads is None)
+    refuse_lost_signs(content)
     if roads is not None:
         put_on_roads(content, roads)
     lineage, warnings, flat = content.lineage, content.warnings, None

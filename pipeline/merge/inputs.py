@@ -17,7 +17,7 @@ from automap.mapping.sightings import DriveSigns
 from automap.records import ClockModel, DrivePath, FloatArray, IntArray, Trajectory
 from pipeline.merge.cameras import cameras_of_run
 from pipeline.merge.signs import sign_columns
-from pipeline.shared.run_record import country_of, drive_of
+from pipeline.shared.run_record import country_of, drive_of, unlike_record, written_results
 from pipeline.shared.values import json_object
 
 if TYPE_CHECKING:
@@ -59,6 +59,9 @@ def read_run(folder: Path) -> RunSigns:
     if clock is None:
         clock = _clock(folder)
     columns = sign_columns(folder, clock)
+    written = written_results(record)
+    unlike = (unlike_record(folder, written, n) for n in (names.SIGNS_RAW, names.TRAJECTORY))
+    warnings += [text for text in unlike if text]
     path = None if table is None else _path(table)
     cameras = cameras_of_run(folder, record)
     if path is None and len(columns["ids"]):

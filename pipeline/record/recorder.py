@@ -132,8 +132,8 @@ class Recorder:
             reader.wait_ready()
         for camera in self._cameras:
             camera.start(self.folder)
-        for name, work in (("write", self._write), ("sync", self._sync), ("mind", self._mind)):
-            thread = threading.Thread(target=work, name=name, daemon=True)
+        for work in (self._write, self._sync, self._mind, self._tend):
+            thread = threading.Thread(target=work, name=work.__name__[1:], daemon=True)
             thread.start()
             self._threads.append(thread)
 
@@ -202,11 +202,18 @@ class Recorder:
                 file.sync()
 
     def _mind(self) -> None:
-        """Set the receiver up, watch for trouble, find a receiver again that was reset."""
-        self._guarded(self._receiver_setup.configure if self._receiver_setup else lambda: None)
+        """Watch for trouble."""
         while not self._halt.wait(_LOOK_S):
             self._guarded(lambda: self._conditions.update(self._look(), _TOLD))
-            self._guarded(self._receiver_setup.recover if self._receiver_setup else lambda: None)
+
+    def _tend(self) -> None:
+        """Set the receiver up, find one again that was reset: in a thread of its own, since it
+        takes many seconds to try all line rates."""
+        if self._receiver_setup is None:
+            return
+        self._guarded(self._receiver_setup.configure)
+        while not self._halt.wait(_LOOK_S):
+            self._guarded(self._receiver_setup.recover)
 
     def _guarded(self, work: Callable[[], None]) -> None:
         """Do what may fail without harm to the recording; tell a failure once."""
@@ -227,6 +234,11 @@ class Recorder:
                 found |= self._gnss.conditions(now, self._started_ns, baud)
         if self._imu is not None and self._imu.reader.connected:
             found |= self._imu.conditions(now, self._started_ns)
+        if {"gnss-noise", "imu-noise"} <= found.keys():
+            found["exchanged"] = (
+                "neither the receiver's port nor the sensor's sends what it should; are --gnss and "
+                "--imu exchanged?"
+            )
         for stream in self._streams():
             label = stream.reader.label
             if not stream.reader.connected:
@@ -249,7 +261,7 @@ class Recorder:
             return found
         free, left_s = self._room(now_ns)
         if free < _LOW_DISK_BYTES or left_s < _LOW_DISK_S:
-            found["disk-low"] = f"the disk has {free / 1e6:.0f} MB left ({_span(left_s)})"
+            found["disk-low"] = f"the disk has {free / 1e6:.0f} MB left{_span(left_s)}"
         return found
 
     def _room(self, now_ns: int) -> tuple[int, float]:
@@ -331,6 +343,7 @@ class Recorder:
 
 
 def _span(seconds: float) -> str:
+    """How long the room lasts, in brackets; "" as long as nothing tells it."""
     if seconds == float("inf"):
-        return "no end in sight"
-    return f"{seconds / 3600:.1f} h" if seconds >= 5400 else f"{seconds / 60:.0f} min"
+        return ""
+    return f" ({seconds / 3600:.1f} h)" if seconds >= 5400 else f" ({seconds / 60:.0f} min)"

@@ -14,6 +14,8 @@ from automap.io import names
 from automap.io.json_text import parse_json
 from automap.mapping.review import Renamed, apply_review
 from automap.records import ClockModel, Fixes, Sign, Trajectory
+from pipeline.shared.run_record import unlike_record, written_results
+from pipeline.shared.values import json_object
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -43,6 +45,10 @@ class RunProducts:
     problems: list[str] = field(default_factory=list)
     refused: list[str] = field(default_factory=list)
     """Of these, the files that the system did not let be read: they may be sound."""
+    lost: dict[str, str] = field(default_factory=dict)
+    """What is wrong with files that the run wrote and that are missing or damaged, by name."""
+    written: Mapping[str, int | None] = field(default_factory=dict)
+    """What the run wrote, with sizes, as its record says."""
 
     @property
     def trajectories(self) -> Mapping[str, Trajectory]:
@@ -72,15 +78,23 @@ class RunProducts:
     def attempt(self, name: str, read: Callable[[Path], T]) -> T | None:
         """What ``read`` makes of a file of OUT; None, with a problem noted, when it cannot."""
         path = self.out / name
+        unlike = unlike_record(self.out, self.written, name)
         if not path.is_file():
+            if unlike:
+                self._note(unlike)
+                self.lost[name] = unlike
             return None
         try:
-            return read(path)
+            found = read(path)
         except (AutoMapError, OSError, ValueError, TypeError, KeyError) as error:
             if trouble := _of_the_system(error):
                 self.refused.append(f"{path} cannot be read ({trouble.strerror})")
             self._note(f"{name} is left out: {error}")
+            self.lost[name] = str(error)
             return None
+        if unlike:
+            self._note(unlike)
+        return found
 
     def readable(self) -> RunProducts:
         """These; StageError where the system refused a file. A map without what is in it would
@@ -119,7 +133,7 @@ def load_products(out: Path, signs: bool = True, fresh: bool = False) -> RunProd
     from automap.io.tables import read_fixes
     from automap.io.trajectory_table import read_trajectory
 
-    products = RunProducts(out)
+    products = RunProducts(out, written=written_results(json_object(out / names.RUN)))
     for name in (names.TRAJECTORY_ADJUSTED, names.TRAJECTORY):
         trajectory = products.attempt(name, read_trajectory)
         if trajectory is not None and len(trajectory):
@@ -133,6 +147,11 @@ def load_products(out: Path, signs: bool = True, fresh: bool = False) -> RunProd
     fixes = products.attempt(names.FIXES, read_fixes)
     products.fixes = fixes if fixes is not None and len(fixes) else None
     products.clock = _clock(products)
+    if not (out / names.RUN).is_file() and (products.signs or products.trajectories):
+        products.problems.append(
+            f"{out / names.RUN} is missing, so the country, with it the codes of the classes, and "
+            "where the map comes from are not known; copy the whole folder of the run."
+        )
     return products
 
 

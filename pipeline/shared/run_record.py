@@ -56,6 +56,32 @@ def _sound(value: Any) -> dict[str, Any]:
     return record
 
 
+def written_results(record: Mapping[str, Any]) -> dict[str, int | None]:
+    """The files that the finished stages of a run wrote, with their sizes in bytes."""
+    written: dict[str, int | None] = {}
+    for stage in mapping(record.get("stages")).values():
+        if mapping(stage).get("status") == "done":
+            for name, entry in mapping(mapping(stage).get("outputs")).items():
+                size = mapping(entry).get("bytes")
+                written[name] = size if isinstance(size, int) else None
+    return written
+
+
+def unlike_record(out: Path, written: Mapping[str, int | None], name: str) -> str:
+    """A sentence where the file ``name`` of OUT is not there as its run wrote it, else ""."""
+    if name not in written:
+        return ""
+    path = out / name
+    if not path.is_file():
+        return f"{path} is missing, though its run wrote it; copy the whole folder again."
+    if written[name] not in (None, path.stat().st_size):
+        return (
+            f"{path} was changed after its run, by other means than automap's; copy the whole "
+            "folder again, or run the drive again."
+        )
+    return ""
+
+
 def results_of(folder: Path) -> Path:
     """The folder of results that is meant: a drive's own where the drive is given."""
     own = folder / names.DEFAULT_OUT

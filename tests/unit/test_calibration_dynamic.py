@@ -53,6 +53,19 @@ def test_known_errors_come_back(seed: int) -> None:
     assert result.errors.shape == (len(log), len(ERROR_NAMES))
 
 
+def test_the_calibration_of_another_sensor_is_told() -> None:
+    """Its errors are some ten times what changes from one turn-on to the next."""
+    log, truth, _ = hand_turned(424207)
+    other = calibrate_dynamic(log, log.gyro, log.accel, GRAVITY, TURN_ON_SD)
+    assert any("is the static calibration that of this sensor" in text for text in other.warnings)
+    gyro, accel = (1.0 + truth[9:]) * log.gyro, (1.0 + truth[6:9]) * log.accel
+    turn_on = TURN_ON_SD * np.random.default_rng(1).normal(size=12)
+    own = calibrate_dynamic(
+        log, gyro + truth[3:6] + turn_on[3:6], accel + truth[:3] + turn_on[:3], GRAVITY, TURN_ON_SD
+    )
+    assert own.warnings == ()
+
+
 def test_too_little_turned_about_an_axis_is_said() -> None:
     rng = np.random.default_rng(0)
     angles = np.tile([0.0, 90.0, 180.0, 90.0], 10)

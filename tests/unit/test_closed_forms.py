@@ -254,6 +254,9 @@ def test_sightings_a_few_millimetres_apart_are_of_one_camera() -> None:
         ("rad/s", np.pi / 180.0, "it fits deg/s, so say --gyro-unit deg/s"),
         ("deg/s", 180.0 / np.pi, "it fits rad/s"),
         ("deg/s", 0.2, "correct --gyro-unit"),
+        ("counts", 2.02, r"they fit 2 times the range.*counts_per_unit 0\.5 times"),
+        ("counts", 0.124, r"they fit 0\.125 times the range.*counts_per_unit 8 times"),
+        ("counts", 3e-4, "name the right data sheet with --sensor"),
     ],
 )
 def test_readings_in_another_unit_are_refused_with_the_one_that_fits(

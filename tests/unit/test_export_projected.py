@@ -18,6 +18,8 @@ from export_inputs import write_run
 from automap.errors import ConfigError, InputError
 from automap.export.datum import parse_datum, to_datum
 from automap.export.projected import parse_projection, plane_of
+from automap.io import names
+from automap.io.signs_table import read_signs
 from pipeline.cli.root import run_command
 from pipeline.export.command import export_run
 from pipeline.export.projected import PROJECTED_FORMATS
@@ -164,6 +166,24 @@ def test_refusals(
     assert run_command(words) == code
     assert sentence in " ".join(capsys.readouterr().err.split())
     assert not target.exists()
+
+
+def test_a_system_that_stretches_lengths_is_told(out: Path) -> None:
+    """Web Mercator, which everybody has at hand."""
+    _, warnings = export_run(out, "csv", out.parent / "mercator.csv", crs="EPSG:3857")
+    lat = read_signs(out / names.SIGNS_RAW)[0].lat_rad
+    told = [text for text in warnings if "times those in metres on the ground" in text]
+    assert len(told) == 1
+    assert f"{1.0 / np.cos(lat):.1f}" in told[0]
+    _, warnings = export_run(out, "csv", out.parent / "utm.csv", crs=UTM)
+    assert not any("on the ground" in text for text in warnings)
+
+
+@pytest.mark.parametrize(("fmt", "name"), [("csv", "a.xlsx"), ("gpkg", "a.shp"), ("kml", "a.kmz")])
+def test_a_file_is_not_named_as_one_of_another_format(out: Path, fmt: str, name: str) -> None:
+    with pytest.raises(ConfigError, match="has the name of another format than"):
+        export_run(out, fmt, out.parent / name)
+    assert not (out.parent / name).exists()
 
 
 def test_without_the_grid_heights_are_refused(out: Path) -> None:

@@ -289,8 +289,18 @@ def test_a_camera_that_does_not_fit_its_video(drive: Path) -> None:
     _edit(drive, "height = 128", "height = 64")
     errors = _errors(check_drive(drive))
     assert errors.count("another resolution") == 1
+    # of another size than the video alone tells, as well
+    _edit(drive, "width = 96\nheight = 64\n", "")
+    assert _errors(check_drive(drive)).count("another resolution") == 1
     _edit(drive, "schema", 'accept = ["camera_matrix"]\nschema')
     assert check_drive(drive).usable
+    _edit(drive, "64.0], [0.0, 0.0", "39.0], [0.0, 0.0")
+    _edit(drive, "96.0], [0.0, 150", "48.0], [0.0, 150")
+    assert "11 % off that of 96x64" in check_drive(drive).text().replace("\n", " ").replace(
+        "  ", ""
+    )
+    _edit(drive, "[video.front]", "[video.front]\nwidth = 96\nheight = 72")
+    assert "its proportions are others" in _errors(check_drive(drive))
 
 
 def test_frames_of_another_video_are_told(drive: Path) -> None:

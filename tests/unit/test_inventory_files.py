@@ -262,7 +262,9 @@ def test_a_place_elsewhere_is_not_brought_to_the_map(tmp_path: Path) -> None:
     assert any("more than 10 km from the map" in text for text in read.warnings)
 
 
-def test_columns_of_degrees_have_umlauts(tmp_path: Path) -> None:
-    (tmp_path / "list.csv").write_text("Nr;Zeichen;Breite;Länge\n1;206;49,5;8,5\n", "latin-1")
+@pytest.mark.parametrize("encoding", ["latin-1", "utf-16", "utf-8-sig"])
+def test_columns_of_degrees_have_umlauts(tmp_path: Path, encoding: str) -> None:
+    """As spreadsheets write them: of the code page, as Unicode text, with a mark before it."""
+    (tmp_path / "list.csv").write_text("Nr;Zeichen;Breite;Länge\n1;206;49,5;8,5\n", encoding)
     read = read_inventory(tmp_path / "list.csv")
     assert np.degrees([read.lat_rad[0], read.lon_rad[0]]) == pytest.approx([49.5, 8.5])

@@ -9,6 +9,7 @@ import subprocess
 import threading
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -25,7 +26,8 @@ from pipeline.record.manifest_text import read_rig
 from pipeline.record.ports import PortInfo, PortSpec, SerialPort, parse_port
 from pipeline.record.probe import probe_port
 from pipeline.record.reader import PortReader
-from pipeline.record.recorder import Plan, Recorder
+from pipeline.record.receiver_setup import ReceiverSetup
+from pipeline.record.recorder import LOG, Plan, Recorder
 from pipeline.record.replay import Terminal
 from pipeline.record.ublox import Setup
 from tests.unit.recorded_drive import (
@@ -364,3 +366,19 @@ def test_bytes_that_come_while_a_port_opens_leave_no_hole(
     terminal.close()
     kept = b"".join(data or b"" for _, data in reader.take())
     assert kept in sent
+
+
+def test_troubles_are_told_while_line_rates_are_tried(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Ports that are exchanged: the search for the receiver's rate held up every other word."""
+    stuck = threading.Event()
+    monkeypatch.setattr(ReceiverSetup, "recover", lambda _self: stuck.wait(60.0))
+    with terminals(write_drive(tmp_path / "drive", 12.0), tmp_path / "car") as player:
+        plan = plan_for(tmp_path / "car")
+        plan = replace(plan, gnss=plan.imu, imu=plan.gnss)
+        with recording(tmp_path / "rec", plan) as recorder:
+            play_in_background(player)
+            log = recorder.folder / LOG
+            assert wait_until(lambda: "--gnss and --imu exchanged?" in log.read_text())
+            stuck.set()

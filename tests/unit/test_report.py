@@ -105,7 +105,8 @@ def test_nothing_is_requested_from_the_network(out: Path) -> None:
 def test_any_input_may_be_missing_or_damaged(out: Path, missing: str) -> None:
     (out / missing).unlink(missing_ok=True)
     page, context = run_stage(out)
-    assert context.warnings == []
+    # without its record nobody can say what else a run wrote
+    assert len(context.warnings) == (missing == names.RUN)
     assert len(html.fromstring(page).xpath("//section[@id]")) >= 9
     shutil.rmtree(out / "report.tmp")
     (out / missing).parent.mkdir(exist_ok=True)
