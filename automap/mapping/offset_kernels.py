@@ -36,7 +36,6 @@ def agreement(values: FloatArray, e: float, n: float, u: float, p_e: float, p_n:
 def vote(
     time_s: FloatArray,
     shared_sd: FloatArray,
-    tau_s: float,
     index: IntArray,
     values: FloatArray,
     offset: FloatArray,
@@ -70,10 +69,10 @@ def vote(
             if variance[axis] < 0.0:
                 variance[axis] = prior[axis]
             else:
-                keep = np.exp(-(middle - last) / tau_s)
+                keep = np.exp(-(middle - last) / limits.PATH_CORRELATION_S)
                 mean[axis] *= keep
                 variance[axis] = keep * keep * variance[axis] + (1.0 - keep * keep) * prior[axis]
-        spread = 1.0 - np.exp(-np.abs(time_s[start:stop] - middle) / tau_s) ** 2
+        spread = 1.0 - np.exp(-np.abs(time_s[start:stop] - middle) / limits.PATH_CORRELATION_S) ** 2
         of = _Stretch(index[start:stop], values[start:stop], spread, prior, mean, variance)
         mean, variance = _offset_of(of)
         offset[start:stop] = mean
@@ -179,7 +178,6 @@ def _refine(stretch: _Stretch, offset: FloatArray) -> tuple[FloatArray, FloatArr
 def smooth(
     time_s: FloatArray,
     shared_sd: FloatArray,
-    tau_s: float,
     chosen: IntArray,
     values: FloatArray,
     offset: FloatArray,
@@ -200,7 +198,7 @@ def smooth(
             if i == 0:
                 ahead[i], var_ahead[i] = 0.0, 1.0
             else:
-                keep = np.exp(-max(time_s[i] - time_s[i - 1], 0.0) / tau_s)
+                keep = np.exp(-max(time_s[i] - time_s[i - 1], 0.0) / limits.PATH_CORRELATION_S)
                 ahead[i] = keep * filtered[i - 1]
                 var_ahead[i] = keep * keep * var_filtered[i - 1] + 1.0 - keep * keep
             filtered[i], var_filtered[i] = ahead[i], var_ahead[i]
@@ -220,7 +218,7 @@ def smooth(
             var_filtered[i] *= 1.0 - gain
         for i in range(n - 1, -1, -1):
             if i < n - 1:
-                keep = np.exp(-max(time_s[i + 1] - time_s[i], 0.0) / tau_s)
+                keep = np.exp(-max(time_s[i + 1] - time_s[i], 0.0) / limits.PATH_CORRELATION_S)
                 gain = var_filtered[i] * keep / var_ahead[i + 1]
                 filtered[i] += gain * (filtered[i + 1] - ahead[i + 1])
                 var_filtered[i] += gain * gain * (var_filtered[i + 1] - var_ahead[i + 1])
