@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from merge_scene import ORIGIN, to_enu, to_geodetic
 
+from automap.geolocation.limits import NODE_S
 from automap.mapping.adjustment import Adjusted, ErrorLevels, adjust
 from automap.mapping.association import Association, associate
 from automap.mapping.candidates import (
@@ -22,7 +23,7 @@ from automap.mapping.candidates import (
     V_U,
 )
 from automap.mapping.error_levels import estimate_levels
-from automap.mapping.limits import COMMON_SD_M, MOST, NODE_S
+from automap.mapping.limits import COMMON_SD_M, MOST
 from automap.mapping.offset_kernels import smooth, vote
 from automap.mapping.sightings import DrivePath, DriveSigns, Sightings, stack_sightings
 
