@@ -122,21 +122,26 @@ def _offset_of(stretch: _Stretch) -> tuple[FloatArray, FloatArray]:
 
 
 @kernel
-def _support(stretch: _Stretch, offset: FloatArray) -> float:
-    signs, values, spread, prior, mean, variance = stretch
+def _likeliest(stretch: _Stretch, i: int, offset: FloatArray) -> tuple[float, int]:
+    """Evidence in nats for the best candidate of one sighting, and which it is: 0, -1 for none."""
     e, n, u = offset[0], offset[1], offset[2]
-    total = 0.0
-    for axis in range(3):
-        total -= 0.5 * (offset[axis] - mean[axis]) ** 2 / variance[axis]
-    for i in range(len(signs)):
-        most = 0.0
-        for c in range(limits.MOST):
-            if signs[i, c] < 0:
-                break
-            p_e, p_n = spread[i] * prior[0], spread[i] * prior[1]
-            most = max(most, agreement(values[i, c], e, n, u, p_e, p_n))
-        total += most
-    return total
+    p_e, p_n = stretch.spread[i] * stretch.prior[0], stretch.spread[i] * stretch.prior[1]
+    most, chosen = 0.0, -1
+    for c in range(limits.MOST):
+        if stretch.signs[i, c] < 0:
+            break
+        told = agreement(stretch.values[i, c], e, n, u, p_e, p_n)
+        if told > most:
+            most, chosen = told, c
+    return most, chosen
+
+
+@kernel
+def _support(stretch: _Stretch, offset: FloatArray) -> float:
+    total = -0.5 * ((offset - stretch.mean) ** 2 / stretch.variance).sum()
+    for i in range(len(stretch.signs)):
+        total += _likeliest(stretch, i, offset)[0]
+    return float(total)
 
 
 @kernel
@@ -147,15 +152,7 @@ def _refine(stretch: _Stretch, offset: FloatArray) -> tuple[FloatArray, FloatArr
     b_e, b_n = mean[0] / variance[0], mean[1] / variance[1]
     a_u, b_u = 1.0 / variance[2], mean[2] / variance[2]
     for i in range(len(signs)):
-        wander = spread[i]
-        most, chosen = 0.0, -1
-        for c in range(limits.MOST):
-            if signs[i, c] < 0:
-                break
-            p_e, p_n = wander * prior[0], wander * prior[1]
-            told = agreement(values[i, c], offset[0], offset[1], offset[2], p_e, p_n)
-            if told > most:
-                most, chosen = told, c
+        wander, chosen = spread[i], _likeliest(stretch, i, offset)[1]
         if chosen < 0:
             continue
         row = values[i, chosen]
