@@ -21,7 +21,7 @@ from automap.geolocation.landmark_kernels import N_COMMON, normal_equations
 from automap.geolocation.locate import locate_signs
 from automap.geolocation.result import GeolocationResult
 from automap.geolocation.rules import GeolocationRules
-from automap.geolocation.tracking import TrackingRules, link_views
+from automap.geolocation.tracking import link_views
 from automap.geolocation.views import CameraCorrection, MeasurementNoise, build_views
 from automap.records import Detections, Trajectory
 from automap.robust import BY_CAUCHY
@@ -356,7 +356,7 @@ def test_track_numbers_of_a_detector_are_used(world) -> None:
     views = build_views(
         path, [replace(found, track=owner)], {"front": camera()}, MeasurementNoise()
     )
-    tracks = link_views(views, SizePrior(), TrackingRules())
+    tracks = link_views(views, SizePrior(), 20.0)
     assert len(tracks) == len(np.unique(owner))
     for rows in tracks:
         assert len(np.unique(views.track[rows])) == 1

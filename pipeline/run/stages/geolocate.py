@@ -192,7 +192,6 @@ def rules_from(
     from automap.geolocation.boresight import CameraPriors
     from automap.geolocation.landmark import SizePrior
     from automap.geolocation.rules import GeolocationRules
-    from automap.geolocation.tracking import TrackingRules
     from automap.geolocation.views import MeasurementNoise
 
     return GeolocationRules(
@@ -202,7 +201,7 @@ def rules_from(
             margin_sd_px=settings.box_margin_sd_px,
         ),
         size=SizePrior(size_m=settings.sign_size_m, log_sd=settings.sign_size_log_sd),
-        tracking=TrackingRules(max_silence_s=settings.max_silence_s),
+        max_silence_s=settings.max_silence_s,
         assembly=_assembly(drive, vehicle),
         camera=CameraPriors(
             focal_sd=settings.focal_sd,
