@@ -126,9 +126,7 @@ def add_member(
     state[k, A_NN] += sign * w_nn
     state[k, B_E] += sign * (w_ee * de + w_en * dn)
     state[k, B_N] += sign * (w_en * de + w_nn * dn)
-    if height[i] == height[i]:
-        if state[k, HEIGHT] != state[k, HEIGHT]:
-            state[k, HEIGHT] = height[i] - offset[2]
+    if height[i] == height[i] and state[k, HEIGHT] == state[k, HEIGHT]:
         state[k, A_U] += sign / seen.own_u[i]
         state[k, B_U] += sign * (height[i] - state[k, HEIGHT] - offset[2]) / seen.own_u[i]
     if facing[i] == facing[i]:

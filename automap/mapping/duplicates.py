@@ -87,7 +87,12 @@ def _gains(
     wander = np.zeros((len(edges) - 1, 3))
     for k in range(len(edges) - 1):
         own = rows[edges[k] : edges[k + 1]]
-        found_sign(k, own[0], seen, offset[own[0]], signs)
+        founder = own[0]
+        for i in own[::-1]:
+            # heights are relative to the founder's
+            if seen.height[i] == seen.height[i]:
+                founder = i
+        found_sign(k, founder, seen, offset[founder], signs)
         for i in own:
             add_member(k, i, 1.0, seen, offset[i], signs)
             wander[k] += offset_var[i] / len(own) ** 2
