@@ -71,26 +71,11 @@ def squared_distances(
     n_boxes, n_signs = len(measured), len(parameters)
     result = np.full((n_boxes, n_signs), np.inf)
     h, J, q, d = _room()
-    M = np.zeros((3, 3))
-    b = np.zeros(3)
-    S = np.zeros((3, 3))
     for t in range(n_signs):
-        for i in range(3):
-            b[i] = 0.0
-            for k in range(3):
-                b[i] += C_view[i, k] * (anchor[t, k] - centre[k])
-                M[i, k] = 0.0
-                for m in range(3):
-                    M[i, k] += C_view[i, m] * C_anchor[t, k, m]
+        M, b = C_view @ C_anchor[t].T, C_view @ (anchor[t] - centre)
         if not _measure(parameters[t], M, b, h, J, q, d):
             continue
-        for i in range(3):
-            for j in range(3):
-                total = 0.0
-                for k in range(4):
-                    for m in range(4):
-                        total += J[i, k] * covariance[t, k, m] * J[j, m]
-                S[i, j] = total
+        S = J @ covariance[t] @ J.T
         for box in range(n_boxes):
             a00 = S[0, 0] + sd[box, 0] ** 2 + slack_rad**2
             a11 = S[1, 1] + sd[box, 1] ** 2 + slack_rad**2

@@ -228,9 +228,9 @@ def _located(
 def _find_landmarks(
     views: Views, rules: GeolocationRules, progress: Callable[[float], None]
 ) -> tuple[list[Landmark], IntArray]:
-    tracks = link_views(views, rules.size, rules.tracking, progress=progress)
-    landmarks, misfits = clean_tracks(views, tracks, rules.size, rules.tracking)
-    return join_pieces(views, landmarks, rules.size, rules.tracking), misfits
+    tracks = link_views(views, rules.size, rules.max_silence_s, progress=progress)
+    landmarks, misfits = clean_tracks(views, tracks, rules.size, rules.max_silence_s)
+    return join_pieces(views, landmarks, rules.size, rules.max_silence_s), misfits
 
 
 def _with_stamps(

@@ -123,15 +123,18 @@ def _is_other_side(views: Views, back: Sighting, front: Sighting) -> bool:
     difference = back.position - front.position
     if float(np.linalg.norm(difference)) > limits.BACK_REACH_M:
         return False
-    if float(back.facing @ front.facing) > limits.AWAY_COSINE:
-        return False
     if np.isin(views.frame[back.landmark.rows], views.frame[front.landmark.rows]).any():
         return False
-    slack = np.diag([limits.THICKNESS_M**2, limits.THICKNESS_M**2, limits.HEIGHT_SLACK_M**2])
-    covariance = difference_covariance(back, front) + slack
-    return float(difference @ np.linalg.solve(covariance, difference)) < gate(
-        limits.BACK_PROBABILITY, 3
-    )
+    cosine = float(back.facing @ front.facing)
+    return are_two_sides(difference, difference_covariance(back, front), cosine)
+
+
+def are_two_sides(difference: FloatArray, covariance: FloatArray, cosine: float) -> bool:
+    """Whether two faces may be face and back of one sign, by the ``difference`` [a] of their
+    places, in plan or with the height, m, its covariance [a, a], and the cosine between them."""
+    slack = [limits.THICKNESS_M, limits.THICKNESS_M, limits.HEIGHT_SLACK_M][: len(difference)]
+    square = difference @ np.linalg.solve(covariance + np.diag(slack) ** 2, difference)
+    return bool(cosine < limits.AWAY_COSINE and square < gate(limits.BACK_PROBABILITY, len(slack)))
 
 
 def combine(sightings: Sequence[Sighting], adjusted: bool = False) -> tuple[FloatArray, FloatArray]:

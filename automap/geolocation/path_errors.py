@@ -15,22 +15,39 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from automap.geolocation import limits
 from automap.records import FloatArray, IntArray
 from automap.sparse_normal import Factor, factorise, least_fill
 
 _SETTLED = 0.1
 """Strays are looked for anew unless no weight changes by more than a tenth."""
-_LEAST_STEP_S = 1e-5
-"""Between nodes, s: two of one time are one, but the equations want some freedom between them. Of a
-process of a minute's time constant 0.06 % of its sigma."""
 
 
-def correlations(time_s: FloatArray, tau_s: float) -> FloatArray:
-    """Correlation [k] of a path's error at ascending times [k] with that at the time before; 0 at
-    the first, and wherever another path begins, which is where time goes back."""
-    step = np.diff(time_s)
-    alike = np.exp(-np.maximum(step, _LEAST_STEP_S) / tau_s)
-    return np.concatenate([[0.0], np.where(step < 0.0, 0.0, alike)])
+def path_nodes(time_s: FloatArray, first: IntArray) -> tuple[FloatArray, IntArray, FloatArray]:
+    """Nodes of paths, as ``Network`` has them ``alike`` [k]; ``node`` [n, 3] of each of the times
+    [n], the one before it, the one after and the path's own, one each, which come last; and how
+    much of the error at each it has [n, 3].
+
+    ``first`` [d + 1] where each path begins, with its earliest time. Nodes are ``NODE_S`` apart,
+    and between them what wanders goes straight.
+    """
+    paths = len(first) - 1
+    path = np.repeat(np.arange(paths), np.diff(first))
+    step = time_s / limits.NODE_S
+    before = np.floor(step)
+    after = step - before
+    begin = before[first[:-1]] if paths else before
+    width = int(np.max(before - begin[path], initial=0.0)) + 2
+    key = path * width + (before - begin[path]).astype(np.int64)
+    used, place = np.unique(np.concatenate([key, key + 1]), return_inverse=True)
+    both = np.exp(-limits.NODE_S / limits.PATH_CORRELATION_S)
+    begins = np.diff(used // width, prepend=-1) > 0
+    alike = np.where(begins, 0.0, both ** np.diff(used, prepend=0))
+    node = np.column_stack([*place.reshape(2, -1), len(used) + path])
+    # with the sigma that is stated there
+    most = np.sqrt(1.0 - 2.0 * after * (1.0 - after) * (1.0 - both))
+    between = np.column_stack([(1.0 - after) / most, after / most, np.ones(len(after))])
+    return np.append(alike, np.zeros(paths)), node, between
 
 
 @dataclass(frozen=True)

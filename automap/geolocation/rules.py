@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 from automap.geolocation.assembly import AssemblyRules
 from automap.geolocation.boresight import CameraPriors
 from automap.geolocation.landmark import SizePrior
-from automap.geolocation.tracking import TrackingRules
 from automap.geolocation.views import MeasurementNoise
 
 
@@ -15,18 +14,18 @@ from automap.geolocation.views import MeasurementNoise
 class GeolocationRules:
     """``estimate_camera`` and ``estimate_noise``: the camera's turn and time offset, and the
     scatter of its boxes, from all signs; ``adjust_trajectory`` by signs seen again and control
-    signs. ``max_single_view_m`` is the greatest distance, judged
-    by the box's size alone, at which a sign seen once is still put on the map;
-    ``min_existence`` the least probability of existence (seen, and missed when it should have
-    been seen) of a sign on the map."""
+    signs. A sign that is not seen for ``max_silence_s`` is tracked anew. ``max_single_view_m`` is
+    the greatest distance, judged by the box's size alone, at which a sign seen once is still put on
+    the map; ``min_existence`` the least probability of existence (seen, and missed when it should
+    have been seen) of a sign on the map."""
 
     noise: MeasurementNoise = field(default_factory=MeasurementNoise)
     size: SizePrior = field(default_factory=SizePrior)
-    tracking: TrackingRules = field(default_factory=TrackingRules)
     assembly: AssemblyRules = field(default_factory=AssemblyRules)
     camera: CameraPriors = field(default_factory=CameraPriors)
     estimate_camera: bool = True
     estimate_noise: bool = True
     adjust_trajectory: bool = True
+    max_silence_s: float = 20.0
     max_single_view_m: float = 60.0
     min_existence: float = 0.5

@@ -7,13 +7,13 @@ import numpy as np
 from automap.gates import gate
 from automap.geolocation import limits
 from automap.geolocation.landmark import Landmark, SizePrior, distances_to, fit_landmark
-from automap.geolocation.tracking import TrackingRules, link_views
+from automap.geolocation.tracking import link_views
 from automap.geolocation.views import Views
 from automap.records import IntArray
 
 
 def clean_tracks(
-    views: Views, tracks: list[IntArray], prior: SizePrior, rules: TrackingRules
+    views: Views, tracks: list[IntArray], prior: SizePrior, max_silence_s: float
 ) -> tuple[list[Landmark], IntArray]:
     """Landmarks of the tracks with their misfits taken out, and the rows of the misfits.
 
@@ -34,14 +34,14 @@ def clean_tracks(
     span = np.array([views.t_ns[m.rows[[0, -1]]] for m in landmarks]).reshape(-1, 2)
     remaining = []
     for row in sorted(loose):
-        index = _adopt(views, row, landmarks, span, prior, rules)
+        index = _adopt(views, row, landmarks, span, prior, max_silence_s)
         if index < 0:
             remaining.append(row)
         else:
             rows = views.t_ns[landmarks[index].rows]
             span[index] = rows.min(), rows.max()
     misfits: list[int] = []
-    for rows in link_views(views, prior, rules, np.array(remaining, np.int64)):
+    for rows in link_views(views, prior, max_silence_s, np.array(remaining, np.int64)):
         if len(rows) == 1:
             misfits.append(int(rows[0]))
         else:
@@ -55,25 +55,25 @@ def _adopt(
     landmarks: list[Landmark],
     span: IntArray,
     prior: SizePrior,
-    rules: TrackingRules,
+    max_silence_s: float,
 ) -> int:
     """Give a loose box to the landmark that expects it best and has none in its frame; the
     landmark's index, -1 without one. ``span`` [m, 2] their first and last times."""
-    reach, now = np.int64(rules.max_silence_s * 1e9), views.t_ns[row]
+    reach, now = np.int64(max_silence_s * 1e9), views.t_ns[row]
     near = np.flatnonzero((span[:, 0] - reach <= now) & (now <= span[:, 1] + reach))
     some = [landmarks[index] for index in near]
-    distances = distances_to(views, some, np.array([row]), rules.slack_rad)[0]
-    best, best_distance = -1, rules.gate
-    for k in np.flatnonzero(distances < rules.gate):
+    distances = distances_to(views, some, np.array([row]), limits.LINK_SLACK_RAD)[0]
+    best, best_distance = -1, limits.LINK_GATE
+    for k in np.flatnonzero(distances < limits.LINK_GATE):
         index, distance = int(near[k]), float(distances[k])
         landmark = landmarks[index]
         if (views.frame[landmark.rows] == views.frame[row]).any():
             continue
         silence = np.abs(views.t_ns[landmark.rows] - views.t_ns[row]).min() * 1e-9
-        if silence > rules.max_silence_s:
+        if silence > max_silence_s:
             continue
         if not (views.class_name[landmark.rows] == views.class_name[row]).any():
-            distance += rules.other_class
+            distance += limits.LINK_OTHER
         if distance < best_distance:
             best, best_distance = index, distance
     if best < 0:
@@ -86,7 +86,7 @@ def _adopt(
 
 
 def join_pieces(
-    views: Views, landmarks: list[Landmark], prior: SizePrior, rules: TrackingRules
+    views: Views, landmarks: list[Landmark], prior: SizePrior, max_silence_s: float
 ) -> list[Landmark]:
     """Join landmarks of one pass that one place explains as well as two.
 
@@ -95,7 +95,7 @@ def join_pieces(
     fit costs no more than chi-square of the three coordinates saved allows.
     """
     pieces = sorted(landmarks, key=lambda item: int(item.rows.min()))
-    limit_ns = int(rules.max_silence_s * 1e9)
+    limit_ns = int(max_silence_s * 1e9)
     i = 0
     while i < len(pieces):
         j = i + 1
@@ -103,7 +103,7 @@ def join_pieces(
             ended, begun = pieces[i].rows.max(), pieces[j].rows.min()
             if views.t_ns[begun] - views.t_ns[ended] > limit_ns:
                 break
-            both = _joined(views, pieces[i], pieces[j], prior, rules)
+            both = _joined(views, pieces[i], pieces[j], prior)
             if both is None:
                 j += 1
             else:
@@ -114,9 +114,7 @@ def join_pieces(
     return pieces
 
 
-def _joined(
-    views: Views, a: Landmark, b: Landmark, prior: SizePrior, rules: TrackingRules
-) -> Landmark | None:
+def _joined(views: Views, a: Landmark, b: Landmark, prior: SizePrior) -> Landmark | None:
     if not set(views.class_name[a.rows]) & set(views.class_name[b.rows]):
         return None
     if np.isin(views.frame[a.rows], views.frame[b.rows]).any():
@@ -124,14 +122,14 @@ def _joined(
     one, other = (a, b) if len(a.rows) >= len(b.rows) else (b, a)
     # a cheap look first: does the longer track expect any box of the shorter one?
     nearest = [
-        distances_to(views, [mark], mark_rows, rules.slack_rad).min()
+        distances_to(views, [mark], mark_rows, limits.LINK_SLACK_RAD).min()
         for mark, mark_rows in (
             (one, other.rows[:1]),
             (one, other.rows[-1:]),
             (other, one.rows[:1]),
         )
     ]
-    if not min(nearest) < rules.gate:
+    if not min(nearest) < limits.LINK_GATE:
         return None
     both = fit_landmark(views, np.sort(np.concatenate([a.rows, b.rows])), prior)
     if not both.ok or both.weight.min() < limits.MISFIT_WEIGHT:

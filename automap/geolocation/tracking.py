@@ -15,35 +15,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from automap.assignment import assign
-from automap.gates import gate
 from automap.geolocation import limits
 from automap.geolocation.landmark import Landmark, SizePrior, distances_to, fit_landmark
 from automap.geolocation.views import Views
 from automap.records import FloatArray, IntArray
-
-
-@dataclass(frozen=True)
-class TrackingRules:
-    """When a box may continue a track.
-
-    ``missed`` how rarely a box of a track is not taken for one of it, ``gate`` the squared
-    distance in sigmas (three components) that this is; ``slack_rad`` what
-    the prediction may be off by beyond its covariance (mounting, attitude); ``other_class``
-    and ``other_track`` what a different class, or a different track number of the detector,
-    costs in the same unit; ``same_track`` what an equal track number gains; ``max_silence_s``
-    after which an unseen track ends.
-    """
-
-    missed: float = 1.7e-4
-    slack_rad: float = 0.003
-    other_class: float = 6.0
-    other_track: float = 6.0
-    same_track: float = 6.0
-    max_silence_s: float = 20.0
-
-    @property
-    def gate(self) -> float:
-        return gate(self.missed, 3)
 
 
 @dataclass
@@ -66,13 +41,14 @@ class _Track:
 def link_views(
     views: Views,
     prior: SizePrior,
-    rules: TrackingRules,
+    max_silence_s: float,
     rows: IntArray | None = None,
     progress: Callable[[float], None] = lambda fraction: None,
 ) -> list[IntArray]:
     """Group the views (or those of ``rows``, ascending) into tracks.
 
-    Every view belongs to exactly one track, alone if need be. Returns the rows of each track
+    Every view belongs to exactly one track, alone if need be, which ends ``max_silence_s`` after
+    its last. Returns the rows of each track
     in the order of time, tracks in the order of first sight.
     """
     chosen = np.arange(len(views)) if rows is None else np.asarray(rows, np.int64)
@@ -87,10 +63,10 @@ def link_views(
         still: list[_Track] = []
         for track in active:
             silence = (now - int(views.t_ns[track.rows[-1]])) * 1e-9
-            (still if silence <= rules.max_silence_s else ended).append(track)
+            (still if silence <= max_silence_s else ended).append(track)
         active = still
         # a box starts a new track at the price of the gate
-        partner = assign(_link_costs(views, active, frame_rows, rules), rules.gate)
+        partner = assign(_link_costs(views, active, frame_rows), limits.LINK_GATE)
         for row, index in dict(zip(frame_rows.tolist(), partner.tolist(), strict=True)).items():
             if index < 0:
                 track = _Track([row], fit_landmark(views, np.array([row]), prior), row)
@@ -108,18 +84,16 @@ def link_views(
     return sorted(tracks, key=lambda rows: int(rows[0]))
 
 
-def _link_costs(
-    views: Views, active: list[_Track], frame_rows: IntArray, rules: TrackingRules
-) -> FloatArray:
+def _link_costs(views: Views, active: list[_Track], frame_rows: IntArray) -> FloatArray:
     """Costs [boxes, tracks] of continuing a track with a box of the frame."""
     marks = [track.landmark for track in active]
-    cost = distances_to(views, marks, frame_rows, rules.slack_rad)
-    cost[~(cost < rules.gate)] = np.inf
-    for i, j in np.argwhere(cost < rules.gate):
+    cost = distances_to(views, marks, frame_rows, limits.LINK_SLACK_RAD)
+    cost[~(cost < limits.LINK_GATE)] = np.inf
+    for i, j in np.argwhere(cost < limits.LINK_GATE):
         track, row = active[j], frame_rows[i]
         share = track.class_score.get(str(views.class_name[row]), 0.0)
-        cost[i, j] += rules.other_class * (1.0 - share / sum(track.class_score.values()))
+        cost[i, j] += limits.LINK_OTHER * (1.0 - share / sum(track.class_score.values()))
         if views.track[row] >= 0 and track.numbers:
             same = int(views.track[row]) in track.numbers
-            cost[i, j] += -rules.same_track if same else rules.other_track
+            cost[i, j] += -limits.LINK_OTHER if same else limits.LINK_OTHER
     return cost

@@ -1,8 +1,8 @@
 """The trajectory, adjusted weakly by signs seen again and by surveyed ones.
 
 A sign seen in two passes says how the trajectory's errors of the two differ, a control sign
-what they are (``path_errors.py``). Nodes are some seconds apart, besides those of the sightings.
-What no sign tells keeps its prior, so that parts of a drive without such signs stay as they were.
+what they are (``path_errors.py``). What no sign tells keeps its prior, so that parts of a drive
+without such signs stay as they were.
 """
 
 from __future__ import annotations
@@ -15,9 +15,9 @@ import numpy as np
 from automap.earth import metres_per_radian, tangent_rotation
 from automap.frames import wrap_pi
 from automap.geolocation import limits
-from automap.geolocation.path_errors import Equations, Network, correlations
+from automap.geolocation.path_errors import Equations, Network, path_nodes
 from automap.geolocation.sightings import Sighting
-from automap.records import FloatArray, IntArray, Trajectory
+from automap.records import FloatArray, Trajectory
 from automap.robust import cauchy_weight
 
 _ROUNDS = 3
@@ -62,8 +62,14 @@ def adjust_trajectory(
     members = [(sightings[m], number) for number, k in enumerate(telling) for m in groups[k]]
     seen, sign = [sighting for sighting, _ in members], np.array([n for _, n in members])
     surveyed = [(number, *control[k]) for number, k in enumerate(telling) if k in control]
-    time, sd, node = _nodes(trajectory, np.array([m.time_s for m in seen]))
-    nodes, extra = len(time), len(surveyed)
+    seen_s, t = np.array([m.time_s for m in seen]), trajectory.t_ns * 1e-9
+    ends = np.array([np.floor(t[0] / limits.NODE_S), np.ceil(t[-1] / limits.NODE_S)])
+    time = np.union1d(np.arange(ends[0], ends[1] + 1.0) * limits.NODE_S, seen_s)
+    alike, node, between = path_nodes(time, np.array([0, len(time)]))
+    known = (np.maximum(np.nan_to_num(column), 1e-6) for column in trajectory.sd_pos_ned.T)
+    sd = np.column_stack([np.interp(time, t, column) for column in known])
+    lasting = limits.LASTING_ERROR
+    between = between * np.sqrt([1.0 - lasting, 1.0 - lasting, lasting])
     start = np.array([sightings[groups[k][0]].position for k in telling])
     own = [m.covariance - np.diag(m.path_sd**2) + limits.FACE_SD_M**2 * np.eye(3) for m in seen] + [
         covariance for _, _, covariance in surveyed
@@ -71,42 +77,23 @@ def adjust_trajectory(
     sign = np.concatenate([sign, [number for number, _, _ in surveyed]]).astype(np.int64)
     place = np.array([m.position for m in seen] + [place for _, place, _ in surveyed])
     # a surveyed place is a sighting without the path's errors
-    node = np.append(node, np.zeros(extra, np.int64))
+    at = np.append(np.searchsorted(time, seen_s), np.zeros(len(surveyed), np.int64))
     certain = np.arange(len(sign)) >= len(seen)
-    part = np.sqrt([1.0 - limits.LASTING_ERROR, limits.LASTING_ERROR])
-    # the last node is what lasts
-    network = Network(
-        np.append(correlations(time, limits.PATH_CORRELATION_S), 0.0),
-        np.column_stack([node, np.full(len(node), nodes)]),
-        sign,
-        part[:, None] * np.where(certain[:, None], 0.0, sd[node])[:, None],
-        place - start[sign],
-        np.linalg.inv(np.array(own)),
-    )
+    shared = np.where(certain[:, None], 0.0, sd[at])[:, None] * between[at][:, :, None]
+    information = np.linalg.inv(np.array(own))
+    network = Network(alike, node[at], sign, shared, place - start[sign], information)
     equations = Equations(network)
 
     def weigh(square: FloatArray) -> FloatArray:
         return np.where(certain, 1.0, cauchy_weight(square, limits.HALF_WEIGHT_SIGMAS))
 
     found = equations.solve(equations.weights(weigh, _ROUNDS))
-    both = np.column_stack([np.arange(nodes), np.full(nodes, nodes)])
-    unknown = 3 * both[:, None] + np.arange(3)[:, None]
-    posterior = np.sqrt(found.factor.variances_of(unknown, part))
+    unknown = 3 * node[:, None] + np.arange(3)[:, None]
+    posterior = np.sqrt(found.factor.variances_of(unknown, between[:, None]))
     if posterior.min() > 1.0 - limits.LEAST_ADJUSTMENT:
         return None
-    error = np.einsum("p,npk->nk", part, found.error[both])
+    error = np.einsum("kp,kpa->ka", between, found.error[node])
     return Adjustment(time, error * sd, posterior * sd)
-
-
-def _nodes(trajectory: Trajectory, seen_s: FloatArray) -> tuple[FloatArray, FloatArray, IntArray]:
-    """Times [k] of the nodes, those of the sightings among them, the trajectory's sigma there
-    [k, 3], and the node [n] of each sighting at ``seen_s`` [n]."""
-    time = trajectory.t_ns * 1e-9
-    count = max(int(np.ceil((time[-1] - time[0]) / limits.NODE_S)) + 1, 2)
-    nodes = np.unique(np.concatenate([np.linspace(time[0], time[-1], count), seen_s]))
-    known = (np.maximum(np.nan_to_num(column), 1e-6) for column in trajectory.sd_pos_ned.T)
-    sd = np.column_stack([np.interp(nodes, time, column) for column in known])
-    return nodes, sd, np.searchsorted(nodes, seen_s)
 
 
 def shift_sighting(sighting: Sighting, adjustment: Adjustment) -> Sighting:

@@ -173,7 +173,7 @@ def build_views(
             k: v for k, v in vars(found).items() if isinstance(v, np.ndarray)
         }
         # of the boxes of ten hours the poses alone are as large as their views
-        for a in range(0, len(found), _ROWS):
+        for a in range(0, max(len(found), 1), _ROWS):
             some = replace(found, **{k: v[a : a + _ROWS] for k, v in columns.items()})
             part, lost = _camera_views(trajectory, some, camera, margin, noise, origin)
             part["row"] += first_row + a
@@ -181,7 +181,6 @@ def build_views(
             without_pose.append(lost + first_row + a)
             parts.append(part)
         first_row += len(found)
-    parts = parts or [_nothing()]
     order = np.lexsort([np.concatenate([p[k] for p in parts]) for k in ("row", "camera", "t_ns")])
     # column after column, each let go
     joined = {k: np.concatenate([p.pop(k) for p in parts])[order] for k in tuple(parts[0])}
@@ -195,18 +194,6 @@ def build_views(
         without_pose=np.concatenate(without_pose),
         **joined,
     )
-
-
-def _nothing() -> dict[str, np.ndarray]:
-    whole, one, three = np.zeros(0, np.int64), np.zeros(0), np.zeros((0, 3))
-    result: dict[str, np.ndarray] = {k: whole for k in ("row", "camera", "t_ns", "track")}
-    sigmas = ("speed_sd", "slip_sd", "margin_sd", "lever_arm_sd")
-    result |= dict.fromkeys((*sigmas, "score", "share", "log_aspect"), one)
-    result |= dict.fromkeys(TRACK_PROBABILITIES, one)
-    vectors = ("centre", "velocity", "rate", "measured", "sd", "pose_sd", "attitude_sd")
-    result |= {k: three for k in (*vectors, "velocity_sd")}
-    matrices = {"C_cam_ref": np.zeros((0, 3, 3)), "C_cam_body": np.zeros((0, 3, 3))}
-    return result | matrices | {"class_name": np.zeros(0, np.object_)}
 
 
 def numbered_tracks(views: Views) -> list[IntArray]:
@@ -263,15 +250,17 @@ def _camera_views(
     C_cam_body = rpy_to_matrix(camera.mount_rpy).T
 
     box = np.asarray(found.box, np.float64).reshape(-1, 4)
-    middle_x = 0.5 * (box[:, 0] + box[:, 2])
-    middle_y = 0.5 * (box[:, 1] + box[:, 3])
+    left, top, right, bottom = box.T
+    middle_x, middle_y = 0.5 * (left + right), 0.5 * (top + bottom)
     centre_ray = normalise(camera, np.column_stack([middle_x, middle_y]))
-    top = normalise(camera, np.column_stack([middle_x, box[:, 1]]))
-    bottom = normalise(camera, np.column_stack([middle_x, box[:, 3]]))
-    left = normalise(camera, np.column_stack([box[:, 0], middle_y]))
-    right = normalise(camera, np.column_stack([box[:, 2], middle_y]))
-    height = _without_margin(bottom[:, 1] - top[:, 1], margin)
-    width = _without_margin(right[:, 0] - left[:, 0], margin)
+    tall, wide = (
+        normalise(camera, np.column_stack(end)) - normalise(camera, np.column_stack(begin))
+        for begin, end in (
+            ((middle_x, top), (middle_x, bottom)),
+            ((left, middle_y), (right, middle_y)),
+        )
+    )
+    height, width = _without_margin(tall[:, 1], margin), _without_margin(wide[:, 0], margin)
     has_ray = np.isfinite(centre_ray).all(axis=1) & (height > 0.0)
     # the picture would have cut it off at both ends
     has_ray &= (box[:, 2:] - box[:, :2] <= (camera.width, camera.height)).all(axis=1)

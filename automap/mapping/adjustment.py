@@ -12,7 +12,7 @@ import numpy as np
 from automap.earth import metres_per_radian
 from automap.frames import wrap_pi
 from automap.gates import gate
-from automap.geolocation.path_errors import Equations, Network, Solution, correlations
+from automap.geolocation.path_errors import Equations, Network, Solution, path_nodes
 from automap.mapping import limits
 from automap.mapping.association import Association, Members
 from automap.mapping.sightings import Sightings
@@ -186,7 +186,7 @@ def network_of(
     ``factors`` [d, 3] of each drive on what wanders, what lasts, in plan, and on its own errors.
     """
     rows, n = data.rows, len(data.rows)
-    alike, node, between = _nodes(sightings.time_s[rows], data.first)
+    alike, node, between = path_nodes(sightings.time_s[rows], data.first)
     most = max(levels.shared, 1.0)
     lasting = levels.shared if axes == 2 else most
     parts = np.sqrt([[1.0 - levels.lasting], [levels.lasting]]) * [[most], [lasting]]
@@ -205,29 +205,6 @@ def network_of(
     # what wanders is between two nodes
     sd = (parts * shared[:, None])[:, [0, 0, 1]] * between[:, :, None]
     return Network(alike, node, data.sign, sd, measured, information)
-
-
-def _nodes(time_s: FloatArray, first: IntArray) -> tuple[FloatArray, IntArray, FloatArray]:
-    """Nodes of the paths of a tile's drives: as ``Network`` has them ``alike`` [k], ``node`` [n, 3]
-    of each sighting, the one before it, the one after and the drive's own, one each, which come
-    last; and how much of the error at each it has [n, 3]."""
-    drives = len(first) - 1
-    drive = np.repeat(np.arange(drives), np.diff(first))
-    step = time_s / limits.NODE_S
-    before = np.floor(step)
-    after = step - before
-    begin = before[first[:-1]] if drives else before
-    width = int(np.max(before - begin[drive], initial=0.0)) + 2
-    key = drive * width + (before - begin[drive]).astype(np.int64)
-    used, place = np.unique(np.concatenate([key, key + 1]), return_inverse=True)
-    alike = correlations((used % width) * limits.NODE_S, limits.PATH_CORRELATION_S)
-    alike[np.flatnonzero(np.diff(used // width, prepend=-1))] = 0.0
-    node = np.column_stack([*place.reshape(2, -1), len(used) + drive])
-    both = np.exp(-limits.NODE_S / limits.PATH_CORRELATION_S)
-    # with the sigma that is stated there
-    most = np.sqrt(1.0 - 2.0 * after * (1.0 - after) * (1.0 - both))
-    between = np.column_stack([(1.0 - after) / most, after / most, np.ones(len(after))])
-    return np.append(alike, np.zeros(drives)), node, between
 
 
 @dataclass(frozen=True)

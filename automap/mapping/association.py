@@ -9,19 +9,17 @@ import numpy as np
 from automap.jit import kernel
 from automap.mapping import limits
 from automap.mapping.candidates import (
-    CELL_M,
-    CLASS_SLOTS,
     PLACES,
-    STATE,
     SUPPORT,
     Columns,
     MapSigns,
     add_member,
+    columns_of,
+    empty_map,
     find_candidates,
     found_sign,
 )
 from automap.mapping.classes import class_evidence
-from automap.mapping.grid import empty_table
 from automap.mapping.offset_kernels import agreement, smooth, vote
 from automap.mapping.sightings import Sightings
 from automap.records import FloatArray, IntArray
@@ -46,11 +44,7 @@ class Association:
         return int(self.sign.max()) + 1 if len(self.sign) else 0
 
 
-def associate(
-    sightings: Sightings,
-    tau_s: float = limits.PATH_CORRELATION_S,
-    rounds: int = limits.ROUNDS,
-) -> Association:
+def associate(sightings: Sightings, rounds: int = limits.ROUNDS) -> Association:
     """Group the sightings into signs.
 
     Drive after drive is laid over the map of those before it: its offset found by vote and
@@ -63,16 +57,8 @@ def associate(
     if n == 0:
         return Association(sign, offset, offset_var)
     evidence = class_evidence(sightings.classes)
-    room = n * (rounds + 1)
-    signs = MapSigns(
-        np.empty((room, STATE)),
-        np.empty((room, CLASS_SLOTS), np.int64),
-        np.empty((room, CLASS_SLOTS)),
-        np.zeros(room, np.bool_),
-        empty_table(room, CELL_M),
-    )
-    seen = Columns(*(getattr(sightings, name) for name in Columns._fields))
-    _associate(sightings.first, rounds, tau_s, seen, evidence, signs, sign, offset, offset_var)
+    signs, seen = empty_map(n * (rounds + 1)), columns_of(sightings)
+    _associate(sightings.first, rounds, seen, evidence, signs, sign, offset, offset_var)
     return Association(renumbered(sign), offset, offset_var)
 
 
@@ -168,7 +154,6 @@ def assign(
 def _associate(
     first: IntArray,
     rounds: int,
-    tau_s: float,
     seen: Columns,
     evidence: FloatArray,
     signs: MapSigns,
@@ -193,11 +178,11 @@ def _associate(
             time_s, shared_sd = seen.time_s[lo:hi], seen.shared_sd[lo:hi]
             here, here_var = offset[lo:hi], offset_var[lo:hi]
             chosen = np.empty(hi - lo, np.int64)
-            vote(time_s, shared_sd, tau_s, index, values, here)
+            vote(time_s, shared_sd, index, values, here)
             here_var[:] = 0.0
             for _ in range(_SETTLING):
                 assign(index, values, here, here_var, chosen, owner, price)
-                smooth(time_s, shared_sd, tau_s, chosen, values, here, here_var)
+                smooth(time_s, shared_sd, chosen, values, here, here_var)
             assign(index, values, here, here_var, chosen, owner, price)
             for i in range(lo, hi):
                 c = chosen[i - lo]

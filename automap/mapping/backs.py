@@ -6,8 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from automap.gates import gate
-from automap.geolocation.limits import AWAY_COSINE, BACK_PROBABILITY, THICKNESS_M
+from automap.geolocation.merging import are_two_sides
 from automap.mapping import limits
 from automap.mapping.grid import east_north
 from automap.records import FloatArray, IntArray
@@ -32,15 +31,11 @@ def map_backs(
     """Of which of the map signs [n] each is the back, as ``fronts_of_backs`` tells; ``cov_enu``
     [n, 3, 3] m^2."""
     place = east_north(lat, lon, lat[:1], lon[:1])
-    likely = gate(BACK_PROBABILITY, 2)
 
     def apart(a: int, b: int) -> float:
-        if not np.cos(facing_rad[a] - facing_rad[b]) < AWAY_COSINE:
-            return np.inf
-        offset = place[a] - place[b]
-        total = (cov_enu[a] + cov_enu[b])[:2, :2] + THICKNESS_M**2 * np.eye(2)
-        square = float(offset @ np.linalg.solve(total, offset))
-        return square if square < likely else np.inf
+        offset, total = place[a] - place[b], (cov_enu[a] + cov_enu[b])[:2, :2]
+        two_sides = are_two_sides(offset, total, float(np.cos(facing_rad[a] - facing_rad[b])))
+        return float(np.hypot(*offset)) if two_sides else np.inf
 
     own = np.arange(len(names))
     return fronts_of_backs(names, own, place, limits.BACK_REACH_M, apart)

@@ -9,7 +9,8 @@ import numpy as np
 
 from automap.jit import kernel
 from automap.mapping import limits
-from automap.mapping.grid import Table, delta, insert, neighbours, turned
+from automap.mapping.grid import Table, delta, empty_table, insert, neighbours, turned
+from automap.mapping.sightings import Sightings
 from automap.records import BoolArray, FloatArray, IntArray
 
 # columns of the map's state, one row per sign
@@ -64,6 +65,22 @@ class MapSigns(NamedTuple):
     table: Table
 
 
+def columns_of(sightings: Sightings) -> Columns:
+    """What kernels take of some sightings."""
+    return Columns(*(getattr(sightings, name) for name in Columns._fields))
+
+
+def empty_map(room: int) -> MapSigns:
+    """A map without signs, for up to ``room`` of them."""
+    return MapSigns(
+        np.empty((room, STATE)),
+        np.empty((room, CLASS_SLOTS), np.int64),
+        np.empty((room, CLASS_SLOTS)),
+        np.zeros(room, np.bool_),
+        empty_table(room, CELL_M),
+    )
+
+
 @kernel
 def mean_of(state: FloatArray) -> tuple[float, float, float]:
     """Mean place of a map sign relative to where it was founded: east, north, up in m."""
@@ -72,6 +89,22 @@ def mean_of(state: FloatArray) -> tuple[float, float, float]:
     north = (state[A_EE] * state[B_N] - state[A_EN] * state[B_E]) / det
     up = state[B_U] / state[A_U] if state[A_U] > 0.0 else np.nan
     return east, north, up
+
+
+@kernel
+def variances_of(state: FloatArray) -> tuple[float, float, float, float]:
+    """Variances ee, en, nn, u in m^2 of that mean by its members' own errors."""
+    det = state[A_EE] * state[A_NN] - state[A_EN] * state[A_EN]
+    return state[A_NN] / det, -state[A_EN] / det, state[A_EE] / det, 1.0 / state[A_U]
+
+
+@kernel
+def face_of(state: FloatArray) -> tuple[float, float]:
+    """Direction a map sign faces, rad, and its variance; NaN where none is known. Each drive took
+    the same road's direction for it, so that many know it no better than one."""
+    if state[FACE_N] ** 2 + state[FACE_E] ** 2 > 1e-9:
+        return np.arctan2(state[FACE_E], state[FACE_N]), state[FACES] / state[FACE_W]
+    return np.nan, np.nan
 
 
 @kernel
@@ -198,25 +231,19 @@ def find_candidates(
             square = de * de + dn * dn
             if square > limits.MAX_M * limits.MAX_M:
                 continue
-            det = state[k, A_EE] * state[k, A_NN] - state[k, A_EN] ** 2
-            v_ee = own[i, 0] + state[k, A_NN] / det + slack
-            v_nn = own[i, 2] + state[k, A_EE] / det + slack
-            v_en = own[i, 1] - state[k, A_EN] / det
+            v_ee, v_en, v_nn, v_u = variances_of(state[k])
+            v_ee, v_en, v_nn = own[i, 0] + v_ee + slack, own[i, 1] + v_en, own[i, 2] + v_nn + slack
             widest = v_ee + v_nn + 2.0 * (shared_sd[i, 0] ** 2 + shared_sd[i, 1] ** 2)
             if square > limits.SAME_GATE * widest:
                 continue
-            du, v_u = seen.height[i] - state[k, HEIGHT] - u, np.nan
-            if du == du:
-                if abs(du) > limits.LARGEST_UP_M:
-                    continue
-                v_u = seen.own_u[i] + 1.0 / state[k, A_U] + slack
-            else:
-                du = 0.0
+            du = seen.height[i] - state[k, HEIGHT] - u
+            if abs(du) > limits.LARGEST_UP_M:
+                continue
+            du, v_u = (du, seen.own_u[i] + v_u + slack) if du == du else (0.0, np.nan)
             told = 0.0
-            if state[k, FACE_N] ** 2 + state[k, FACE_E] ** 2 > 1e-9 and facing[i] == facing[i]:
-                variance = facing_variance(seen.facing_sd_rad[i])
-                variance += state[k, FACES] / state[k, FACE_W]
-                direction = np.arctan2(state[k, FACE_E], state[k, FACE_N])
+            direction, variance = face_of(state[k])
+            if direction == direction and facing[i] == facing[i]:
+                variance += facing_variance(seen.facing_sd_rad[i])
                 told = facing_evidence(facing[i] - direction, variance)
                 if told == -np.inf:
                     continue

@@ -2,27 +2,38 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
 
 import numpy as np
-from scipy.spatial import cKDTree
 
-from automap.earth import ecef, ecef_axes
-from automap.frames import wrap_pi
+from automap.jit import kernel
 from automap.mapping import limits
 from automap.mapping.association import Association, Members, renumbered
 from automap.mapping.candidates import (
     D_E,
     D_N,
     D_U,
+    HEIGHT,
+    LAT,
+    LON,
     PLACES,
     V_EE,
     V_EN,
     V_NN,
     V_U,
+    Columns,
+    MapSigns,
+    add_member,
+    columns_of,
+    empty_map,
+    face_of,
     facing_evidence,
+    found_sign,
+    mean_of,
+    variances_of,
 )
 from automap.mapping.classes import class_evidence
+from automap.mapping.grid import delta, neighbours
 from automap.mapping.offset_kernels import agreement
 from automap.mapping.sightings import Sightings
 from automap.records import FloatArray, IntArray
@@ -31,174 +42,107 @@ _PASSES = 6
 """At most; ends where none is joined."""
 
 
-@dataclass(frozen=True)
-class _Places:
-    """Per sign: mean ``position`` [m, 3] Earth-fixed, ``axes`` [m, 3, 3] east, north, up in
-    them, information ``weight`` [m, 4] (ee, en, nn, u), ``wander`` [m, 3] variance of the
-    members' offsets, ``facing`` [m] and its variance ``facing_var`` [m], ``code``
-    [m]."""
-
-    position: FloatArray
-    axes: FloatArray
-    weight: FloatArray
-    wander: FloatArray
-    facing: FloatArray
-    facing_var: FloatArray
-    code: IntArray
-
-
-def join_duplicates(
-    sightings: Sightings, association: Association, detection: float = limits.DETECTION
-) -> Association:
+def join_duplicates(sightings: Sightings, association: Association) -> Association:
     """Join map signs where one sign explains the sightings better than two.
 
     Two signs side by side are seen together by most drives, one sign founded twice by none.
     Against each other stand: every drive that saw only one of them (a miss of the other, with
-    probability 1 - ``detection``), every drive that saw both (a sign found twice), the distance
+    probability 1 - ``DETECTION``), every drive that saw both (a sign found twice), the distance
     in sigmas or as an outlier, class and facing; a sign that was replaced by another in between
     is two.
     """
-    if len(association.sign) == 0:
-        return association
     sign = association.sign.copy()
-    evidence = class_evidence(sightings.classes)
+    evidence, seen = class_evidence(sightings.classes), columns_of(sightings)
     for _ in range(_PASSES):
-        places = _places(sightings, association, sign)
-        pairs = _close_pairs(places)
-        if len(pairs) == 0:
-            break
         members = Members(sign)
-        scored = []
-        for a, b in pairs.tolist():
-            rows = members[a], members[b]
-            score = _evidence_for_one(places, sightings, evidence, a, b, *rows, detection)
-            if score > 0.0:
-                scored.append((-score, a, b))
+        rows, edges = members.order, members.edges
+        offset, signs = (association.offset, association.offset_var), empty_map(len(edges) - 1)
+        scored = _gains(rows, edges, sightings.drive[rows], seen, *offset, evidence, signs)
         taken: set[int] = set()
         for _, a, b in sorted(scored):
             if a not in taken and b not in taken:
                 taken |= {a, b}
                 sign[members[b]] = a
-        if not scored:
+        if not taken:
             break
         sign = renumbered(sign)
     return Association(renumbered(sign), association.offset, association.offset_var)
 
 
-def _places(sightings: Sightings, association: Association, sign: IntArray) -> _Places:
-    m = int(sign.max()) + 1
-    first = np.unique(sign, return_index=True)[1]
-    turn = wrap_pi(sightings.lon - sightings.lon[first][sign])
-    east = turn * sightings.per_lon - association.offset[:, 0]
-    north = (sightings.lat - sightings.lat[first][sign]) * sightings.per_lat
-    north = north - association.offset[:, 1]
-    own = sightings.own
-    det = own[:, 0] * own[:, 2] - own[:, 1] ** 2
-    w = np.column_stack([own[:, 2] / det, -own[:, 1] / det, own[:, 0] / det])
-    known = np.isfinite(sightings.height)
-    up = np.where(known, sightings.height - association.offset[:, 2], 0.0)
-    w_u = np.where(known, 1.0 / sightings.own_u, 0.0)
-
-    def total(values: FloatArray) -> FloatArray:
-        return np.asarray(np.bincount(sign, values, m), np.float64)
-
-    a_ee, a_en, a_nn = (total(w[:, k]) for k in range(3))
-    b_e = total(w[:, 0] * east + w[:, 1] * north)
-    b_n = total(w[:, 1] * east + w[:, 2] * north)
-    det = a_ee * a_nn - a_en**2
-    mean_e, mean_n = (a_nn * b_e - a_en * b_n) / det, (a_ee * b_n - a_en * b_e) / det
-    a_u = total(w_u)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        height = total(w_u * up) / a_u
-    lat = sightings.lat[first] + mean_n / sightings.per_lat[first]
-    lon = sightings.lon[first] + mean_e / sightings.per_lon[first]
-    position, axes = ecef(lat, lon, np.nan_to_num(height)), ecef_axes(lat, lon)
-    enu = np.stack([axes[:, :, 1], axes[:, :, 0], -axes[:, :, 2]], axis=1)
-    count = np.bincount(sign, minlength=m)
-    wander = np.stack([total(association.offset_var[:, k]) / count**2 for k in range(3)], axis=1)
-    told = np.isfinite(sightings.facing)
-    sure = told / np.fmax(0.5 * limits.FACING_SD**2, sightings.facing_sd_rad**2)
-    facing = np.arctan2(
-        total(sure * np.nan_to_num(np.sin(sightings.facing))),
-        total(sure * np.nan_to_num(np.cos(sightings.facing))),
-    )
-    with np.errstate(invalid="ignore"):
-        # each drive took the same road's direction for it, so that many know it no better than one
-        facing_var = total(told.astype(np.float64)) / total(sure)
-    facing[~np.isfinite(facing_var)] = np.nan
-    return _Places(
-        position, enu, np.column_stack([a_ee, a_en, a_nn, a_u]), wander, facing, facing_var,
-        dominant_code(sign, sightings.code, sightings.confidence),
-    )  # fmt: skip
-
-
-def dominant_code(sign: IntArray, code: IntArray, confidence: FloatArray) -> IntArray:
-    """Class [m] with the greatest sum of confidence among each sign's sightings."""
-    width = int(code.max()) + 1 if len(code) else 1
-    keys, place = np.unique(sign * width + code, return_inverse=True)
-    weight = np.bincount(place, np.maximum(confidence, limits.LEAST_CONFIDENCE))
-    order = np.lexsort((keys, -weight, keys // width))
-    _, first = np.unique(keys[order] // width, return_index=True)
-    return np.asarray(keys[order][first] % width, np.int64)
-
-
-def _close_pairs(places: _Places) -> IntArray:
-    tree = cKDTree(places.position)
-    # heights may be unknown on one side, so the reach is taken in plan afterwards
-    pairs = tree.query_pairs(limits.REACH_M + 2.0, output_type="ndarray")
-    if len(pairs) == 0:
-        return np.zeros((0, 2), np.int64)
-    a, b = pairs.T
-    difference = places.position[b] - places.position[a]
-    plan = np.einsum("nij,nj->ni", places.axes[a], difference)[:, :2]
-    return np.asarray(pairs[np.hypot(*plan.T) < limits.REACH_M], np.int64)
-
-
-def _evidence_for_one(
-    places: _Places,
-    sightings: Sightings,
+@kernel
+def _gains(
+    rows: IntArray,
+    edges: IntArray,
+    drive: IntArray,
+    seen: Columns,
+    offset: FloatArray,
+    offset_var: FloatArray,
     evidence: FloatArray,
-    a: int,
-    b: int,
-    rows_a: IntArray,
-    rows_b: IntArray,
-    detection: float,
-) -> float:
-    """Nats by which one sign explains two groups of sightings better than two signs do."""
-    facing = 0.0
-    if np.isfinite(places.facing[a]) and np.isfinite(places.facing[b]):
-        variance = places.facing_var[a] + places.facing_var[b]
-        facing = float(facing_evidence(places.facing[a] - places.facing[b], variance))
-        if facing == -np.inf:
-            return facing
-    drives_a, drives_b = (set(sightings.drive[rows].tolist()) for rows in (rows_a, rows_b))
-    both = len(drives_a & drives_b)
-    single = len(drives_a ^ drives_b)
-    missed = single * np.log(1.0 - detection)
-    if both == 0 and (max(drives_a) < min(drives_b) or max(drives_b) < min(drives_a)):
-        missed = max(missed, np.log(limits.REPLACED))
-    seen_twice = both * (np.log(limits.TWICE_IN_DRIVE) - np.log(detection))
-    return float(
-        seen_twice
-        - missed
-        + facing
-        + evidence[places.code[a], places.code[b]]
-        + _place_evidence(places, a, b, min(len(rows_a), len(rows_b)))
-    )
+    signs: MapSigns,
+) -> list[tuple[float, int, int]]:
+    """Pairs of signs near one another that one sign explains better than two do: less the nats by
+    which it does, and their numbers. Sign k is of the sightings ``rows[edges[k] : edges[k + 1]]``,
+    ``drive`` [n] in this order; ``signs`` is empty."""
+    # of their places by how unsure the drives' offsets are, m^2
+    wander = np.zeros((len(edges) - 1, 3))
+    for k in range(len(edges) - 1):
+        own = rows[edges[k] : edges[k + 1]]
+        founder = own[0]
+        for i in own[::-1]:
+            # heights are relative to the founder's
+            if seen.height[i] == seen.height[i]:
+                founder = i
+        found_sign(k, founder, seen, offset[founder], signs)
+        for i in own:
+            add_member(k, i, 1.0, seen, offset[i], signs)
+            wander[k] += offset_var[i] / len(own) ** 2
+    scored = [(0.0, 0, 0) for _ in range(0)]
+    near, values = np.empty(256, np.int64), np.zeros(PLACES)
+    for a in range(len(edges) - 1):
+        of_a, founder = signs.state[a], rows[edges[a]]
+        per_lat, per_lon = seen.per_lat[founder], seen.per_lon[founder]
+        for place in range(neighbours(signs.table, of_a[LAT], of_a[LON], near)):
+            b = near[place]
+            of_b = signs.state[b]
+            de, dn = delta(of_b[LAT], of_b[LON], of_a[LAT], of_a[LON], per_lat, per_lon)
+            one, other = mean_of(of_a), mean_of(of_b)
+            values[D_E], values[D_N] = de + other[0] - one[0], dn + other[1] - one[1]
+            if b <= a or values[D_E] ** 2 + values[D_N] ** 2 > limits.REACH_M**2:
+                continue
+            (face_a, var_a), (face_b, var_b) = face_of(of_a), face_of(of_b)
+            told = 0.0
+            if face_a == face_a and face_b == face_b:
+                told = facing_evidence(face_a - face_b, var_a + var_b)
+            class_a = signs.slot_class[a, np.argmax(signs.slot_weight[a])]
+            class_b = signs.slot_class[b, np.argmax(signs.slot_weight[b])]
+            told += evidence[class_a, class_b]
+            own, others = drive[edges[a] : edges[a + 1]], drive[edges[b] : edges[b + 1]]
+            told += _by_drives(own, others)
+            slack = limits.SLACK_M**2 + wander[a] + wander[b]
+            v_a, v_b = variances_of(of_a), variances_of(of_b)
+            values[V_EE], values[V_NN] = v_a[0] + v_b[0], v_a[2] + v_b[2]
+            values[V_EN] = v_a[1] + v_b[1]
+            up = of_b[HEIGHT] + other[2] - of_a[HEIGHT] - one[2]
+            values[D_U], values[V_U] = up, v_a[3] + v_b[3] + slack[2] if up == up else np.nan
+            by_place = agreement(values, 0.0, 0.0, 0.0, slack[0], slack[1])
+            # signs stand closer about a sign than new ones do about the map's
+            by_place += math.log(limits.NEW_PER_M2 / limits.NEAR_PER_M2)
+            by_place += math.log(limits.NEW_PER_M / limits.NEAR_PER_M) if up == up else 0.0
+            stray = limits.OUTLIER_SHARE / (math.pi * limits.REACH_M**2) / limits.NEAR_PER_M2
+            told += max(by_place, min(len(own), len(others)) * math.log(stray))
+            if told > 0.0:
+                scored.append((-told, a, b))
+    return scored
 
 
-def _place_evidence(places: _Places, a: int, b: int, fewer: int) -> float:
-    values = np.zeros(PLACES)
-    values[[D_E, D_N, D_U]] = places.axes[a] @ (places.position[b] - places.position[a])
-    for k in (a, b):
-        ee, en, nn, _ = places.weight[k]
-        values[[V_EE, V_EN, V_NN]] += np.array([nn, -en, ee]) / (ee * nn - en**2)
-    slack = limits.SLACK_M**2 + places.wander[a] + places.wander[b]
-    up = places.weight[[a, b], 3]
-    values[V_U] = (1.0 / up).sum() + slack[2] if (up > 0).all() else np.nan
-    told = agreement(values, 0.0, 0.0, 0.0, slack[0], slack[1])
-    # signs stand closer about a sign than new ones do about the map's
-    told += np.log(limits.NEW_PER_M2 / limits.NEAR_PER_M2)
-    told += np.log(limits.NEW_PER_M / limits.NEAR_PER_M) if np.isfinite(values[V_U]) else 0.0
-    stray = fewer * np.log(limits.OUTLIER_SHARE / (np.pi * limits.REACH_M**2) / limits.NEAR_PER_M2)
-    return float(max(told, stray))
+@kernel
+def _by_drives(a: IntArray, b: IntArray) -> float:
+    """Nats for one sign by the drives, ascending, of the sightings of two."""
+    a, b = np.unique(a), np.unique(b)
+    both = 0
+    for drive in a:
+        both += (b == drive).sum()
+    missed = (len(a) + len(b) - 2 * both) * math.log(1.0 - limits.DETECTION)
+    if both == 0 and (a[-1] < b[0] or b[-1] < a[0]):
+        missed = max(missed, math.log(limits.REPLACED))
+    return float(both * math.log(limits.TWICE_IN_DRIVE / limits.DETECTION) - missed)

@@ -98,10 +98,6 @@ two metres of height."""
 LEVEL_LOG_SD = 0.3
 """How far the stated errors are trusted: one sigma of the logarithm of their factors. Chosen: to a
 third."""
-NODE_S = 10.0
-"""Nodes of what wanders of a path's error: between them the inertial sensors hold its shape. Of
-simulated drives of two towns with four kinds of receivers such errors are likelier by 7 nats than
-those that change from sign to sign; with 30 s by 13, but then their places are no better."""
 MOST_LEVEL_SIGMAS = 3.0
 """Levels go no further from what is stated: a sample of tiles may hold a wrong association."""
 OWN_STEP, WANDER_STEP, LASTING_STEP = 0.02, 0.02, 0.05

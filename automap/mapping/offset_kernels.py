@@ -36,7 +36,6 @@ def agreement(values: FloatArray, e: float, n: float, u: float, p_e: float, p_n:
 def vote(
     time_s: FloatArray,
     shared_sd: FloatArray,
-    tau_s: float,
     index: IntArray,
     values: FloatArray,
     offset: FloatArray,
@@ -70,10 +69,10 @@ def vote(
             if variance[axis] < 0.0:
                 variance[axis] = prior[axis]
             else:
-                keep = np.exp(-(middle - last) / tau_s)
+                keep = np.exp(-(middle - last) / limits.PATH_CORRELATION_S)
                 mean[axis] *= keep
                 variance[axis] = keep * keep * variance[axis] + (1.0 - keep * keep) * prior[axis]
-        spread = 1.0 - np.exp(-np.abs(time_s[start:stop] - middle) / tau_s) ** 2
+        spread = 1.0 - np.exp(-np.abs(time_s[start:stop] - middle) / limits.PATH_CORRELATION_S) ** 2
         of = _Stretch(index[start:stop], values[start:stop], spread, prior, mean, variance)
         mean, variance = _offset_of(of)
         offset[start:stop] = mean
@@ -123,21 +122,26 @@ def _offset_of(stretch: _Stretch) -> tuple[FloatArray, FloatArray]:
 
 
 @kernel
-def _support(stretch: _Stretch, offset: FloatArray) -> float:
-    signs, values, spread, prior, mean, variance = stretch
+def _likeliest(stretch: _Stretch, i: int, offset: FloatArray) -> tuple[float, int]:
+    """Evidence in nats for the best candidate of one sighting, and which it is: 0, -1 for none."""
     e, n, u = offset[0], offset[1], offset[2]
-    total = 0.0
-    for axis in range(3):
-        total -= 0.5 * (offset[axis] - mean[axis]) ** 2 / variance[axis]
-    for i in range(len(signs)):
-        most = 0.0
-        for c in range(limits.MOST):
-            if signs[i, c] < 0:
-                break
-            p_e, p_n = spread[i] * prior[0], spread[i] * prior[1]
-            most = max(most, agreement(values[i, c], e, n, u, p_e, p_n))
-        total += most
-    return total
+    p_e, p_n = stretch.spread[i] * stretch.prior[0], stretch.spread[i] * stretch.prior[1]
+    most, chosen = 0.0, -1
+    for c in range(limits.MOST):
+        if stretch.signs[i, c] < 0:
+            break
+        told = agreement(stretch.values[i, c], e, n, u, p_e, p_n)
+        if told > most:
+            most, chosen = told, c
+    return most, chosen
+
+
+@kernel
+def _support(stretch: _Stretch, offset: FloatArray) -> float:
+    total = -0.5 * ((offset - stretch.mean) ** 2 / stretch.variance).sum()
+    for i in range(len(stretch.signs)):
+        total += _likeliest(stretch, i, offset)[0]
+    return float(total)
 
 
 @kernel
@@ -148,15 +152,7 @@ def _refine(stretch: _Stretch, offset: FloatArray) -> tuple[FloatArray, FloatArr
     b_e, b_n = mean[0] / variance[0], mean[1] / variance[1]
     a_u, b_u = 1.0 / variance[2], mean[2] / variance[2]
     for i in range(len(signs)):
-        wander = spread[i]
-        most, chosen = 0.0, -1
-        for c in range(limits.MOST):
-            if signs[i, c] < 0:
-                break
-            p_e, p_n = wander * prior[0], wander * prior[1]
-            told = agreement(values[i, c], offset[0], offset[1], offset[2], p_e, p_n)
-            if told > most:
-                most, chosen = told, c
+        wander, chosen = spread[i], _likeliest(stretch, i, offset)[1]
         if chosen < 0:
             continue
         row = values[i, chosen]
@@ -179,7 +175,6 @@ def _refine(stretch: _Stretch, offset: FloatArray) -> tuple[FloatArray, FloatArr
 def smooth(
     time_s: FloatArray,
     shared_sd: FloatArray,
-    tau_s: float,
     chosen: IntArray,
     values: FloatArray,
     offset: FloatArray,
@@ -200,7 +195,7 @@ def smooth(
             if i == 0:
                 ahead[i], var_ahead[i] = 0.0, 1.0
             else:
-                keep = np.exp(-max(time_s[i] - time_s[i - 1], 0.0) / tau_s)
+                keep = np.exp(-max(time_s[i] - time_s[i - 1], 0.0) / limits.PATH_CORRELATION_S)
                 ahead[i] = keep * filtered[i - 1]
                 var_ahead[i] = keep * keep * var_filtered[i - 1] + 1.0 - keep * keep
             filtered[i], var_filtered[i] = ahead[i], var_ahead[i]
@@ -220,7 +215,7 @@ def smooth(
             var_filtered[i] *= 1.0 - gain
         for i in range(n - 1, -1, -1):
             if i < n - 1:
-                keep = np.exp(-max(time_s[i + 1] - time_s[i], 0.0) / tau_s)
+                keep = np.exp(-max(time_s[i + 1] - time_s[i], 0.0) / limits.PATH_CORRELATION_S)
                 gain = var_filtered[i] * keep / var_ahead[i + 1]
                 filtered[i] += gain * (filtered[i + 1] - ahead[i + 1])
                 var_filtered[i] += gain * gain * (var_filtered[i + 1] - var_ahead[i + 1])

@@ -31,18 +31,56 @@ class CameraView:
     half_angle_rad: float
 
 
-@dataclass(frozen=True)
-class DriveSigns:
+_UNTOLD: Any = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Told:
+    """Columns [n] of signs as their drives tell them, which a map takes as they are.
+
+    ``first_gps_s``, ``last_gps_s`` when the sign was in view; ``class_probability``,
+    ``group_probability`` what the detector tells of the class, and of its colour and shape;
+    ``existence`` how probable each is by its drive alone; ``contrast`` to ``by_size_u_m`` as a sign
+    has them. Unknown numbers are NaN.
+    """
+
+    confidence: FloatArray
+    n_views: IntArray
+    first_gps_s: FloatArray
+    last_gps_s: FloatArray
+    height_above_road_m: FloatArray
+    sd_above_road_m: FloatArray
+    facing_sd_rad: FloatArray
+    size_m: FloatArray
+    side: npt.NDArray[np.object_]
+    status: npt.NDArray[np.object_]
+    class_probability: FloatArray = _UNTOLD
+    group_probability: FloatArray = _UNTOLD
+    existence: FloatArray = _UNTOLD
+    contrast: FloatArray = _UNTOLD
+    contrast_sd: FloatArray = _UNTOLD
+    contrast_note: npt.NDArray[np.object_] = _UNTOLD
+    seen_share: FloatArray = _UNTOLD
+    n_looked: FloatArray = _UNTOLD
+    n_back_views: FloatArray = _UNTOLD
+    by_size_e_m: FloatArray = _UNTOLD
+    by_size_n_m: FloatArray = _UNTOLD
+    by_size_u_m: FloatArray = _UNTOLD
+
+    def __post_init__(self) -> None:
+        for name, value in UNTOLD.items():
+            if getattr(self, name) is None:
+                kind = object if isinstance(value, str) else np.float64
+                object.__setattr__(self, name, np.full(len(self.confidence), value, kind))
+
+
+@dataclass(frozen=True, kw_only=True)
+class DriveSigns(Told):
     """Signs [n] as one drive located them, its path and its cameras.
 
     ``name`` is what the map calls the drive; ``start_gps_s`` orders the drives (NaN unknown);
     ``key`` names the recording however often it is run anew ("" unknown).
-    ``cov_enu`` [n, 3, 3] total covariances in m^2, trajectory included. ``first_gps_s``,
-    ``last_gps_s`` [n] when the sign was in view; ``class_probability``, ``group_probability`` [n]
-    what the detector tells of the class, and of its colour and shape (None: of none);
-    ``existence`` [n] how probable each is by this drive alone (None: it does not tell);
-    ``contrast`` to ``by_size_u_m`` [n] as a sign has them (None: likewise). Unknown numbers are
-    NaN.
+    ``cov_enu`` [n, 3, 3] total covariances in m^2, trajectory included.
     """
 
     name: str
@@ -53,39 +91,17 @@ class DriveSigns:
     lon_rad: FloatArray
     height_m: FloatArray
     cov_enu: FloatArray
-    confidence: FloatArray
-    n_views: IntArray
-    first_gps_s: FloatArray
-    last_gps_s: FloatArray
-    height_above_road_m: FloatArray
-    sd_above_road_m: FloatArray
     facing_rad: FloatArray
-    facing_sd_rad: FloatArray
-    size_m: FloatArray
-    side: npt.NDArray[np.object_]
-    status: npt.NDArray[np.object_]
     path: DrivePath | None = None
     cameras: tuple[CameraView, ...] = ()
     key: str = ""
-    class_probability: FloatArray | None = None
-    group_probability: FloatArray | None = None
-    existence: FloatArray | None = None
-    contrast: FloatArray | None = None
-    contrast_sd: FloatArray | None = None
-    contrast_note: npt.NDArray[np.object_] | None = None
-    seen_share: FloatArray | None = None
-    n_looked: FloatArray | None = None
-    n_back_views: FloatArray | None = None
-    by_size_e_m: FloatArray | None = None
-    by_size_n_m: FloatArray | None = None
-    by_size_u_m: FloatArray | None = None
 
     def __len__(self) -> int:
         return len(self.ids)
 
 
-@dataclass(frozen=True)
-class Sightings:
+@dataclass(frozen=True, kw_only=True)
+class Sightings(Told):
     """Sightings [n] of all drives, ordered by drive and, within one, by time.
 
     ``drive`` [n] its place among the drives, ``row`` [n] the sign's among those of the drive,
@@ -93,7 +109,7 @@ class Sightings:
     Positions in rad and m, ``per_lat``, ``per_lon`` [n] metres per radian there. The error is
     the sum of its own, ``own`` [n, 3] (ee, en, nn) and ``own_u`` [n] in m^2, and of what the
     drive's signs share, ``shared_sd`` [n, 3] m east, north, up. ``code`` [n] numbers
-    ``classes``. The columns from ``id`` on are as the drives tell them.
+    ``classes``.
     """
 
     drive: IntArray
@@ -110,29 +126,7 @@ class Sightings:
     shared_sd: FloatArray
     facing: FloatArray
     code: IntArray
-    confidence: FloatArray
     id: npt.NDArray[np.object_]
-    n_views: IntArray
-    first_gps_s: FloatArray
-    last_gps_s: FloatArray
-    height_above_road_m: FloatArray
-    sd_above_road_m: FloatArray
-    facing_sd_rad: FloatArray
-    size_m: FloatArray
-    side: npt.NDArray[np.object_]
-    status: npt.NDArray[np.object_]
-    class_probability: FloatArray
-    group_probability: FloatArray
-    existence: FloatArray
-    contrast: FloatArray
-    contrast_sd: FloatArray
-    contrast_note: npt.NDArray[np.object_]
-    seen_share: FloatArray
-    n_looked: FloatArray
-    n_back_views: FloatArray
-    by_size_e_m: FloatArray
-    by_size_n_m: FloatArray
-    by_size_u_m: FloatArray
     classes: tuple[str, ...]
 
     def __len__(self) -> int:
@@ -151,8 +145,6 @@ class Sightings:
 
 
 _COLUMNS = tuple(f.name for f in fields(Sightings) if f.name not in ("first", "classes"))
-_TOLD = _COLUMNS[_COLUMNS.index("n_views") :]
-"""As the drives tell them."""
 
 
 def canonical_order(drives: Sequence[DriveSigns]) -> list[int]:
@@ -169,13 +161,11 @@ def canonical_order(drives: Sequence[DriveSigns]) -> list[int]:
 def stack_sightings(drives: Sequence[DriveSigns]) -> Sightings:
     """Columns of all sightings that have a position, in the order of the drives given."""
     if not drives:
-        none, zero = np.zeros(0, np.int64), np.zeros(0)
-        three, text = np.zeros((0, 3)), np.zeros(0, np.object_)
-        return Sightings(
-            none, none, np.zeros(1, np.int64), zero, zero, zero, zero, zero, zero, three, zero,
-            three, zero, none, zero, text, none, zero, zero, zero, zero, zero, zero, text, text,
-            zero, zero, zero, zero, zero, text, zero, zero, zero, zero, zero, zero, (),
-        )  # fmt: skip
+        empty: dict[str, Any] = {name: np.zeros(0) for name in _COLUMNS}
+        empty |= {name: np.zeros(0, np.int64) for name in ("drive", "row", "code", "n_views")}
+        empty |= {name: np.zeros((0, 3)) for name in ("own", "shared_sd")}
+        empty |= {name: np.zeros(0, object) for name in ("id", "side", "status", "contrast_note")}
+        return Sightings(first=np.zeros(1, np.int64), classes=(), **empty)
     names = sorted({str(name) for drive in drives for name in set(drive.class_name)})
     number = {name: k for k, name in enumerate(names)}
     parts = [_columns_of(drive, place, number) for place, drive in enumerate(drives)]
@@ -205,16 +195,10 @@ def _columns_of(drive: DriveSigns, place: int, number: Mapping[str, int]) -> dic
         "shared_sd": shared,
         "facing": drive.facing_rad[rows],
         "code": np.array([number[str(name)] for name in drive.class_name[rows]], np.int64),
-        "confidence": np.nan_to_num(drive.confidence[rows], nan=0.5),
         "id": np.array([drive.ids[k] for k in rows.tolist()], np.object_),
     }
-    for name in _TOLD:
-        told = getattr(drive, name)
-        if told is None:
-            kind = object if isinstance(UNTOLD[name], str) else np.float64
-            told = np.full(len(drive), UNTOLD[name], kind)
-        columns[name] = told[rows]
-    return columns
+    told = {f.name: getattr(drive, f.name)[rows] for f in fields(Told)}
+    return columns | told | {"confidence": np.nan_to_num(told["confidence"], nan=0.5)}
 
 
 def shared_sd(drive: DriveSigns, rows: IntArray) -> FloatArray:

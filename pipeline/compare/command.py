@@ -6,7 +6,7 @@ import json
 import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import MISSING, dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -158,14 +158,14 @@ def _drives(folder: Path, warnings: list[str]) -> list[DriveSigns]:
             f"{folder} has neither {TRACKS} nor {COVERAGE}: what was in view is not known, so "
             "nothing is missing."
         )
-    blank: Any = np.zeros(0)
+    blank: dict[str, Any] = {
+        f.name: np.zeros(0) for f in fields(DriveSigns) if f.default is MISSING
+    }
+    blank |= {"start_gps_s": math.nan, "ids": (), "cov_enu": np.zeros((0, 3, 3))}
     return [
-        DriveSigns(
-            name, math.nan, (), *(blank,) * 4, np.zeros((0, 3, 3)), *(blank,) * 11,
-            path=path, cameras=(COVERAGE_VIEW,),
-        )
+        DriveSigns(**blank | {"name": name, "path": path, "cameras": (COVERAGE_VIEW,)})
         for name, path in paths.items()
-    ]  # fmt: skip
+    ]
 
 
 def _class_shares(products: RunProducts, signs: Sequence[Sign]) -> list[dict[str, float]]:

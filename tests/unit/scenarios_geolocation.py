@@ -48,7 +48,7 @@ def _seen(views: Any, signs: Any = range(16)) -> list[Any]:
 @scenario
 def geolocation_views() -> Any:
     """Rays of two cameras, with and without corrections and errors of the stamps."""
-    from automap.geolocation.views import build_views, map_origin
+    from automap.geolocation.views import map_origin
 
     drive = rich_drive()
     late = replace(NOISE, stamp_sd_s=0.013)
@@ -57,7 +57,6 @@ def geolocation_views() -> Any:
     found = {
         "corrected": drive.views(),
         "plain": drive.views(late, plain=True),
-        "none": build_views(drive.path, [], drive.cameras, NOISE),
         "origin": [map_origin(p) for p in (drive.path, gone, lost)],
         "values": CORRECTIONS["front"].values,
     }

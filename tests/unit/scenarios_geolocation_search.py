@@ -290,13 +290,12 @@ def geolocation_links() -> Any:
     drive, rng = rich_drive(), np.random.default_rng(9)
     views = drive.views()
     loose = replace(views, track=np.full(len(views), -1))
-    rules = tracking.TrackingRules(missed=3e-3, slack_rad=0.004, max_silence_s=6.0)
     few = np.sort(rng.choice(len(views), 110, replace=False))
-    tracks = tracking.link_views(views, PRIOR, rules)
+    tracks = tracking.link_views(views, PRIOR, 6.0)
     mixed = [np.unique(np.r_[a, b[:2]]) for a, b in pairwise(tracks[2:10])]
     stray = replace(views, measured=views.measured.copy())
     stray.measured[[60, 131, 202, 203]] += [0.11, -0.08, 0.2]
-    marks, misfits = splitting.clean_tracks(stray, mixed, PRIOR, rules)
+    marks, misfits = splitting.clean_tracks(stray, mixed, PRIOR, 6.0)
     long = [rows for rows in tracks if len(rows) > 7]
     pieces = [part for rows in long for part in (rows[:3], rows[3:])]
     cut = [_few(views, part) for part in pieces]
@@ -310,15 +309,15 @@ def geolocation_links() -> Any:
     return levelled(
         {
             "linked": tracks,
-            "untold": tracking.link_views(loose, PRIOR, rules, few, steps.append),
+            "untold": tracking.link_views(loose, PRIOR, 6.0, few, steps.append),
             "steps": np.array(steps),
             "cleaned": [m.rows for m in marks],
             "misfits": misfits,
-            "joined": [m.rows for m in splitting.join_pieces(views, cut, PRIOR, rules)],
-            "costs": tracking._link_costs(views, active, frame, rules),
+            "joined": [m.rows for m in splitting.join_pieces(views, cut, PRIOR, 6.0)],
+            "costs": tracking._link_costs(views, active, frame),
             "scores": [track.class_score for track in active],
             "adopted": [
-                splitting._adopt(views, int(row), list(cut), span, PRIOR, rules)
+                splitting._adopt(views, int(row), list(cut), span, PRIOR, 6.0)
                 for row in range(40, 300, 9)
             ],
         }

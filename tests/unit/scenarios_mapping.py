@@ -66,7 +66,7 @@ def mapping_association() -> Any:
     """Sightings stacked, associated, joined, and what joins them."""
     from automap.mapping import duplicates as of
     from automap.mapping import sightings as seen
-    from automap.mapping.association import Members, associate, renumbered
+    from automap.mapping.association import associate, renumbered
     from automap.mapping.by_cells import associate_by_cells
     from automap.mapping.classes import class_evidence
 
@@ -77,10 +77,6 @@ def mapping_association() -> Any:
     split = found.sign.copy()
     split[1::5] += found.n_signs
     cut = replace(found, sign=renumbered(split))
-    places = of._places(stacked, cut, cut.sign)
-    pairs = of._close_pairs(places)
-    evidence = class_evidence(stacked.classes)
-    members = Members(cut.sign)
     return levelled(
         {
             "stacked": stacked,
@@ -92,18 +88,10 @@ def mapping_association() -> Any:
                 drives[0].cov_enu, 0.7 * seen.shared_sd(drives[0], rows)
             ),
             "found": found,
-            "few": associate(stacked, 7.0, 1),
+            "few": associate(stacked, 1),
             "by cells": associate_by_cells(stacked),
-            "evidence": evidence,
-            "places": places,
-            "pairs": pairs,
-            "one": [
-                of._evidence_for_one(places, stacked, evidence, a, b, members[a], members[b], 0.8)
-                for a, b in pairs.tolist()
-            ],
-            "near": [of._place_evidence(places, a, b, 2) for a, b in pairs.tolist()],
-            "dominant": of.dominant_code(cut.sign, stacked.code, stacked.confidence),
-            "joined": [of.join_duplicates(stacked, cut, d).sign for d in (0.5, 0.95)],
+            "evidence": class_evidence(stacked.classes),
+            "joined": of.join_duplicates(stacked, cut).sign,
         }
     )
 
@@ -257,13 +245,13 @@ def mapping_kernels() -> Any:
     time_s = np.cumsum(rng.uniform(1.0, 30.0, n))
     shared = rng.uniform(0.3, 1.2, (n, 3))
     offset, variance = np.zeros((n, 3)), np.zeros((n, 3))
-    offset_kernels.vote(time_s, shared, 50.0, index, values, offset)
+    offset_kernels.vote(time_s, shared, index, values, offset)
     voted = offset.copy()
     chosen = np.zeros(n, np.int64)
     owner, price = np.full(7, -1, np.int64), np.zeros(7)
     assign(index, values, offset, rng.uniform(0.0, 0.3, (n, 3)), chosen, owner, price)
     assigned = chosen.copy()
-    offset_kernels.smooth(time_s, shared, 50.0, chosen, values, offset, variance)
+    offset_kernels.smooth(time_s, shared, chosen, values, offset, variance)
     lat, lon = -0.6 + 4e-6 * rng.normal(size=12), 2.6 + 4e-6 * rng.normal(size=12)
     lon[:3] = [np.pi - 1e-7, -np.pi + 1e-7, 0.4]
     filled = grid.filled_table(lat, lon, 16.0)

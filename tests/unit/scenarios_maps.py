@@ -207,7 +207,7 @@ def geolocation_tracks() -> Any:
     """Tracks with boxes of other signs in them, cleaned; what they leave, linked anew."""
     from automap.geolocation.landmark import SizePrior
     from automap.geolocation.splitting import clean_tracks, join_pieces
-    from automap.geolocation.tracking import TrackingRules, link_views
+    from automap.geolocation.tracking import link_views
     from automap.geolocation.views import MeasurementNoise, build_views
     from tests.unit import geolocation_scene as world
 
@@ -215,18 +215,18 @@ def geolocation_tracks() -> Any:
     scene = world.roadside(path, every_s=2.0)
     found, owner = world.boxes(path, scene, world.camera(), np.random.default_rng(2))
     views = build_views(path, [found], {"front": world.camera()}, MeasurementNoise())
-    prior, rules = SizePrior(), TrackingRules()
+    prior = SizePrior()
     of = [np.flatnonzero(owner == k) for k in np.unique(owner)]
     long = [rows for rows in of if len(rows) >= 6][:3]
     mixed = [
         np.sort(np.concatenate([long[0], long[1][:2]])),
         np.sort(np.concatenate([long[2], long[0][:1], long[1][2:3]])),
     ]
-    marks, misfits = clean_tracks(views, mixed, prior, rules)
-    pieces, _ = clean_tracks(views, [long[1][:4], long[1][4:], long[2]], prior, rules)
+    marks, misfits = clean_tracks(views, mixed, prior, 20.0)
+    pieces, _ = clean_tracks(views, [long[1][:4], long[1][4:], long[2]], prior, 20.0)
     return {
-        "linked": link_views(views, prior, rules),
+        "linked": link_views(views, prior, 20.0),
         "cleaned": marks,
         "misfits": misfits,
-        "joined": join_pieces(views, pieces, prior, rules),
+        "joined": join_pieces(views, pieces, prior, 20.0),
     }

@@ -29,13 +29,9 @@ from automap.geolocation.facing import (
     _summary,
 )
 from automap.geolocation.landmark import SizePrior
+from automap.geolocation.path_errors import path_nodes
 from automap.geolocation.sightings import Sighting
-from automap.geolocation.trajectory_adjustment import (
-    Adjustment,
-    _nodes,
-    shift_sighting,
-    shifted,
-)
+from automap.geolocation.trajectory_adjustment import Adjustment, shift_sighting, shifted
 from automap.records import Detections, FloatArray, Looked
 from automap.robust import cauchy_weight
 
@@ -319,29 +315,27 @@ def test_what_is_seen_now_and_then_is_a_thing_and_what_a_lorry_hides_a_sign() ->
     assert for_a_thing(behind) < 0.0 < for_a_thing("1000" * 6 + "00")
 
 
-def test_nodes_stand_where_signs_were_seen_and_some_seconds_apart() -> None:
-    path = drive_path(23.0)
-    n = len(path)
-    sd = np.column_stack([np.linspace(1.0, 3.0, n), np.full(n, 0.5), np.linspace(2.0, 1.0, n)])
-    sd[-1, 1] = np.nan
-    path = replace(path, sd_pos_ned=sd)
-    time = path.t_ns * 1e-9
-    seen = time[0] + np.array([7.3, 2.1, 7.3])
-    nodes, at_nodes, node = _nodes(path, seen)
-    assert nodes[node] == pytest.approx(seen)
-    assert len(nodes) == 8
-    regular = np.setdiff1d(nodes, seen)
-    assert (regular[0], regular[-1]) == pytest.approx((time[0], time[-1]))
-    assert np.diff(regular) == pytest.approx(np.full(5, (time[-1] - time[0]) / 5))
-    assert at_nodes[:-1, 0] == pytest.approx(np.interp(nodes[:-1], time, sd[:, 0]))
-    # what is unknown is not taken for exact
-    assert at_nodes[-1, 1] == pytest.approx(1e-6)
-    # between two nodes the error is on the line between theirs
-    error = np.random.default_rng(5).normal(size=(8, 3))
-    for t in (nodes[0] - 3.0, nodes[0], nodes[2] + 1.1, nodes[7], nodes[7] + 2.0):
-        told, sd_there = Adjustment(nodes, error, at_nodes).at(np.array([t]))
-        assert told[0] == pytest.approx([np.interp(t, nodes, error[:, k]) for k in range(3)])
-        assert sd_there[0, 0] == pytest.approx(np.interp(t, nodes, at_nodes[:, 0]))
+def test_between_nodes_the_error_goes_straight_and_is_as_large_as_stated() -> None:
+    step, kept = limits.NODE_S, np.exp(-limits.NODE_S / limits.PATH_CORRELATION_S)
+    time = step * np.array([7.0, 7.3, 8.9, 12.5, 3.2, 3.7])
+    alike, node, between = path_nodes(time, np.array([0, 4, 6]))
+    # of the first path nodes 7, 8, 9, 12, 13, of the other 3, 4, and one each for all of them
+    assert alike == pytest.approx([0.0, kept, kept, kept**3, kept, 0.0, kept, 0.0, 0.0])
+    assert node[:, :2].tolist() == [[0, 1], [0, 1], [1, 2], [3, 4], [5, 6], [5, 6]]
+    assert node[:, 2].tolist() == [7, 7, 7, 7, 8, 8]
+    before, after, whole = between.T
+    assert after[1:] / before[1:] == pytest.approx([3 / 7, 9.0, 1.0, 0.25, 7 / 3])
+    assert (before[0], after[0], *whole) == (1.0,) + (0.0,) + (1.0,) * 6
+    assert before**2 + after**2 + 2.0 * kept * before * after == pytest.approx(np.ones(6))
+
+
+def test_an_adjustment_between_its_times_is_on_the_line_between_them() -> None:
+    rng, times = np.random.default_rng(5), np.array([2.0, 4.1, 9.0, 12.5])
+    error, sd = rng.normal(size=(4, 3)), rng.uniform(0.5, 2.0, (4, 3))
+    for t in (-1.0, 2.0, 5.2, 12.5, 14.5):
+        told, sd_there = Adjustment(times, error, sd).at(np.array([t]))
+        assert told[0] == pytest.approx([np.interp(t, times, error[:, k]) for k in range(3)])
+        assert sd_there[0] == pytest.approx([np.interp(t, times, sd[:, k]) for k in range(3)])
 
 
 def test_the_adjusted_trajectory_is_the_old_one_less_its_error() -> None:

@@ -373,14 +373,13 @@ def test_a_box_of_a_tracks_number_is_nearer_and_one_of_another_farther(
     number: int, known: set[int], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A number below zero is none, of a box or of a track."""
-    rules = tracking.TrackingRules()
     monkeypatch.setattr(tracking, "distances_to", lambda *_: np.array([[1.5]]))
     views: Any = SimpleNamespace(class_name=np.array(["a"], object), track=np.array([number]))
     track = tracking._Track([0], Any, 0, {"a": 3.0, "b": 1.0}, known)  # type: ignore[arg-type]
-    cost = float(tracking._link_costs(views, [track], np.array([0]), rules)[0, 0])
-    wanted = 1.5 + 0.25 * rules.other_class
+    cost = float(tracking._link_costs(views, [track], np.array([0]))[0, 0])
+    wanted = 1.5 + 0.25 * limits.LINK_OTHER
     if number >= 0 and known:
-        wanted += -rules.same_track if number in known else rules.other_track
+        wanted += -limits.LINK_OTHER if number in known else limits.LINK_OTHER
     assert cost == pytest.approx(wanted)
 
 
@@ -396,9 +395,8 @@ def test_a_box_of_a_tracks_number_is_nearer_and_one_of_another_farther(
 def test_a_loose_box_goes_to_the_nearest_that_may_have_it(
     distances: list[float], adopted: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    rules = tracking.TrackingRules()
-    assert 8.5 < 3.0 + rules.other_class < 9.5
-    assert 9.0 < rules.gate < 98.0
+    assert 8.5 < 3.0 + limits.LINK_OTHER < 9.5
+    assert 9.0 < limits.LINK_GATE < 98.0
     views: Any = SimpleNamespace(
         t_ns=np.array([50, 50, 10, 49, 48]) * 10**9,
         frame=np.array([7, 7, 1, 6, 5]),
@@ -412,6 +410,6 @@ def test_a_loose_box_goes_to_the_nearest_that_may_have_it(
     )
     grown: Any = SimpleNamespace(weight=np.ones(2))
     monkeypatch.setattr(splitting, "fit_landmark", lambda v, rows, prior: grown)
-    found = splitting._adopt(views, 0, marks, span, Any, rules)  # type: ignore[arg-type]
+    found = splitting._adopt(views, 0, marks, span, Any, 20.0)  # type: ignore[arg-type]
     assert found == adopted
     assert [m is grown for m in marks] == [k == adopted for k in range(4)]

@@ -25,7 +25,6 @@ from automap.geolocation.landmark import (
 )
 from automap.geolocation.path_relation import make_path
 from automap.geolocation.stamp_scatter import Residuals, _fitted, told, tracked_or_linked
-from automap.geolocation.tracking import TrackingRules
 from automap.records import FloatArray
 
 FREEDOM = 4.0
@@ -370,7 +369,6 @@ def test_two_passes_are_of_one_sign_by_their_distance_in_sigmas_and_their_classe
 def test_pieces_are_one_where_the_common_fit_costs_no_more_than_three_coordinates(
     factor: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    rules = TrackingRules()
     views: Any = SimpleNamespace(
         class_name=np.array(["a", "a", "b", "a", "c"], object), frame=np.array([1, 2, 3, 4, 5]),
         t_ns=np.array([0, 1, 2, 3, 4]) * 10**8,
@@ -389,9 +387,9 @@ def test_pieces_are_one_where_the_common_fit_costs_no_more_than_three_coordinate
         return common
 
     monkeypatch.setattr(splitting, "fit_landmark", fit)
-    monkeypatch.setattr(splitting, "distances_to", lambda *_: np.array([[0.99 * rules.gate]]))
+    monkeypatch.setattr(splitting, "distances_to", lambda *_: np.array([[0.99 * limits.LINK_GATE]]))
     pieces = [mark(2, 3, cost=7.0), mark(0, 1)]
-    found = splitting.join_pieces(views, pieces, Any, rules)  # type: ignore[arg-type]
+    found = splitting.join_pieces(views, pieces, Any, 20.0)  # type: ignore[arg-type]
     assert (found == [common]) == (factor < 1.0)
     assert asked[0] == [0, 1, 2, 3]
     if factor > 1.0:
@@ -401,18 +399,18 @@ def test_pieces_are_one_where_the_common_fit_costs_no_more_than_three_coordinate
         monkeypatch.setattr(
             splitting, "fit_landmark", lambda *_, bad=bad: SimpleNamespace(**vars(common) | bad)
         )
-        assert len(splitting.join_pieces(views, pieces, Any, rules)) == 2  # type: ignore[arg-type]
+        assert len(splitting.join_pieces(views, pieces, Any, 20.0)) == 2  # type: ignore[arg-type]
     monkeypatch.setattr(splitting, "fit_landmark", lambda *_: common)
-    assert splitting._joined(views, mark(0, 1), mark(2, 4), Any, rules) is None  # type: ignore[arg-type]
-    assert splitting._joined(views, mark(0, 1), mark(1, 3), Any, rules) is None  # type: ignore[arg-type]
-    monkeypatch.setattr(splitting, "distances_to", lambda *_: np.array([[1.01 * rules.gate]]))
-    assert splitting._joined(views, pieces[0], pieces[1], Any, rules) is None  # type: ignore[arg-type]
+    assert splitting._joined(views, mark(0, 1), mark(2, 4), Any) is None  # type: ignore[arg-type]
+    assert splitting._joined(views, mark(0, 1), mark(1, 3), Any) is None  # type: ignore[arg-type]
+    monkeypatch.setattr(splitting, "distances_to", lambda *_: np.array([[1.01 * limits.LINK_GATE]]))
+    assert splitting._joined(views, pieces[0], pieces[1], Any) is None  # type: ignore[arg-type]
     # and a longer silence than the tracker's
     monkeypatch.setattr(splitting, "distances_to", lambda *_: np.array([[0.0]]))
     for silence, count in ((0.99, 1), (1.01, 2)):
-        gap = np.int64(silence * rules.max_silence_s * 1e9)
+        gap = np.int64(silence * 20.0 * 1e9)
         views.t_ns = np.array([0, 1, 1 + gap, 2 + gap, 3 + gap])
-        assert len(splitting.join_pieces(views, pieces, Any, rules)) == count  # type: ignore[arg-type]
+        assert len(splitting.join_pieces(views, pieces, Any, 20.0)) == count  # type: ignore[arg-type]
 
 
 def test_a_boxs_size_is_the_mean_of_width_and_height_by_their_logarithms(

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from merge_scene import ORIGIN, to_enu, to_geodetic
 
+from automap.geolocation.limits import NODE_S
 from automap.mapping.adjustment import Adjusted, ErrorLevels, adjust
 from automap.mapping.association import Association, associate
 from automap.mapping.candidates import (
@@ -22,7 +23,7 @@ from automap.mapping.candidates import (
     V_U,
 )
 from automap.mapping.error_levels import estimate_levels
-from automap.mapping.limits import COMMON_SD_M, MOST, NODE_S
+from automap.mapping.limits import COMMON_SD_M, MOST
 from automap.mapping.offset_kernels import smooth, vote
 from automap.mapping.sightings import DrivePath, DriveSigns, Sightings, stack_sightings
 
@@ -287,7 +288,7 @@ def test_the_vote_ends_at_the_mean_of_tilted_differences() -> None:
     time = np.concatenate([100.0 + 7.0 * np.arange(5), 180.0 + 6.0 * np.arange(5)])
     index, values = candidates(places, covs)
     offset = np.zeros((n, 3))
-    vote(time, np.tile(sd, (n, 1)), TAU_S, index, values, offset)
+    vote(time, np.tile(sd, (n, 1)), index, values, offset)
     # the map's own frame is as far off as the drive
     prior = np.diag(2.0 * sd**2 + 1e-4)
     mean, cov, last = np.zeros(3), prior, None
@@ -318,7 +319,7 @@ def test_offsets_along_a_drive_are_the_conditional_mean_of_the_process() -> None
     chosen[[2, 6]] = -1
     values[4, 0, V_U] = np.nan
     offset, variance = np.zeros((n, 3)), np.zeros((n, 3))
-    smooth(time, shared, TAU_S, chosen, values, offset, variance)
+    smooth(time, shared, chosen, values, offset, variance)
     for axis, column in enumerate((V_EE, V_NN, V_U)):
         sd = np.sqrt(2.0 * shared[:, axis] ** 2 + 1e-4)
         prior = np.outer(sd, sd) * np.exp(-np.abs(time[:, None] - time) / TAU_S)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from automap.geolocation.path_errors import Equations, Network, correlations
+from automap.geolocation.path_errors import Equations, Network
 from automap.mapping.adjustment import ErrorLevels
 from automap.mapping.cells import cell_of
 from automap.mapping.drive_levels import drive_factors, drive_squares
@@ -21,7 +21,8 @@ def test_squares_are_as_many_as_the_freedom_says() -> None:
     paths, each, signs = 3, 9, 6
     n = paths * each
     time_s = np.concatenate([np.sort(rng.uniform(0.0, 120.0, each)) for _ in range(paths)])
-    alike = np.append(correlations(time_s, 40.0), np.zeros(paths))
+    step = np.diff(time_s, prepend=np.inf)
+    alike = np.append(np.where(step < 0.0, 0.0, np.exp(-np.abs(step) / 40.0)), np.zeros(paths))
     path = np.repeat(np.arange(paths), each)
     node = np.column_stack([np.arange(n), n + path])
     sd = rng.uniform(0.3, 2.0, (n, 2, 2))

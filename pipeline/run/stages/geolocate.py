@@ -192,7 +192,6 @@ def rules_from(
     from automap.geolocation.boresight import CameraPriors
     from automap.geolocation.landmark import SizePrior
     from automap.geolocation.rules import GeolocationRules
-    from automap.geolocation.tracking import TrackingRules
     from automap.geolocation.views import MeasurementNoise
 
     return GeolocationRules(
@@ -202,7 +201,7 @@ def rules_from(
             margin_sd_px=settings.box_margin_sd_px,
         ),
         size=SizePrior(size_m=settings.sign_size_m, log_sd=settings.sign_size_log_sd),
-        tracking=TrackingRules(max_silence_s=settings.max_silence_s),
+        max_silence_s=settings.max_silence_s,
         assembly=_assembly(drive, vehicle),
         camera=CameraPriors(
             focal_sd=settings.focal_sd,
@@ -336,7 +335,7 @@ STAGE = Stage(
     # 21: stamps and pictures as the bends of the videos say, existence by frames that are due,
     # a nose off its course
     # 26: of two mirror images of a face the likelier is stated; boxes too narrow to be found
-    version=26,
+    version=27,
     run=run,
     inputs=_inputs,
     needs=(
