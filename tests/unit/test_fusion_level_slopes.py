@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from automap.fusion.adapt import scale_nodes, scale_problem
-from automap.fusion.kernel_runs import PathStates, Start
+from automap.fusion.kernel_runs import PathStates, Start, run_forward
 from automap.fusion.layout import HAS_POS_H, HAS_POS_V, HAS_VEL_H, HAS_VEL_V, NHC
 from automap.fusion.level_likelihood import level_likelihood
 from automap.fusion.levels import ALL_LEVELS, TIME_LEVELS
@@ -85,3 +85,20 @@ def test_slope_is_the_difference_of_the_likelihood(
     spread = np.sqrt(found.info[row])
     assert spread > 0.0
     assert found.slope[row] == pytest.approx(numeric, abs=0.01 * spread, rel=2e-3)
+
+
+def test_the_likelihood_has_no_steps(drive: tuple[Problem, Nodes, Start, PathStates]) -> None:
+    """Blocks begin to surprise, one after the other, as the receiver is said to be better."""
+    problem, nodes, start, about = drive
+    problem = with_options(problem, replace(problem.options, gate_probability=0.3))
+    scores, surprised = [], set()
+    for factor in np.exp(np.linspace(0.0, -0.02, 201)):
+        factors = dict.fromkeys(ALL_LEVELS, 1.0) | {"velocity_h": factor}
+        scaled = scale_nodes(nodes, factors)
+        run = run_forward(problem, scaled, start, Shift(), linearised_at=about)
+        scores.append(run.score)
+        surprised.add(int((run.store.factor > 1.0).sum()))
+    assert len(surprised) > 3
+    slope = np.diff(scores)
+    # a step of 1e-4 in a logarithm moves the score by that share of what its blocks' squares are
+    assert np.abs(np.diff(slope)).max() < 0.02
