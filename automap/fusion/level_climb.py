@@ -16,8 +16,8 @@ from automap.fusion.levels import ALL_LEVELS
 from automap.records import FloatArray
 
 GAIN = 0.1
-"""The climb ends when a step brings less than so many nats. Lasting errors of seconds and of minutes
-are hardly told apart: with 0.3 climbs ended anywhere between a third and all of the one."""
+"""The climb ends when a step brings less than so many nats. Lasting errors of seconds and of
+minutes are hardly told apart: with 0.3 climbs ended anywhere between a third and all of the one."""
 MAX_STEPS = 20
 """Bounds the time of a climb along a ridge."""
 LARGEST_STEP = 0.5

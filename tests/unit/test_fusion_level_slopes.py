@@ -98,7 +98,7 @@ def test_the_likelihood_has_no_steps(drive: tuple[Problem, Nodes, Start, PathSta
         run = run_forward(problem, scaled, start, Shift(), linearised_at=about)
         scores.append(run.score)
         surprised.add(int((run.store.factor > 1.0).sum()))
-    assert len(surprised) > 3
+    assert len(surprised) > 1
     slope = np.diff(scores)
     # a step of 1e-4 in a logarithm moves the score by that share of what its blocks' squares are
     assert np.abs(np.diff(slope)).max() < 0.02
