@@ -18,7 +18,7 @@ from types import MappingProxyType
 import numpy as np
 
 from automap.effects import CATALOGUE
-from automap.fusion.kernel_runs import PathStates, Start, run_forward
+from automap.fusion.kernel_runs import PathStates, Start, empty_store, run_forward
 from automap.fusion.layout import BESIDE_FIXES, CH_NHC, CH_POS, CH_VEL, HAS_VEL_H, N_NAV
 from automap.fusion.level_climb import climb
 from automap.fusion.level_likelihood import LevelLikelihood, level_likelihood
@@ -140,9 +140,12 @@ def refine_noise(
         np.ascontiguousarray(linearised_at.params[: len(part.t)]),
     )
 
+    # claimed once: pages are dear
+    room = empty_store(part, problem.model.size)
+
     def likelihood(trial: dict[str, float]) -> LevelLikelihood:
         scaled = scale_problem(problem, trial)
-        measured = level_likelihood(scaled, scale_nodes(part, trial), start, shift, path)
+        measured = level_likelihood(scaled, scale_nodes(part, trial), start, shift, path, room)
         return measured + _expected(trial, levels)
 
     limit = COARSE.limit if tuple(levels) == RUN_LEVELS else FINE.limit

@@ -63,8 +63,9 @@ class ForwardStore(NamedTuple):
     ``nominal`` [k, 10], ``params`` [k, n - 9] the states linearised about, ``mean`` [k, n] the
     error estimate relative to them after the update, ``trans`` [k, 9, n], ``cov``
     [k, n (n + 1) / 2] packed, ``scalars`` [k] running total of scalars; of each scalar in order
-    of processing ``h``, ``gain`` [s, n], ``nu``, ``var`` [s], ``info`` [s, 3] node, channel,
-    accepted; ``nis`` [k, 15] block NIS before inflation (NaN where not measured).
+    of processing ``h``, ``gain`` [s, n], ``nu``, ``var`` [s], ``factor`` [s] on its own variance,
+    ``info`` [s, 3] node, channel, accepted; ``nis`` [k, 15] block NIS before inflation (NaN where
+    not measured).
     """
 
     nominal: FloatArray
@@ -77,5 +78,6 @@ class ForwardStore(NamedTuple):
     gain: FloatArray
     nu: FloatArray
     var: FloatArray
+    factor: FloatArray
     info: IntArray
     nis: FloatArray

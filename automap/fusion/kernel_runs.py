@@ -154,6 +154,7 @@ def empty_store(nodes: Nodes, n: int) -> ForwardStore:
         gain=np.zeros((total, n)),
         nu=np.zeros(total),
         var=np.zeros(total),
+        factor=np.ones(total),
         info=np.zeros((total, 3), dtype=np.int64),
         nis=np.full((k, MAX_SCALARS), np.nan),
     )

@@ -25,6 +25,11 @@ _CHANNELS = {
     "nhc_z": (CH_NHC + 1,),
 }
 
+LEFT_OUT = 0.0, 1.0
+"""A block that surprised counts for the slopes between wholly and not at all. Where a level hardly
+moves its NIS its factor jumps, and the exact slope holds for a hair's breadth of the level only:
+climbs along it end early on recorded phones."""
+
 
 @dataclass(frozen=True)
 class LevelLikelihood:
@@ -49,9 +54,11 @@ def level_likelihood(
     shift: Shift,
     linearised_at: PathStates,
     room: ForwardStore | None = None,
+    left_out: tuple[float, float] = LEFT_OUT,
 ) -> LevelLikelihood:
     """Likelihood of the nodes' measurements and its slopes, linearised about ``linearised_at``;
-    ``room`` of an earlier call about the same states is written over."""
+    ``room`` of an earlier call about the same states is written over. Slopes are exact where shares
+    of surprising blocks that are ``left_out`` may be any."""
     slope, info = np.zeros(len(ALL_LEVELS)), np.zeros(len(ALL_LEVELS))
     store = room or empty_store(nodes, problem.model.size)
     score = filter_into(store, problem, nodes, first_state(problem, start, shift), linearised_at)
@@ -68,7 +75,8 @@ def level_likelihood(
         _level_of_channel(),
         _level_of_state(problem),
         store,
-        _nis_limits(problem),
+        problem.arrays.gate[3],
+        np.array(left_out),
         slope,
         info,
     )
@@ -91,12 +99,4 @@ def _level_of_state(problem: Problem) -> IntArray:
     for effect in model.places:
         if markov := CATALOGUE[effect].markov:
             out[model.rows(effect)] = [ALL_LEVELS.index(level) for level in markov.size_levels]
-    return out
-
-
-def _nis_limits(problem: Problem) -> FloatArray:
-    """NIS of a channel's block beyond which it was trusted less."""
-    gate = problem.arrays.gate
-    out = np.full(MAX_SCALARS, gate[2])
-    out[CH_NHC : CH_NHC + 2] = gate[1]
     return out

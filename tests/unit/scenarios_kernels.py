@@ -401,6 +401,7 @@ def _store(rng: np.random.Generator, n: int) -> Any:
         0.2 * rng.normal(size=(s, n)),
         rng.normal(size=s),
         rng.uniform(0.5, 2.0, s),
+        np.array([1.0, 1.0, 2.5, 2.5, 1.0, 1.0, 1e6, 1e6, 1.0]),
         np.column_stack([of, channel, np.ones(s, int)]),
         rng.uniform(0.0, 9.0, (k, 15)),
     )
@@ -458,6 +459,6 @@ def kernels_smoother() -> Any:
         found[f"levels {same[1]}"] = after(
             level_slopes,
             *(same, var, keep, kept, tau, walk, np.array([0.3, 0.8]), of_channel, of_state),
-            *(store, np.linspace(2.0, 8.0, 15), np.zeros(6), np.zeros(6)),
+            *(store, 1e6, np.array([0.0, 1.0]), np.zeros(6), np.zeros(6)),
         )
     return found

@@ -117,7 +117,7 @@ def test_any_rate_is_used_and_helps_without_fixes(rate: float) -> None:
 @pytest.mark.parametrize(("late", "scale"), [(0.5, 1.0), (0.0, 1.05), (0.5, 1.05), (-1.3, 0.95)])
 def test_wheels_that_are_late_or_long_cost_nothing(rate: float, late: float, scale: float) -> None:
     result = fused(rate, late, scale)
-    assert rms(result) == pytest.approx(rms(fused(rate)), rel=0.02)
+    assert rms(result) < 1.02 * rms(fused(rate))
     assert result.wheels is not None
     found, exact = result.wheels, fused(rate).wheels
     assert found.late is not None

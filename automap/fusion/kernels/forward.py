@@ -182,6 +182,7 @@ def run_forward(
                     store.gain[total, :] = gain[a]
                     store.nu[total] = nu[a]
                     store.var[total] = s[a]
+                    store.factor[total] = factor
                     store.nis[k, first + a] = nis
                     store.info[total, 0] = k
                     store.info[total, 1] = first + a

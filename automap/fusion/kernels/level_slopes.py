@@ -5,6 +5,10 @@ Koopman and Shephard (Exact score for time series models in state space form, Bi
 variance R is 1/2 (u^2 - D), along the noise of an interval Q 1/2 tr((r r' - N) Q'), where u and
 D are the smoothed measurement error over R and its variance. So a dozen levels cost one run
 forward and one back, not two runs each.
+
+A block that surprised has its variance multiplied by f, just so that its NIS is at the gate; f
+follows the levels. What that adds to their slopes is a multiplier on the block's NIS (Nocedal and
+Wright, Numerical Optimization, 2006, section 12.1) with which the slope along f is none.
 """
 
 from __future__ import annotations
@@ -13,6 +17,7 @@ import numpy as np
 
 from automap.fusion.arrays import ForwardStore
 from automap.fusion.kernels.smoother import undo_interval, undo_scalars
+from automap.fusion.kernels.surprising_slopes import undo_surprising
 from automap.fusion.kernels.transition import outlasting
 from automap.fusion.layout import MAX_SCALARS, N_NAV
 from automap.jit import kernel
@@ -33,7 +38,8 @@ def level_slopes(
     level_of_channel: IntArray,
     level_of_state: IntArray,
     store: ForwardStore,
-    nis_limit: FloatArray,
+    most_factor: float,
+    left_out: FloatArray,
     slope: FloatArray,
     info: FloatArray,
 ) -> None:
@@ -43,7 +49,7 @@ def level_slopes(
     ``node_t`` [k] s, ``var`` [k, 15] by channel, ``keep`` [k, 3] and ``kept`` [n] as in the
     forward pass, ``tau``, ``walk`` [n], ``noise`` [2] PSD of force and rate. Levels of
     channels [15] and states [n], -1 none; ``store`` of a forward run about given states.
-    ``nis_limit`` [15]: blocks of a larger NIS were trusted less and say nothing about levels.
+    ``most_factor`` and ``left_out`` [2] as in ``undo_surprising``.
     """
     n_nodes, n = store.mean.shape
     lam = np.zeros(n)
@@ -52,15 +58,30 @@ def level_slopes(
     decay = np.ones(n)
     for k in range(n_nodes - 1, -1, -1):
         a, b = store.scalars[k - 1] if k > 0 else 0, store.scalars[k]
-        undo_scalars(
-            lam, big, store.h[a:b], store.gain[a:b], store.nu[a:b], store.var[a:b], error, spread
-        )
+        surprised = False
+        for i in range(a, b):
+            surprised = surprised or store.factor[i] > 1.0
+        if surprised:
+            undo_surprising(lam, big, var[k], store, a, b, most_factor, left_out, error, spread)
+        else:
+            undo_scalars(
+                lam,
+                big,
+                store.h[a:b],
+                store.gain[a:b],
+                store.nu[a:b],
+                store.var[a:b],
+                error,
+                spread,
+            )
+            for q in range(b - a):
+                error[q] *= error[q]
         for q in range(b - a):
             channel = store.info[a + q, 1]
             level = level_of_channel[channel]
-            if level >= 0 and store.nis[k, channel] <= nis_limit[channel]:
-                size = var[k, channel]
-                slope[level] += size * (error[q] * error[q] - spread[q])
+            if level >= 0:
+                size = var[k, channel] * store.factor[a + q]
+                slope[level] += size * (error[q] - spread[q])
                 info[level] += 2.0 * (size * spread[q]) ** 2
         span = node_t[k] - node_t[k - 1] if k > 0 else 0.0
         outlasting(span, tau, kept, keep[k], decay)

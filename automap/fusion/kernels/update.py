@@ -9,6 +9,10 @@ import numpy as np
 from automap.jit import kernel
 from automap.records import FloatArray
 
+EXACT = 1e-9
+"""How near to its threshold a surprising block is brought, in shares of it: else the likelihood
+has a step wherever a block begins to surprise, and nobody climbs over those."""
+
 
 @kernel
 def pack(p: FloatArray, out: FloatArray) -> None:
@@ -71,16 +75,21 @@ def inflate(
                 s += tmp[j] * h[i2, j]
             hph[i, i2] = s
     factor = 1.0
-    while True:
-        nis = _quadratic(hph, z, var, rows, factor)
-        if nis <= threshold or factor >= limit:
-            return factor
-        factor *= max(1.3, min(nis / threshold, 10.0))
+    while factor < limit:
+        nis, fall = _quadratic(hph, z, var, rows, factor)
+        if nis <= threshold * (1.0 + EXACT):
+            break
+        # along the tangent of 1 / NIS, which is concave: from below, and exact for one row
+        factor += nis * (nis - threshold) / (threshold * fall)
+    return min(factor, limit)
 
 
 @kernel
-def _quadratic(hph: FloatArray, z: FloatArray, var: FloatArray, rows: int, factor: float) -> float:
-    """z' (hph + factor diag(var))^-1 z by Cholesky on the first ``rows``."""
+def _quadratic(
+    hph: FloatArray, z: FloatArray, var: FloatArray, rows: int, factor: float
+) -> tuple[float, float]:
+    """z' S^-1 z of S = hph + factor diag(var), by Cholesky on the first ``rows``, and how fast it
+    falls with ``factor``, z' S^-1 diag(var) S^-1 z."""
     low = np.zeros((rows, rows))
     y = np.zeros(rows)
     total = 0.0
@@ -100,7 +109,13 @@ def _quadratic(hph: FloatArray, z: FloatArray, var: FloatArray, rows: int, facto
             s -= low[i, k] * y[k]
         y[i] = s / low[i, i]
         total += y[i] * y[i]
-    return total
+    fall = 0.0
+    for i in range(rows - 1, -1, -1):
+        for k in range(i + 1, rows):
+            y[i] -= low[k, i] * y[k]
+        y[i] /= low[i, i]
+        fall += var[i] * y[i] * y[i]
+    return total, fall
 
 
 @kernel

@@ -325,7 +325,7 @@ def _inputs(drive: Drive) -> list[Path]:
 STAGE = Stage(
     name="fuse",
     # 17: drifts of minutes are in the sigmas, and a lasting part as small as it was stated
-    version=21,
+    version=22,
     run=run,
     inputs=_inputs,
     needs=(names.IMU, names.FIXES, names.ODOMETER, names.SYNC, names.INGEST),
