@@ -78,8 +78,8 @@ def test_a_receivers_figure_is_of_its_whole_error(claims: float, larger: tuple[s
     told = {c.level: c.factor for c in noise_claims([fit], model.factors)}
     assert {level for level in told if level.startswith("position")} == set(larger)
     for level in larger:
-        # of an error of minutes a short drive shows but some values
-        assert told[level] == pytest.approx(1.0 / claims, rel=0.4)
+        # an error of minutes, which is most of it, has one value or two in a drive of two minutes
+        assert 0.5 / claims < told[level] < 2.0 / claims
 
 
 def _swaying(drive: GapDrive, sd: float, tau_s: float) -> GapDrive:
