@@ -21,7 +21,7 @@ import numpy as np
 from automap.mapping.adjustment import ErrorLevels, rough_places
 from automap.mapping.association import renumbered
 from automap.mapping.by_cells import group_cell
-from automap.mapping.cell_merge import PLACE_MARGIN_M, place_cell
+from automap.mapping.cell_merge import PLACE_MARGIN_M, place_signs
 from automap.mapping.cells import cell_of, colour_of
 from automap.mapping.drive_levels import drive_factors, drive_squares
 from automap.mapping.existence import Chances
@@ -142,7 +142,7 @@ def place(folder: Path, cell: int, levels: ErrorLevels, factors: FloatArray) -> 
     whole = hashlib.sha256(took.encode() + sign.tobytes() + own.tobytes())
     if text_of(path, "digest") == whole.hexdigest() and restamp(path, stamp):
         return False
-    placed = place_cell(near.sightings, sign, near.tracks, cell, levels, own)
+    placed = place_signs(near.sightings, sign, near.tracks, levels, own, cell)
     a, b, s = placed.attributes, placed.adjusted, placed.sightings
     seen = b.drive_count[:, 0] > 0
     write_columns(
