@@ -107,12 +107,12 @@ def map_signs(
     sure = np.asarray(columns["class_probability"])
     # where no detector tells how sure the class is, what the boxes' scores say
     confidence = belief * np.where(
-        np.isfinite(sure), sure, columns["seen"] * columns["class_share"]
+        np.isfinite(sure), sure, columns["confidence"] * columns["class_share"]
     )
     same = (
         "class_name", "height_m", "n_views", "group_probability", "side", "status",
         "height_above_road_m", "sd_above_road_m", "facing_rad", "facing_sd_rad", "size_m",
-        "contrast", "contrast_sd", "contrast_note", "seen_share", "n_looked", "n_back_views",
+        "contrast", "contrast_sd", "contrast_note", "seen_share", "n_back_views",
     )  # fmt: skip
     called = {"height_m": "height"}
     found = {name: columns[called.get(name, name)] for name in same}
@@ -121,6 +121,7 @@ def map_signs(
         "confidence": confidence, "existence": belief, "class_probability": sure,
         "first_seen_ns": _stamps(columns["first_gps_s"]),
         "last_seen_ns": _stamps(columns["last_gps_s"]), "drives": drives,
+        "n_looked": np.asarray(columns["n_looked"], np.int64),
     }  # fmt: skip
     return SignList(found, columns["cov_enu"])
 

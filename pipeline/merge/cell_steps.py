@@ -158,7 +158,7 @@ def place(folder: Path, cell: int, levels: ErrorLevels, factors: FloatArray) -> 
         first_gps_s=a.first_gps_s, last_gps_s=a.last_gps_s,
         height_above_road_m=a.height_above_road_m, sd_above_road_m=a.sd_above_road_m,
         facing_rad=a.facing_rad, facing_sd_rad=a.facing_sd_rad, size_m=a.size_m,
-        side=_texts(a.side), status=_texts(a.status), seen=a.seen,
+        side=_texts(a.side), status=_texts(a.status), confidence=a.confidence,
         class_probability=a.class_probability, group_probability=a.group_probability,
         contrast=a.contrast, contrast_sd=a.contrast_sd, contrast_note=_texts(a.contrast_note),
         seen_share=a.seen_share, n_looked=a.n_looked, n_back_views=a.n_back_views,
@@ -187,7 +187,7 @@ def placed_cells(folder: Path, cells: Sequence[int]) -> tuple[dict[str, Any], Ch
     wanted = (
         "founder", "founder_id", "lat", "lon", "height", "cov_enu", "class_name", "class_share",
         "n_views", "first_gps_s", "last_gps_s", "height_above_road_m", "sd_above_road_m",
-        "facing_rad", "facing_sd_rad", "size_m", "side", "status", "seen", "own_variance",
+        "facing_rad", "facing_sd_rad", "size_m", "side", "status", "confidence", "own_variance",
         "class_probability", "group_probability", "contrast", "contrast_sd", "contrast_note",
         "seen_share", "n_looked", "n_back_views",
         "n_drives", "seen_by",
