@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from automap.mapping.adjustment import Adjusted, ErrorLevels, adjust, own_variance
-from automap.mapping.association import Association, renumbered
+from automap.mapping.association import renumbered
 from automap.mapping.attributes import Attributes, combine_attributes
 from automap.mapping.existence import Chances, chances
 from automap.mapping.sightings import Sightings
@@ -62,9 +62,8 @@ def place_signs(
     """
     rows = np.flatnonzero(sign >= 0)
     grouped, group = near.at(rows), renumbered(sign[rows])
-    nothing = np.zeros((len(rows), 3))
     only = None if cell is None else {cell}
-    whole = adjust(grouped, Association(group, nothing, nothing), levels, progress, only, factors)
+    whole = adjust(grouped, group, levels, progress, only, factors)
     standing = np.isfinite(whole.lat)
     rows = np.flatnonzero(standing[group]) if len(group) else np.zeros(0, np.int64)
     own = grouped.at(rows)

@@ -54,16 +54,16 @@ def merge_drives(
     """
     ordered = [drives[k] for k in canonical_order(drives)]
     sightings = stack_sightings(ordered)
-    found = associate_by_cells(
+    sign = associate_by_cells(
         sightings, lambda done: progress(0.5 * done, "which sightings are one sign")
     )
     progress(0.5, "how large the errors are")
-    levels = estimate_levels(sightings, found)
-    homes = np.unique(cell_of(*rough_places(sightings, found.sign))).tolist()
-    squares = [drive_squares(sightings, found.sign, cell, levels) for cell in homes]
+    levels = estimate_levels(sightings, sign)
+    homes = np.unique(cell_of(*rough_places(sightings, sign))).tolist()
+    squares = [drive_squares(sightings, sign, cell, levels) for cell in homes]
     factors = drive_factors(squares, len(ordered))
     placed = place_signs(
-        sightings, found.sign, ordered, levels, factors,
+        sightings, sign, ordered, levels, factors,
         progress=lambda done: progress(0.6 + 0.2 * done, "where signs stand"),
     )  # fmt: skip
     progress(0.8, "which signs are there")

@@ -86,8 +86,8 @@ def group(folder: Path, cell: int) -> bool:
         write_columns(path, **told, name=taken[:0], sign=taken[:0], home=taken[:0])
         return True
     found = group_cell(s, own, free)
-    rows = np.flatnonzero(found.sign >= 0)
-    sign = renumbered(found.sign[rows])
+    rows = np.flatnonzero(found >= 0)
+    sign = renumbered(found[rows])
     lat, lon = rough_places(s.at(rows), sign) if len(rows) else (s.lat[:0], s.lon[:0])
     home = np.unique(cell_of(lat, lon))
     write_columns(path, **told, name=near.name[rows], sign=sign, home=home)
