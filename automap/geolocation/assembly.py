@@ -24,15 +24,10 @@ C_ENU_NED: FloatArray = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -
 @dataclass(frozen=True)
 class AssemblyRules:
     """``imu_above_road_m`` height of the IMU above the road, ``imu_above_road_sd_m`` one sigma of
-    it; ``far_m`` distance of the nearest view beyond which a sign is called far; ``size_limits_m``
-    and ``height_limits_m`` (above the road) outside which it is called implausible; ``drive`` the
-    drive's name."""
+    it; ``drive`` the drive's name."""
 
     imu_above_road_m: float = limits.IMU_ABOVE_ROAD_M
     imu_above_road_sd_m: float = limits.IMU_ABOVE_ROAD_SD_M
-    far_m: float = 60.0
-    size_limits_m: tuple[float, float] = (0.15, 6.0)
-    height_limits_m: tuple[float, float] = (-2.0, 15.0)
     drive: str = ""
 
 
@@ -77,7 +72,7 @@ def assemble_sign(
     size = float(np.exp(np.sum(size_weights * log_sizes) / size_weights.sum()))
 
     scores: Counter[str] = sum((Counter(s.class_score) for s in sightings), Counter())
-    status = _status(sightings, size, above_road, len(rows), rules)
+    status = _status(sightings, size, above_road, len(rows))
     class_name = max(sorted(scores), key=scores.__getitem__)
     of_class, of_group = class_beliefs(views, rows, class_name)
     wrong = 1.0 - limits.VIEW_EVIDENCE * np.clip(views.score[rows], 0.0, 1.0)
@@ -114,24 +109,18 @@ def assemble_sign(
     )
 
 
-def _status(
-    sightings: Sequence[Sighting],
-    size: float,
-    above_road: float,
-    n_views: int,
-    rules: AssemblyRules,
-) -> str:
+def _status(sightings: Sequence[Sighting], size: float, above_road: float, n_views: int) -> str:
     """What a user should know first: implausible, single_view, contradictory, far, weak_geometry
     or ok."""
-    low, high = rules.size_limits_m
-    lowest, highest = rules.height_limits_m
+    low, high = limits.SIZE_LIMITS_M
+    lowest, highest = limits.HEIGHT_LIMITS_M
     if not (low <= size <= high and lowest <= above_road <= highest):
         return "implausible"
     if n_views == 1:
         return "single_view"
     if all(s.contradictory for s in sightings):
         return "contradictory"
-    if min(s.landmark.depth_m for s in sightings) > rules.far_m:
+    if min(s.landmark.depth_m for s in sightings) > limits.FAR_M:
         return "far"
     if min(s.landmark.depth_log_sd for s in sightings) > limits.WEAK_DEPTH_LOG_SD:
         return "weak_geometry"

@@ -117,39 +117,6 @@ def reassign(
     return points, owner
 
 
-def joined(
-    rays: Rays, points: FloatArray, owner: IntArray, rules: BearingRules
-) -> tuple[FloatArray, IntArray]:
-    """One object for two that no camera sees apart and that one place explains as well.
-
-    As well means at no more than the price of the object that is saved; the pair that gains
-    most goes first.
-    """
-
-    def cost(rows: IntArray, point: FloatArray) -> float:
-        return float(costs(rays, rows, point[None], rules).sum())
-
-    while len(points) > 1:
-        best: tuple[float, int, int, FloatArray] | None = None
-        for a, b in cKDTree(points).query_pairs(rules.max_joined_m):
-            one, other = np.flatnonzero(owner == a), np.flatnonzero(owner == b)
-            if np.isin(rays.camera[one], rays.camera[other]).any():
-                continue
-            both = np.concatenate([one, other])
-            point = fit_point(rays, both, 0.5 * (points[a] + points[b]), rules)
-            loss = cost(both, point) - cost(one, points[a]) - cost(other, points[b])
-            if loss < rules.object_cost and (best is None or loss < best[0]):
-                best = (loss, min(a, b), max(a, b), point)
-        if best is None:
-            break
-        _, kept, gone, point = best
-        points[kept] = point
-        points = np.delete(points, gone, axis=0)
-        owner = np.where(owner == gone, kept, owner)
-        owner = np.where(owner > gone, owner - 1, owner)
-    return points, owner
-
-
 def _compact(
     rays: Rays, points: FloatArray, owner: IntArray, rules: BearingRules
 ) -> tuple[FloatArray, IntArray]:

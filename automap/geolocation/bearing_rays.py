@@ -19,9 +19,9 @@ class BearingRules:
     """``bearing_sd_rad`` where the sighting gives none; ``position_sd_m`` of a camera;
     ``depth_log_sd`` relative error of a depth; ``max_range_m`` beyond which nothing is seen;
     ``alone_cost`` what a sighting without an object costs, ``object_cost`` what an object
-    costs, both in squared sigmas; ``min_distance_m`` between two objects, ``max_joined_m``
-    between two that may be one. ``depth_offset_sd_m`` and ``depth_scale_log_sd`` of what all
-    depths have in common; ``single`` whether a sighting that meets no other makes an object.
+    costs, both in squared sigmas; ``min_distance_m`` between two objects. ``depth_offset_sd_m`` and
+    ``depth_scale_log_sd`` of what all depths have in common; ``single`` whether a sighting that
+    meets no other makes an object.
 
     A sighting has two coordinates, and 7 is the 97 % of two; 5 to 7 and object costs of 4 to 8
     serve alike in ``tests/benchmarks/bearing_scenes.py``, where they were chosen."""
@@ -31,7 +31,6 @@ class BearingRules:
     depth_log_sd: float = 0.3
     depth_offset_sd_m: float = 3.0
     depth_scale_log_sd: float = 0.3
-    max_joined_m: float = 6.0
     single: bool = False
     max_range_m: float = 40.0
     alone_cost: float = 7.0

@@ -18,7 +18,7 @@ import numpy as np
 
 from automap.earth import from_local_ned
 from automap.geolocation import limits
-from automap.geolocation.bearing_cover import candidates, cover, joined, reassign
+from automap.geolocation.bearing_cover import candidates, cover, reassign
 from automap.geolocation.bearing_rays import (
     BearingRules,
     Rays,
@@ -56,7 +56,6 @@ def locate_from_bearings(
         rays = replace(measured, log_depth=np.log(scale.apply(np.exp(measured.log_depth))))
         points, owner = cover(rays, candidates(rays, rules), rules)
         points, owner = reassign(rays, points, owner, rules)
-        points, owner = joined(rays, points, owner, rules)
         before, scale = scale, _depth_scale(measured, points, owner, rules)
         change = scale.apply(_TYPICAL_DEPTHS_M) - before.apply(_TYPICAL_DEPTHS_M)
         if np.abs(change).max() < limits.SCALE_SETTLED_M:

@@ -282,13 +282,12 @@ def distances_to(
     if not landmarks:
         return np.zeros((len(rows), 0))
     anchors = np.array([mark.anchor for mark in landmarks], np.int64)
+    C_view, offset = views.C_cam_ref[rows[0]], views.centre[anchors] - views.centre[rows[0]]
     return squared_distances(
         np.array([mark.parameters for mark in landmarks]),
         np.array([mark.covariance for mark in landmarks]),
-        views.C_cam_ref[anchors],
-        views.centre[anchors],
-        views.C_cam_ref[rows[0]],
-        views.centre[rows[0]],
+        C_view @ views.C_cam_ref[anchors].swapaxes(1, 2),
+        offset @ C_view.T,
         views.measured[rows],
         views.sd[rows],
         slack_rad,

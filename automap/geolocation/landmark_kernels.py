@@ -54,28 +54,32 @@ class Boxes(NamedTuple):
 def squared_distances(
     parameters: FloatArray,
     covariance: FloatArray,
-    C_anchor: FloatArray,
-    anchor: FloatArray,
-    C_view: FloatArray,
-    centre: FloatArray,
+    M: FloatArray,
+    b: FloatArray,
     measured: FloatArray,
     sd: FloatArray,
     slack_rad: float,
 ) -> FloatArray:
     """Squared distances [b, t] in sigmas of b boxes of one view from t expected signs.
 
-    ``parameters`` [t, 4], ``covariance`` [t, 4, 4], the anchors' ``C_anchor`` [t, 3, 3] and
-    ``anchor`` [t, 3]; the view's ``C_view`` [3, 3] and ``centre`` [3]; boxes ``measured``
-    and ``sd`` [b, 3]. Infinite where a sign is not in front of the camera.
+    ``parameters`` [t, 4], ``covariance`` [t, 4, 4]; ``M`` [t, 3, 3] and ``b`` [t, 3] of the view
+    with each one's anchor; boxes ``measured`` and ``sd`` [b, 3]. Infinite where a sign is not in
+    front of the camera.
     """
     n_boxes, n_signs = len(measured), len(parameters)
     result = np.full((n_boxes, n_signs), np.inf)
+    S = np.zeros((3, 3))
     h, J, q, d = _room()
     for t in range(n_signs):
-        M, b = C_view @ C_anchor[t].T, C_view @ (anchor[t] - centre)
-        if not _measure(parameters[t], M, b, h, J, q, d):
+        if not _measure(parameters[t], M[t], b[t], h, J, q, d):
             continue
-        S = J @ covariance[t] @ J.T
+        S[:] = 0.0
+        # faster than matrix products of so few numbers
+        for i in range(3):
+            for k in range(4):
+                for j in range(3):
+                    for m in range(4):
+                        S[i, j] += J[i, k] * covariance[t, k, m] * J[j, m]
         for box in range(n_boxes):
             a00 = S[0, 0] + sd[box, 0] ** 2 + slack_rad**2
             a11 = S[1, 1] + sd[box, 1] ** 2 + slack_rad**2

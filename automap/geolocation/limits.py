@@ -331,6 +331,11 @@ VIEW_EVIDENCE = 0.5
 CONFIDENCE_SD_M = 3.0
 """Chosen: where bearings alone are known, a place that is unsure by this lowers the confidence by
 1 / sqrt(2)."""
+FAR_M = 60.0
+"""A sign that was never nearer is flagged. Chosen, as ``max_single_view_m``."""
+SIZE_LIMITS_M, HEIGHT_LIMITS_M = (0.15, 6.0), (-2.0, 15.0)
+"""Of what may be a sign, heights above the road. Chosen: no face is so small or so large, and
+signs stand at the foot of a bank or hang from a gantry, none lower or higher."""
 IMPLAUSIBLE_CONFIDENCE = 0.3
 """Factor on the confidence of what is too large, too small or in no place for a sign. Chosen: below
 the usual thresholds, and still on the map."""

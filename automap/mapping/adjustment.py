@@ -14,7 +14,7 @@ from automap.frames import wrap_pi
 from automap.gates import gate
 from automap.geolocation.path_errors import Equations, Network, Solution, path_nodes
 from automap.mapping import limits
-from automap.mapping.association import Association, Members
+from automap.mapping.association import Members
 from automap.mapping.sightings import Sightings
 from automap.mapping.size_errors import own_parts
 from automap.mapping.tiles import Tile, cut_tiles
@@ -81,14 +81,14 @@ class TileData:
 
 def adjust(
     sightings: Sightings,
-    association: Association,
+    sign: IntArray,
     levels: ErrorLevels | None = None,
     progress: Callable[[float], None] = lambda fraction: None,
     only: Container[int] | None = None,
     factors: FloatArray | None = None,
 ) -> Adjusted:
-    """Places of all signs by generalised least squares (A. C. Aitken, Proceedings of the Royal
-    Society of Edinburgh 55, 1936), tile by tile.
+    """Places of all signs, ``sign`` [n] whose each sighting is, by generalised least squares (A. C.
+    Aitken, Proceedings of the Royal Society of Edinburgh 55, 1936), tile by tile.
 
     In a tile the drives' errors are solved with the signs, as those of a drive's passes are, so
     that the covariance of a sign is that of its mean under all errors; sightings outside the
@@ -97,14 +97,14 @@ def adjust(
     levels (``drive_levels.py``).
     """
     levels = levels or ErrorLevels()
-    m, n = association.n_signs, len(sightings)
+    m, n = int(sign.max(initial=-1)) + 1, len(sightings)
     lost, sums = np.full((3, m), np.nan), np.zeros((3, sightings.n_drives, 3))
     result = Adjusted(
         lost[0], lost[1], lost[2], np.full((m, 3, 3), np.nan), np.zeros((n, 3)),
         sums[0], sums[1], sums[2],
     )  # fmt: skip
-    lat, lon = rough_places(sightings, association.sign)
-    members = Members(association.sign)
+    lat, lon = rough_places(sightings, sign)
+    members = Members(sign)
     tiles = list(cut_tiles(lat, lon, only=only))
 
     def work(tile: Tile) -> tuple[TileData, Placed]:
@@ -172,6 +172,15 @@ def tile_data(
     )
     own = own_parts(sightings, rows, place)
     return TileData(tile, rows, first.astype(np.int64), place, measured, origin, *own)
+
+
+def cell_tiles(
+    sightings: Sightings, sign: IntArray, cell: int, core: int = limits.CORE_SIGNS
+) -> list[TileData]:
+    """The tiles of a cell, without margins; ``sign`` [n] whose each sighting is."""
+    lat, lon = rough_places(sightings, sign)
+    members, tiles = Members(sign), cut_tiles(lat, lon, core, 0.0, {cell})
+    return [tile_data(sightings, members, tile, lat, lon) for tile in tiles]
 
 
 def network_of(

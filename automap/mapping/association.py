@@ -38,11 +38,6 @@ class Association:
     offset: FloatArray
     offset_var: FloatArray
 
-    @property
-    def n_signs(self) -> int:
-        """Number of map signs."""
-        return int(self.sign.max()) + 1 if len(self.sign) else 0
-
 
 def associate(sightings: Sightings, rounds: int = limits.ROUNDS) -> Association:
     """Group the sightings into signs.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,44 +11,26 @@ import numpy.typing as npt
 from automap.jit import kernel
 from automap.mapping.association import Members
 from automap.mapping.limits import ALTERNATIVES, CHANGED, CLASS_RIGHT, FACING_SD, LEAST_CONFIDENCE
-from automap.mapping.sightings import Sightings
+from automap.mapping.sightings import Sightings, Told
 from automap.mapping.sureness import class_probabilities, group_probabilities
 from automap.records import BoolArray, FloatArray, IntArray
 
 _FALSE_SHARE = (1.0 - CLASS_RIGHT) / ALTERNATIVES
 
 
-@dataclass(frozen=True)
-class Attributes:
+@dataclass(frozen=True, kw_only=True)
+class Attributes(Told):
     """Columns [m] of map signs; ``class_share`` the part of the sightings' belief that is for
     the class, ``class_changed`` [m] whether the drives saw it change on the way, ``drives``
-    the numbers of those that saw it, ``seen`` the belief that any sighting is right;
+    the numbers of those that saw it, ``confidence`` that any sighting is right;
     ``class_probability`` and ``group_probability`` by all drives that tell them, since a change
-    only those after it (NaN: none does); the rest as a sign has them."""
+    only those after it (NaN: none does); ``existence`` and what is by size are told later."""
 
     code: IntArray
     class_share: FloatArray
     class_changed: npt.NDArray[np.bool_]
-    n_views: IntArray
-    first_gps_s: FloatArray
-    last_gps_s: FloatArray
-    height_above_road_m: FloatArray
-    sd_above_road_m: FloatArray
     facing_rad: FloatArray
-    facing_sd_rad: FloatArray
-    size_m: FloatArray
-    side: list[str]
-    status: list[str]
     drives: list[tuple[int, ...]]
-    seen: FloatArray
-    class_probability: FloatArray
-    group_probability: FloatArray
-    contrast: FloatArray
-    contrast_sd: FloatArray
-    contrast_note: list[str]
-    seen_share: FloatArray
-    n_looked: IntArray
-    n_back_views: IntArray
 
 
 def combine_attributes(sightings: Sightings, sign: IntArray) -> Attributes:
@@ -93,10 +76,10 @@ def combine_attributes(sightings: Sightings, sign: IntArray) -> Attributes:
         # what the road's direction lends all drives have in common
         facing_sd_rad=np.sqrt(_mean(sign, facing_sd**2, sure, m)),
         size_m=np.exp(_mean(sign, np.log(np.where(size > 0.0, size, np.nan)), weight, m)),
-        side=[_most(sides[order[a:b]], weight[order[a:b]]) for a, b in spans],
-        status=[_status(states[order[a:b]], seen_by[a:b]) for a, b in spans],
+        side=_texts(_most(sides[order[a:b]], weight[order[a:b]]) for a, b in spans),
+        status=_texts(_status(states[order[a:b]], seen_by[a:b]) for a, b in spans),
         drives=[tuple(sorted(set(seen_by[a:b].tolist()))) for a, b in spans],
-        seen=1.0 - np.exp(np.bincount(sign, np.log(doubt), m)),
+        confidence=1.0 - np.exp(np.bincount(sign, np.log(doubt), m)),
         class_probability=class_probabilities(
             sightings.code, sightings.class_probability, holds, code
         ),
@@ -105,14 +88,18 @@ def combine_attributes(sightings: Sightings, sign: IntArray) -> Attributes:
         ),
         contrast=contrast,
         contrast_sd=np.sqrt(np.maximum(square - contrast**2, 0.0)),
-        contrast_note=[
+        contrast_note=_texts(
             "" if np.isfinite(value) else _most(notes[a:b], weight[order[a:b]])
             for value, (a, b) in zip(contrast.tolist(), spans, strict=True)
-        ],
+        ),
         seen_share=_mean(sign, sightings.seen_share, looked, m),
-        n_looked=np.rint(np.bincount(sign, looked, m)).astype(np.int64),
-        n_back_views=np.rint(np.bincount(sign, behind, m)).astype(np.int64),
+        n_looked=np.rint(np.bincount(sign, looked, m)),
+        n_back_views=np.rint(np.bincount(sign, behind, m)),
     )
+
+
+def _texts(values: Iterable[str]) -> npt.NDArray[np.object_]:
+    return np.array([*values], np.object_)
 
 
 def _mean(sign: IntArray, values: FloatArray, weight: FloatArray, m: int) -> FloatArray:

@@ -12,34 +12,27 @@ from collections.abc import Callable
 
 import numpy as np
 
-from automap.mapping.association import Association, associate, renumbered
+from automap.mapping.association import associate, renumbered
 from automap.mapping.cells import cell_of, colour_of, groups, touched
 from automap.mapping.duplicates import join_duplicates
 from automap.mapping.limits import HALO_M
 from automap.mapping.sightings import Sightings
-from automap.records import BoolArray
+from automap.records import BoolArray, IntArray
 
 
-def group_cell(near: Sightings, own: BoolArray, free: BoolArray) -> Association:
-    """The signs of one cell, from the sightings ``near`` [n] it: those of it, ``own`` [n], and of
-    its halo. ``free`` [n] are in no sign of another cell yet.
-
-    Sightings that get no sign of this cell have -1; offsets are good for its own.
-    """
+def group_cell(near: Sightings, own: BoolArray, free: BoolArray) -> IntArray:
+    """The signs [n] of one cell (-1: in none of it), from the sightings ``near`` [n] it: those of
+    it, ``own`` [n], and of its halo. ``free`` [n] are in no sign of another cell yet."""
     found = join_duplicates(near, associate(near))
-    mine = np.zeros(found.n_signs, np.bool_)
-    mine[found.sign[own & free]] = True
-    sign = np.where(free & mine[found.sign], found.sign, -1)
-    return Association(sign, found.offset, found.offset_var)
+    return np.where(free & np.isin(found, found[own & free]), found, -1)
 
 
 def associate_by_cells(
     sightings: Sightings, progress: Callable[[float], None] = lambda fraction: None
-) -> Association:
-    """Group all sightings into signs; neither their order nor that of the cells matters."""
+) -> IntArray:
+    """The signs [n] of all sightings; neither their order nor that of the cells matters."""
     n = len(sightings)
     sign = np.full(n, -1, np.int64)
-    offset, offset_var = np.zeros((n, 3)), np.zeros((n, 3))
     home = cell_of(sightings.lat, sightings.lon)
     row, cell = touched(sightings.lat, sightings.lon, HALO_M)
     occupied = set(np.unique(home).tolist())
@@ -50,10 +43,9 @@ def associate_by_cells(
         rows = row[at]
         own = home[rows] == k
         found = group_cell(sightings.at(rows), own, sign[rows] < 0)
-        given = found.sign >= 0
-        sign[rows[given]] = count + found.sign[given]
-        count += found.n_signs
-        offset[rows[own]], offset_var[rows[own]] = found.offset[own], found.offset_var[own]
+        given = found >= 0
+        sign[rows[given]] = count + found[given]
+        count += int(found.max()) + 1
         done += int(own.sum())
         progress(done / n)
-    return Association(renumbered(sign), offset, offset_var)
+    return renumbered(sign)

@@ -19,14 +19,11 @@ from automap.mapping import limits
 from automap.mapping.adjustment import (
     ErrorLevels,
     TileData,
+    cell_tiles,
     network_of,
-    rough_places,
     stray_weights,
-    tile_data,
 )
-from automap.mapping.association import Members
 from automap.mapping.sightings import Sightings
-from automap.mapping.tiles import cut_tiles
 from automap.records import FloatArray, IntArray
 
 LEVELS = ("wanders", "lasts", "own")
@@ -47,12 +44,7 @@ def drive_squares(
     What is told depends on how large it is, so the drives' own levels, as far as the cell knows
     them, take the place of the common ones (Fisher scoring).
     """
-    lat, lon = rough_places(sightings, sign)
-    members = Members(sign)
-    tiles = [
-        tile_data(sightings, members, tile, lat, lon)
-        for tile in cut_tiles(lat, lon, margin_m=0.0, only={cell})
-    ]
+    tiles = cell_tiles(sightings, sign, cell)
     whole = [Equations(network_of(sightings, data, levels, 2)) for data in tiles]
     weights = [stray_weights(equations) for equations in whole]
     factors = np.ones((sightings.n_drives, 3))

@@ -42,8 +42,9 @@ _PASSES = 6
 """At most; ends where none is joined."""
 
 
-def join_duplicates(sightings: Sightings, association: Association) -> Association:
-    """Join map signs where one sign explains the sightings better than two.
+def join_duplicates(sightings: Sightings, association: Association) -> IntArray:
+    """The sign [n] of every sighting, with map signs joined where one explains the sightings better
+    than two.
 
     Two signs side by side are seen together by most drives, one sign founded twice by none.
     Against each other stand: every drive that saw only one of them (a miss of the other, with
@@ -66,7 +67,7 @@ def join_duplicates(sightings: Sightings, association: Association) -> Associati
         if not taken:
             break
         sign = renumbered(sign)
-    return Association(renumbered(sign), association.offset, association.offset_var)
+    return renumbered(sign)
 
 
 @kernel

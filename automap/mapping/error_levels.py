@@ -13,31 +13,29 @@ from automap.mapping import limits
 from automap.mapping.adjustment import (
     ErrorLevels,
     TileData,
+    cell_tiles,
     network_of,
-    rough_places,
     stray_weights,
-    tile_data,
 )
-from automap.mapping.association import Association, Members
 from automap.mapping.cells import cell_of
 from automap.mapping.sightings import Sightings
-from automap.mapping.tiles import cut_tiles
 from automap.records import FloatArray, IntArray
 
 
-def estimate_levels(sightings: Sightings, association: Association) -> ErrorLevels:
-    """Factors on shared and own errors and what lasts of the shared, by restricted likelihood.
+def estimate_levels(sightings: Sightings, sign: IntArray) -> ErrorLevels:
+    """Factors on shared and own errors and what lasts of the shared, by restricted likelihood;
+    ``sign`` [n] whose each sighting is.
 
     Over a sample of tiles where several drives see the same signs, with log-normal priors
     about the stated errors, so that little data change little. Patterson and Thompson 1971.
     Of what lasts of the shared variance any part is as likely as another. Were there no such part,
     an error that hardly changes along a drive would be taken for a small one.
     """
-    if association.n_signs == 0:
+    if not len(sightings):
         return ErrorLevels()
     home = cell_of(sightings.lat, sightings.lon)
     cells, most = level_cells(*np.unique(home, return_counts=True))
-    found = [level_tiles(sightings, association.sign, cell, most) for cell in cells]
+    found = [level_tiles(sightings, sign, cell, most) for cell in cells]
     return levels_of_tiles([tile for tiles in found for tile in tiles])
 
 
@@ -107,13 +105,11 @@ def level_tiles(
 ) -> list[tuple[Sightings, TileData]]:
     """The tiles of a cell with the most sightings beyond one a sign, at ``most`` so many, each with
     its own sightings; ``sign`` [n] whose each sighting is."""
-    lat, lon = rough_places(sightings, sign)
-    members = Members(sign)
-    found: list[TileData] = []
-    for tile in cut_tiles(lat, lon, limits.LEVEL_TILE_SIGNS, 0.0, {cell}):
-        data = tile_data(sightings, members, tile, lat, lon)
-        if _spare(data) >= limits.LEAST_REDUNDANCY and len(data.rows) <= limits.LEVEL_ROWS:
-            found.append(data)
+    found = [
+        data
+        for data in cell_tiles(sightings, sign, cell, limits.LEVEL_TILE_SIGNS)
+        if _spare(data) >= limits.LEAST_REDUNDANCY and len(data.rows) <= limits.LEVEL_ROWS
+    ]
     return [
         (sightings.at(data.rows), replace(data, rows=np.arange(len(data.rows))))
         for data in sorted(found, key=lambda data: -_spare(data))[:most]

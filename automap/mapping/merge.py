@@ -8,24 +8,16 @@ from typing import Any
 
 import numpy as np
 
-from automap.mapping.adjustment import Adjusted, ErrorLevels, adjust, rough_places
-from automap.mapping.association import Association
-from automap.mapping.attributes import Attributes, combine_attributes
+from automap.mapping.adjustment import ErrorLevels, rough_places
 from automap.mapping.backs import map_backs, with_backs
 from automap.mapping.by_cells import associate_by_cells
+from automap.mapping.cell_merge import PlacedSigns, place_signs
 from automap.mapping.cells import cell_of
 from automap.mapping.drive_levels import drive_factors, drive_squares
 from automap.mapping.error_levels import estimate_levels
-from automap.mapping.existence import (
-    Chances,
-    DetectionRates,
-    chances,
-    detection_rates,
-    existence,
-)
+from automap.mapping.existence import Chances, DetectionRates, detection_rates, existence
 from automap.mapping.identity import sighting_key
-from automap.mapping.sightings import DriveSigns, Sightings, canonical_order, stack_sightings
-from automap.mapping.visibility import opportunities
+from automap.mapping.sightings import DriveSigns, canonical_order, stack_sightings
 from automap.records import NO_TIME, FloatArray, IntArray, Sign
 from automap.records.sign_lists import SignList
 from automap.signs.backs import NO_BACK
@@ -33,8 +25,8 @@ from automap.signs.backs import NO_BACK
 Progress = Callable[[float, str], None]
 
 
-@dataclass(frozen=True)
-class Merged:
+@dataclass(frozen=True, kw_only=True)
+class Merged(PlacedSigns):
     """Everything that came out, in the order of the drives ``drives``.
 
     ``signs`` [m] of the map, the unlikely ones among them, with empty ids and with host stamps
@@ -43,13 +35,8 @@ class Merged:
     """
 
     drives: list[DriveSigns]
-    sightings: Sightings
-    association: Association
-    adjusted: Adjusted
     levels: ErrorLevels
     factors: FloatArray
-    attributes: Attributes
-    pairs: Chances
     rates: DetectionRates
     existence: FloatArray
     signs: list[Sign]
@@ -67,47 +54,49 @@ def merge_drives(
     """
     ordered = [drives[k] for k in canonical_order(drives)]
     sightings = stack_sightings(ordered)
-    found = associate_by_cells(
+    sign = associate_by_cells(
         sightings, lambda done: progress(0.5 * done, "which sightings are one sign")
     )
     progress(0.5, "how large the errors are")
-    levels = estimate_levels(sightings, found)
-    homes = np.unique(cell_of(*rough_places(sightings, found.sign))).tolist()
-    squares = [drive_squares(sightings, found.sign, cell, levels) for cell in homes]
+    levels = estimate_levels(sightings, sign)
+    homes = np.unique(cell_of(*rough_places(sightings, sign))).tolist()
+    squares = [drive_squares(sightings, sign, cell, levels) for cell in homes]
     factors = drive_factors(squares, len(ordered))
-    adjusted = adjust(
-        sightings, found, levels, lambda done: progress(0.6 + 0.2 * done, "where signs stand"),
-        factors=factors,
+    placed = place_signs(
+        sightings, sign, ordered, levels, factors,
+        progress=lambda done: progress(0.6 + 0.2 * done, "where signs stand"),
     )  # fmt: skip
     progress(0.8, "which signs are there")
-    attributes = combine_attributes(sightings, found.sign)
-    views = opportunities(ordered, adjusted.lat, adjusted.lon, attributes.facing_rad)
-    pairs = chances(found.sign, sightings.drive, views, sightings.existence)
-    m = found.n_signs
-    rates = detection_rates(pairs, m, len(ordered))
+    names = [sightings.classes[code] for code in placed.attributes.code.tolist()]
+    columns = {**vars(placed.attributes), **vars(placed.adjusted), "class_name": names}
     times = np.array([drive.start_gps_s for drive in ordered], np.float64)
-    belief = existence(pairs, rates, m, times)
-    names = [sightings.classes[code] for code in attributes.code.tolist()]
-    fronts = map_backs(names, adjusted.lat, adjusted.lon, attributes.facing_rad, adjusted.cov_enu)
-    belief = np.where(fronts == NO_BACK, belief, 0.0)
-    behind = with_backs(attributes.n_back_views, attributes.n_views, fronts)
+    rates, belief, columns["n_back_views"] = weighed(columns, placed.pairs, times)
     progress(0.9, "the signs' records")
-    keys: list[list[str]] = [[] for _ in range(m)]
-    columns = found.sign, sightings.drive, sightings.id
-    for k, who, name in zip(*(column.tolist() for column in columns), strict=True):
+    keys: list[list[str]] = [[] for _ in names]
+    members = placed.sign, placed.sightings.drive, placed.sightings.id
+    for k, who, name in zip(*(column.tolist() for column in members), strict=True):
         keys[k].append(sighting_key(ordered[who], name))
+    seen_by = [tuple(ordered[d].name for d in own) for own in placed.attributes.drives]
     return Merged(
-        ordered, sightings, found, adjusted, levels, factors, attributes, pairs, rates, belief,
-        list(map_signs(
-            {
-                **vars(attributes), **vars(adjusted), "class_name": names, "n_back_views": behind,
-            },
-            belief,
-            [tuple(ordered[d].name for d in seen_by) for seen_by in attributes.drives],
-        )),
+        **vars(placed), drives=ordered, levels=levels, factors=factors, rates=rates,
+        existence=belief, signs=list(map_signs(columns, belief, seen_by)), keys=keys,
         # the earliest, as drives come in the order of their times: later ones do not change it
-        [own[0] for own in keys], keys,
+        founders=[own[0] for own in keys],
     )  # fmt: skip
+
+
+def weighed(
+    columns: Mapping[str, Any], pairs: Chances, drive_gps_s: FloatArray
+) -> tuple[DetectionRates, FloatArray, IntArray]:
+    """At what rates drives at ``drive_gps_s`` [d] saw the signs of ``columns`` [m], by the
+    ``pairs``; the existence [m] of each, none of what is the back of another one, and the views
+    [m] of its back."""
+    rates = detection_rates(pairs, len(columns["lat"]), len(drive_gps_s))
+    belief = existence(pairs, rates, len(columns["lat"]), drive_gps_s)
+    places = (columns[name] for name in ("class_name", "lat", "lon", "facing_rad", "cov_enu"))
+    fronts = map_backs(*places)
+    behind = with_backs(columns["n_back_views"], columns["n_views"], fronts)
+    return rates, np.where(fronts == NO_BACK, belief, 0.0), behind
 
 
 def map_signs(
@@ -118,12 +107,12 @@ def map_signs(
     sure = np.asarray(columns["class_probability"])
     # where no detector tells how sure the class is, what the boxes' scores say
     confidence = belief * np.where(
-        np.isfinite(sure), sure, columns["seen"] * columns["class_share"]
+        np.isfinite(sure), sure, columns["confidence"] * columns["class_share"]
     )
     same = (
         "class_name", "height_m", "n_views", "group_probability", "side", "status",
         "height_above_road_m", "sd_above_road_m", "facing_rad", "facing_sd_rad", "size_m",
-        "contrast", "contrast_sd", "contrast_note", "seen_share", "n_looked", "n_back_views",
+        "contrast", "contrast_sd", "contrast_note", "seen_share", "n_back_views",
     )  # fmt: skip
     called = {"height_m": "height"}
     found = {name: columns[called.get(name, name)] for name in same}
@@ -132,6 +121,7 @@ def map_signs(
         "confidence": confidence, "existence": belief, "class_probability": sure,
         "first_seen_ns": _stamps(columns["first_gps_s"]),
         "last_seen_ns": _stamps(columns["last_gps_s"]), "drives": drives,
+        "n_looked": np.asarray(columns["n_looked"], np.int64),
     }  # fmt: skip
     return SignList(found, columns["cov_enu"])
 

@@ -10,12 +10,10 @@ from typing import Any
 import numpy as np
 
 from automap.mapping.adjustment import ErrorLevels
-from automap.mapping.backs import map_backs, with_backs
-from automap.mapping.existence import Chances, DetectionRates, detection_rates, existence
-from automap.mapping.merge import map_signs
+from automap.mapping.existence import Chances, DetectionRates
+from automap.mapping.merge import map_signs, weighed
 from automap.records import FloatArray
 from automap.records.sign_lists import Names, SignList
-from automap.signs.backs import NO_BACK
 from pipeline.merge.cell_belief import kept_belief
 from pipeline.merge.cell_levels import levels_of
 from pipeline.merge.cell_steps import (
@@ -114,18 +112,13 @@ def _whole(
 ) -> StoreMap:
     drives = read_drives(folder)
     columns, pairs, homes = placed_cells(folder, cells)
-    m = len(columns["lat"])
-    rates = detection_rates(pairs, m, len(drives))
-    belief = existence(pairs, rates, m, drives.start_gps_s)
+    rates, belief, columns["n_back_views"] = weighed(columns, pairs, drives.start_gps_s)
     belief = kept_belief(folder, homes, belief, least_existence)
     place = (columns["lat"], columns["lon"], columns["height"], columns["cov_enu"])
-    fronts = map_backs(columns["class_name"], place[0], place[1], columns["facing_rad"], place[3])
     keys = [
         f"{drives.key[number >> 32]}|{name}"
         for number, name in zip(
             columns["founder"].tolist(), columns["founder_id"].tolist(), strict=True
         )
     ]
-    belief = np.where(fronts == NO_BACK, belief, 0.0)
-    columns["n_back_views"] = with_backs(columns["n_back_views"], columns["n_views"], fronts)
     return StoreMap(keys, *place, belief, columns, pairs, cells, levels, factors, rates, *done)

@@ -21,7 +21,7 @@ import numpy as np
 from automap.mapping.adjustment import ErrorLevels, rough_places
 from automap.mapping.association import renumbered
 from automap.mapping.by_cells import group_cell
-from automap.mapping.cell_merge import PLACE_MARGIN_M, place_cell
+from automap.mapping.cell_merge import PLACE_MARGIN_M, place_signs
 from automap.mapping.cells import cell_of, colour_of
 from automap.mapping.drive_levels import drive_factors, drive_squares
 from automap.mapping.existence import Chances
@@ -86,8 +86,8 @@ def group(folder: Path, cell: int) -> bool:
         write_columns(path, **told, name=taken[:0], sign=taken[:0], home=taken[:0])
         return True
     found = group_cell(s, own, free)
-    rows = np.flatnonzero(found.sign >= 0)
-    sign = renumbered(found.sign[rows])
+    rows = np.flatnonzero(found >= 0)
+    sign = renumbered(found[rows])
     lat, lon = rough_places(s.at(rows), sign) if len(rows) else (s.lat[:0], s.lon[:0])
     home = np.unique(cell_of(lat, lon))
     write_columns(path, **told, name=near.name[rows], sign=sign, home=home)
@@ -142,7 +142,7 @@ def place(folder: Path, cell: int, levels: ErrorLevels, factors: FloatArray) -> 
     whole = hashlib.sha256(took.encode() + sign.tobytes() + own.tobytes())
     if text_of(path, "digest") == whole.hexdigest() and restamp(path, stamp):
         return False
-    placed = place_cell(near.sightings, sign, near.tracks, cell, levels, own)
+    placed = place_signs(near.sightings, sign, near.tracks, levels, own, cell)
     a, b, s = placed.attributes, placed.adjusted, placed.sightings
     seen = b.drive_count[:, 0] > 0
     write_columns(
@@ -158,7 +158,7 @@ def place(folder: Path, cell: int, levels: ErrorLevels, factors: FloatArray) -> 
         first_gps_s=a.first_gps_s, last_gps_s=a.last_gps_s,
         height_above_road_m=a.height_above_road_m, sd_above_road_m=a.sd_above_road_m,
         facing_rad=a.facing_rad, facing_sd_rad=a.facing_sd_rad, size_m=a.size_m,
-        side=_texts(a.side), status=_texts(a.status), seen=a.seen,
+        side=_texts(a.side), status=_texts(a.status), confidence=a.confidence,
         class_probability=a.class_probability, group_probability=a.group_probability,
         contrast=a.contrast, contrast_sd=a.contrast_sd, contrast_note=_texts(a.contrast_note),
         seen_share=a.seen_share, n_looked=a.n_looked, n_back_views=a.n_back_views,
@@ -187,7 +187,7 @@ def placed_cells(folder: Path, cells: Sequence[int]) -> tuple[dict[str, Any], Ch
     wanted = (
         "founder", "founder_id", "lat", "lon", "height", "cov_enu", "class_name", "class_share",
         "n_views", "first_gps_s", "last_gps_s", "height_above_road_m", "sd_above_road_m",
-        "facing_rad", "facing_sd_rad", "size_m", "side", "status", "seen", "own_variance",
+        "facing_rad", "facing_sd_rad", "size_m", "side", "status", "confidence", "own_variance",
         "class_probability", "group_probability", "contrast", "contrast_sd", "contrast_note",
         "seen_share", "n_looked", "n_back_views",
         "n_drives", "seen_by",

@@ -41,7 +41,6 @@ def merge_runs(
     warning as long as another can. Raises InputError when none can, ConfigError for an ``out``
     that is one of them.
     """
-    from automap.mapping.adjustment import own_variance
     from automap.mapping.compare import compare_maps
     from automap.mapping.merge import merge_drives
     from automap.mapping.posts import with_supports
@@ -66,7 +65,7 @@ def merge_runs(
     signs, ids = _named(merged, comparison, older, least_existence)
     if comparison is not None:
         comparison = replace(comparison, changes=named_changes(comparison.changes, ids))
-    signs = list(with_supports(signs, own_variance(merged.sightings, merged.association.sign)))
+    signs = list(with_supports(signs, merged.own_variance))
     countries = {run.country.upper() for run in runs if run.country}
     outcome = MergeOutcome(
         name=out.resolve().name,

@@ -209,7 +209,7 @@ def merge_summary(
     """The content of merge.json."""
     merged = outcome.merged
     in_map = np.array([bool(sign.id) for sign in signs], np.bool_)
-    counted = in_map[merged.association.sign] if len(signs) else np.zeros(0, np.bool_)
+    counted = in_map[merged.sign] if len(signs) else np.zeros(0, np.bool_)
     levels, rates = merged.levels, merged.rates
     summary: dict[str, Any] = {
         "schema": SCHEMA,
@@ -276,7 +276,7 @@ def _write_sightings(path: Path, merged: Merged, signs: Sequence[Sign]) -> None:
     from automap.io.map_tables import write_sightings
     from automap.mapping.identity import sighting_key
 
-    s, sign = merged.sightings, merged.association.sign
+    s, sign = merged.sightings, merged.sign
     drives = [merged.drives[k] for k in s.drive.tolist()]
     own_ids = [d.ids[row] for d, row in zip(drives, s.row.tolist(), strict=True)]
     a = merged.adjusted
@@ -316,5 +316,5 @@ def contributions(
     first, row = merged.sightings.first, merged.sightings.row
     for number, (drive, folder) in enumerate(zip(merged.drives, folders, strict=True)):
         mine = range(int(first[number]), int(first[number + 1]))
-        named = {drive.ids[int(row[k])]: signs[merged.association.sign[k]].id for k in mine}
+        named = {drive.ids[int(row[k])]: signs[merged.sign[k]].id for k in mine}
         yield Contribution(drive.name, folder, {own: name for own, name in named.items() if name})

@@ -85,7 +85,7 @@ def case(seed: int, drives: int) -> Case:
         ]
     )
     kept = np.flatnonzero(merged.existence >= LEAST_EXISTENCE).tolist()
-    truth = np.array([_most(own[merged.association.sign == k]) for k in kept], np.int64)
+    truth = np.array([_most(own[merged.sign == k]) for k in kept], np.int64)
     signs = [merged.signs[k] for k in kept]
     return Case(signs, truth, merged.drives, inventory, hidden)
 

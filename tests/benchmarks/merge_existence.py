@@ -58,9 +58,9 @@ def rows(seed: int, drives: int, lasting: float) -> FloatArray:
         parts.append(replace(drive, existence=told))
         known[drive.name] = real.astype(np.float64)
     merged = merge_drives(parts)
-    s, m = merged.sightings, merged.association.n_signs
+    s, m = merged.sightings, len(merged)
     real = np.array([known[merged.drives[d].name][r] for d, r in zip(s.drive, s.row, strict=True)])
-    sign = merged.association.sign
+    sign = merged.sign
     share = np.bincount(sign, real, m) / np.bincount(sign, minlength=m)
     seen_by = [len(drives) for drives in merged.attributes.drives]
     return np.column_stack([merged.existence, share > 0.5, seen_by])

@@ -185,7 +185,7 @@ def merged_town(
     kept = np.flatnonzero(merged.existence >= LEAST_EXISTENCE).tolist()
     truth = np.full(len(kept), -1)
     for place, k in enumerate(kept):
-        own = np.array(origin)[merged.association.sign == k]
+        own = np.array(origin)[merged.sign == k]
         values, count = np.unique(own, return_counts=True)
         truth[place] = values[np.argmax(count)]
     return rng, town, merged.drives, truth, [merged.signs[k] for k in kept]

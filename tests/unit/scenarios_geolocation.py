@@ -216,7 +216,7 @@ def geolocation_sightings() -> Any:
     marks = [sighting.landmark for sighting in seen]
     shown = patterns_of(views, marks, drive.path, drive.detections, drive.cameras)
     patterns = [[shown[k] for k in group] for group in groups]
-    rules = AssemblyRules(1.1, 0.07, 30.0, (0.2, 1.05), (-1.0, 4.5), "round")
+    rules = AssemblyRules(1.1, 0.07, "round")
     bend = [
         np.array([[np.cos(a), -np.sin(a)], [np.sin(a), np.cos(a)]]) for a in 0.22 * np.arange(9)
     ]

@@ -62,7 +62,7 @@ def geolocation_rays() -> Any:
 
     rng = np.random.default_rng(12)
     told = _bearings(3)
-    rules = of.BearingRules(0.03, 0.7, 0.25, 2.0, 0.4, 5.0, True, 28.0, 6.5, 5.0, 1.2)
+    rules = of.BearingRules(0.03, 0.7, 0.25, 2.0, 0.4, True, 28.0, 6.5, 5.0, 1.2)
     rays = of.in_plane(told, rules, HERE)
     points = rng.uniform([0.0, -12.0], [85.0, 14.0], (9, 2))
     some = np.arange(0, len(rays.centre), 3)
@@ -95,7 +95,6 @@ def geolocation_rays() -> Any:
             "best": [cover._best_set(rays, some, p, rules) for p in first[0][:5]],
             "cover": first,
             "moved": cover.reassign(rays, near, mixed, rules),
-            "joined": cover.joined(rays, twice, halves, rules),
             "compact": cover._compact(rays, twice, halves, rules),
             "scale": bearings._depth_scale(rays, *first, rules),
             "single": bearings._without_single(*first),

@@ -75,7 +75,7 @@ def mapping_association() -> Any:
     stacked = seen.stack_sightings(drives)
     found = associate(stacked)
     split = found.sign.copy()
-    split[1::5] += found.n_signs
+    split[1::5] += int(split.max()) + 1
     cut = replace(found, sign=renumbered(split))
     return levelled(
         {
@@ -91,7 +91,7 @@ def mapping_association() -> Any:
             "few": associate(stacked, 1),
             "by cells": associate_by_cells(stacked),
             "evidence": class_evidence(stacked.classes),
-            "joined": of.join_duplicates(stacked, cut).sign,
+            "joined": of.join_duplicates(stacked, cut),
         }
     )
 
@@ -127,7 +127,7 @@ def mapping_places() -> Any:
     codes = stacked.code
     first = np.unique(sign, return_index=True)[1]
     keys = [sighting_key(drives[stacked.drive[k]], stacked.id[k]) for k in first]
-    merged = np.array([0, 2, 1, 2, 0, 1] * 40)[: found.n_signs]
+    merged = np.array([0, 2, 1, 2, 0, 1] * 40)[: int(sign.max()) + 1]
     names = [str(n) for n in ("a--back", "b", "other--back", "c")] * 3
     rng = np.random.default_rng(2)
     near = 1e-6 * rng.uniform(0.0, 1.0, (2, 12))
@@ -142,8 +142,8 @@ def mapping_places() -> Any:
             "placed": of._placed(stacked, data, levels),
             "squares": told,
             "factored": of._placed(stacked, data, levels, drive_factors(told, len(drives))),
-            "adjusted": [of.adjust(stacked, found, each) for each in (levels, None)],
-            "levels": estimate_levels(stacked, found),
+            "adjusted": [of.adjust(stacked, sign, each) for each in (levels, None)],
+            "levels": estimate_levels(stacked, sign),
             "attributes": combine_attributes(stacked, sign),
             "class": sureness.class_probabilities(codes, stacked.class_probability, sign, merged),
             "group": sureness.group_probabilities(

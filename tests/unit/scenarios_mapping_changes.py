@@ -198,7 +198,7 @@ def mapping_series() -> Any:
                 np.array(["b", "a", "", "b", "c"], object), np.array([1.0, 1.5, 9.0, 0.4, 1.45])
             ),
             "levels": [error_levels.levels_of_tiles(t) for t in (tiles, surer, [])],
-            "estimated": error_levels.estimate_levels(stacked, found),
+            "estimated": error_levels.estimate_levels(stacked, found.sign),
             "tiles": [(data.rows, data.sign, error_levels._spare(data)) for _, data in tiles],
             "cells": [
                 error_levels.level_cells(np.arange(40) * 7, np.arange(40) * k) for k in (1, 90)

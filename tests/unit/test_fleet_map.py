@@ -55,7 +55,7 @@ def test_the_map_is_that_of_one_merge_of_all(tmp_path: Path) -> None:
     offsets = sorted(table["offset_e_m"].to_pylist())
     assert offsets == sorted(whole.adjusted.offset[:, 0])
     residual = sorted(table["residual_n_m"].to_pylist())
-    s, sign, a = whole.sightings, whole.association.sign, whole.adjusted
+    s, sign, a = whole.sightings, whole.sign, whole.adjusted
     assert residual == pytest.approx(
         sorted((s.lat - a.lat[sign]) * s.per_lat - a.offset[:, 1]), abs=1e-6
     )

@@ -13,7 +13,6 @@ from automap.geolocation.bearing_cover import (
     _compact,
     candidates,
     cover,
-    joined,
     reassign,
 )
 from automap.geolocation.bearing_rays import BearingRules, Rays, costs, fit_point
@@ -200,42 +199,6 @@ def test_sightings_that_were_given_wrongly_go_where_they_cost_least() -> None:
     for k, point in enumerate(points):
         wanted = fit_point(rays, np.flatnonzero(truth == k), point, RULES)
         assert found[same[k]] == pytest.approx(wanted, abs=2e-3)
-
-
-def test_objects_are_joined_where_no_camera_sees_both_and_one_place_costs_less_than_another() -> (
-    None
-):
-    rng = np.random.default_rng(7)
-    point = np.array([[12.0, 6.0]])
-    centres = np.column_stack([np.arange(0.0, 24.0, 4.0), np.zeros(6)])
-    rays, _ = rays_of(rng, point, centres)
-    owner = np.array([0, 0, 1, 1, 0, 1])
-    fits = [fit_point(rays, np.flatnonzero(owner == k), point[0], RULES) for k in (0, 1)]
-    points = np.array(fits)
-    both = fit_point(rays, np.arange(6), point[0], RULES)
-    for order in ([0, 1], [1, 0]):
-        found, whose = joined(rays, points[order], np.array(order)[owner], RULES)
-        assert found == pytest.approx(both[None], abs=1e-3)
-        assert whose.tolist() == [0] * 6
-    # a third object keeps its place and gets the number below
-    third = np.array([60.0, 60.0])
-    found, whose = joined(
-        rays, np.array([points[0], points[1], third]), np.array([0, 0, 1, 1, 0, 2]), RULES
-    )
-    assert len(found) == 2
-    assert whose.tolist() == [0, 0, 0, 0, 0, 1]
-    assert found[1] == pytest.approx(third)
-    # what costs more than an object stays two: the price is at what it costs
-    loss = float(
-        costs(rays, np.arange(6), both[None], RULES).sum()
-        - sum(costs(rays, np.flatnonzero(owner == k), points[[k]], RULES).sum() for k in (0, 1))
-    )
-    for factor, count in ((0.99, 2), (1.01, 1)):
-        rules = BearingRules(position_sd_m=0.3, object_cost=factor * loss)
-        assert len(joined(rays, points, owner, rules)[0]) == count
-    # a camera that sees two sees two
-    apart = Rays(rays.centre, rays.bearing, rays.sd, rays.log_depth, np.array([0, 1, 1, 2, 3, 4]))
-    assert len(joined(apart, points, owner, RULES)[0]) == 2
 
 
 def test_objects_without_sightings_and_on_another_are_dropped() -> None:

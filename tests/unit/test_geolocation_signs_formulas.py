@@ -245,10 +245,12 @@ def sighting(depth: float = 20.0, sd: float = 0.1, contradictory: bool = False) 
 def test_what_is_said_first_of_a_sign(
     seen: list[Any], size: float, height: float, n: int, wanted: str
 ) -> None:
-    assert _status(seen, size, height, n, AssemblyRules()) == wanted
+    assert _status(seen, size, height, n) == wanted
 
 
-def test_a_sign_of_the_map_has_place_and_covariance_where_it_stands() -> None:
+def test_a_sign_of_the_map_has_place_and_covariance_where_it_stands(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     """Kilometres from the origin, where north is another one; sizes by their variances."""
     rng = np.random.default_rng(7)
     path = make_path(drive_path(4.0), ORIGIN)
@@ -276,7 +278,8 @@ def test_a_sign_of_the_map_has_place_and_covariance_where_it_stands() -> None:
     )  # fmt: skip
     facing: Any = SimpleNamespace(rad=0.3, sd_rad=0.2)
     # heights are said of the path, and far from it anything goes
-    rules = AssemblyRules(1.2, 0.4, height_limits_m=(-1e4, 1e4), drive="d")
+    monkeypatch.setattr(limits, "HEIGHT_LIMITS_M", (-1e4, 1e4))
+    rules = AssemblyRules(1.2, 0.4, "d")
     found = assembly.assemble_sign(views, seen, (position, covariance), path, facing, 7, rules, 0.8)
     lat, lon, height = (float(v) for v in from_local_ned(position, ORIGIN))
     assert (found.lat_rad, found.lon_rad, found.height_m) == (lat, lon, height)

@@ -110,7 +110,7 @@ def test_every_column_is_the_sum_that_it_says(scene: Scene) -> None:
         assert found.size_m[k] == pytest.approx(math.exp(weighted(logs)), nan_ok=True)
         assert found.drives[k] == tuple(sorted({d for d, _, _ in views}))
         right = [min(max(float(sightings.confidence[p]), 0.0), 0.999) for _, p, _ in views]
-        assert found.seen[k] == pytest.approx(1.0 - math.prod(1.0 - c for c in right))
+        assert found.confidence[k] == pytest.approx(1.0 - math.prod(1.0 - c for c in right))
         votes: dict[str, float] = {}
         for d, p, w in views:
             side = str(scene.drives[d].side[sightings.row[p]])

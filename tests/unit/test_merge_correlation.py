@@ -10,7 +10,7 @@ from merge_scene import ORIGIN, to_enu, to_geodetic
 
 from automap.geolocation.limits import NODE_S
 from automap.mapping.adjustment import Adjusted, ErrorLevels, adjust
-from automap.mapping.association import Association, associate
+from automap.mapping.association import associate
 from automap.mapping.candidates import (
     D_E,
     D_N,
@@ -84,12 +84,6 @@ def ellipse(along_m: float, across_m: float, bearing_deg: float, up_m: float = 0
     return cov
 
 
-def linked(sign: np.ndarray) -> Association:
-    """An association that moves nothing and finds nothing strange."""
-    n = len(sign)
-    return Association(np.asarray(sign, np.int64), np.zeros((n, 3)), np.full((n, 3), 100.0))
-
-
 def place_of(result: Adjusted) -> np.ndarray:
     return to_enu(result.lat, result.lon, result.height)
 
@@ -99,7 +93,7 @@ def test_two_tilted_ellipses_meet_where_both_allow() -> None:
     seen = np.array([[0.0, 0.0, 2.0], [0.6, 0.2, 2.4]])
     cov = np.stack([ellipse(0.9, 0.2, 30.0, 0.2), ellipse(0.8, 0.15, 70.0, 0.3)])
     drives = [drive(k, seen[k : k + 1], cov[k : k + 1]) for k in range(2)]
-    result = adjust(stack_sightings(drives), linked(np.zeros(2)))
+    result = adjust(stack_sightings(drives), np.zeros(2, np.int64))
     total = cov + 0.02**2 * np.eye(3)
     weight = np.linalg.inv(total)
     merged = np.linalg.inv(weight.sum(axis=0))
@@ -162,7 +156,7 @@ def design(sign: np.ndarray) -> np.ndarray:
 def test_a_street_is_the_generalised_least_squares_of_all_at_once(levels: ErrorLevels) -> None:
     """Places, covariances, and the drives' offsets with theirs."""
     sightings, sign = street()
-    result = adjust(sightings, linked(sign), levels)
+    result = adjust(sightings, sign, levels)
     wander, total = dense_covariance(sightings, TAU_S)
     own = levels.own**2 * (total - wander)
     # what wanders shows within a drive: a level below one is not of that
@@ -205,8 +199,7 @@ def test_a_sighting_too_far_off_along_its_short_axis_counts_less() -> None:
         seen[3] = 2.0 * direction
         drives = [drive(k, seen[k : k + 1], cov[k : k + 1]) for k in range(4)]
         sightings = stack_sightings(drives)
-        association = Association(np.zeros(4, np.int64), np.zeros((4, 3)), np.full((4, 3), 1e-4))
-        moved.append(float(place_of(adjust(sightings, association))[0] @ direction))
+        moved.append(float(place_of(adjust(sightings, np.zeros(4, np.int64)))[0] @ direction))
     assert moved[0] == pytest.approx(0.5, abs=0.01)
     assert moved[1] < 0.1
 
@@ -224,7 +217,7 @@ def test_levels_are_those_of_the_restricted_likelihood() -> None:
             drive(number, true + factor * error[number], cov, np.full(3, 1e-3), np.arange(n))
             for number in range(4)
         ]
-        found.append(estimate_levels(stack_sightings(drives), linked(np.tile(np.arange(n), 4))).own)
+        found.append(estimate_levels(stack_sightings(drives), np.tile(np.arange(n), 4)).own)
     assert found[0] == pytest.approx(1.0, rel=0.15)
     # what was stated beforehand holds it back a little
     assert 1.8 < found[1] / found[0] < 2.02
@@ -349,7 +342,7 @@ def test_a_size_that_all_drives_took_a_sign_for_is_not_averaged_away() -> None:
         return replace(told, by_size_e_m=along, by_size_n_m=nothing, by_size_u_m=nothing)
 
     def merged(drives: list[DriveSigns]) -> tuple[Adjusted, ErrorLevels]:
-        sightings, same = stack_sightings(drives), Association(*_grouped(len(drives), 20))
+        sightings, same = stack_sightings(drives), np.tile(np.arange(20), len(drives))
         levels = estimate_levels(sightings, same)
         return adjust(sightings, same, levels), levels
 
@@ -363,9 +356,3 @@ def test_a_size_that_all_drives_took_a_sign_for_is_not_averaged_away() -> None:
     near = replace(near, cov_enu=np.tile(cov[0], (20, 1, 1)))
     sd = np.sqrt(merged([*(once(k) for k in range(3)), near])[0].cov_enu[:, 0, 0])
     assert sd.max() < 0.7
-
-
-def _grouped(drives: int, signs: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Association of drives that see the same signs in one order."""
-    nothing = np.zeros((drives * signs, 3))
-    return np.tile(np.arange(signs), drives), nothing, nothing

@@ -246,8 +246,8 @@ def test_clutter_of_one_drive_is_unlikely_when_others_passed() -> None:
     truth = np.concatenate(
         [own[s.row[s.first[k] : s.first[k + 1]]] for k, own in enumerate(scene.truth)]
     )
-    real = np.zeros(merged.association.n_signs, bool)
-    real[merged.association.sign[truth >= 0]] = True
+    real = np.zeros(len(merged), bool)
+    real[merged.sign[truth >= 0]] = True
     passed = np.bincount(views.sign, minlength=len(real)) >= 6
     assert (merged.existence[real] > 0.5).mean() > 0.97
     assert (~real & passed).any()

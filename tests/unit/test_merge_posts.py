@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from automap.mapping.adjustment import own_variance
 from automap.mapping.merge import merge_drives
 from automap.mapping.posts import with_supports
 from automap.mapping.sightings import DriveSigns
@@ -29,7 +28,7 @@ def passes(count: int) -> list[DriveSigns]:
 def test_two_faces_of_a_post_share_it_and_its_neighbours_do_not() -> None:
     merged = merge_drives(passes(3))
     signs = [replace(sign, id=f"s{k}") for k, sign in enumerate(merged.signs)]
-    own = own_variance(merged.sightings, merged.association.sign)
+    own = merged.own_variance
     alone = with_supports(signs, own)
     assert len({sign.support for sign in alone}) > 0.9 * len(signs)
     # the second sign hung below the first, the third left out of the map
@@ -47,7 +46,7 @@ def test_two_faces_of_a_post_share_it_and_its_neighbours_do_not() -> None:
 def test_a_sign_that_comes_changes_no_post_but_its_own() -> None:
     merged = merge_drives(passes(3))
     signs = [replace(sign, id=f"s{k}") for k, sign in enumerate(merged.signs)]
-    own = own_variance(merged.sightings, merged.association.sign)
+    own = merged.own_variance
     before = {sign.id: sign.support for sign in with_supports(signs[1:], own[1:])}
     after = {sign.id: sign.support for sign in with_supports(signs, own)}
     changed = [name for name, support in before.items() if after[name] != support]
