@@ -73,15 +73,14 @@ def calibrate_static(
     wanted = n_parameters or N_NINE
     search = find_rests(logs, gravity, wanted)
     if not search.determined and n_parameters is None:
-        nine = search
         search = find_rests(logs, gravity, N_SIX)
         if search.determined:
             wanted = N_SIX
-            warnings.append(_six_only(nine))
+            warnings.append(_six_only(search.rests))
     if not search.determined:
         raise InputError(_too_few(logs, search, n_parameters or N_SIX))
     means, variances = pose_means(search.rests)
-    accel = fit_accelerometer(means, variances, gravity, wanted)
+    accel = fit_accelerometer(means, variances, gravity, wanted, limits.ANGLE_SD)
     refuse_wrong_accel_unit(logs[0], accel.scale)
     if accel.residual_rms > limits.NOT_AT_REST * gravity:
         raise InputError(
@@ -90,14 +89,14 @@ def calibrate_static(
             "down, or hold it still, for some seconds in each pose."
         )
     warnings += _pose_warnings(search, means, accel)
-    six = accel if wanted == N_SIX else fit_accelerometer(means, variances, gravity, N_SIX)
+    six = fit_accelerometer(means, variances, gravity, N_SIX)
     gyro_part = _gyro(logs, search, accel, gravity, warnings)
     return StaticCalibration(
         search=search,
         gravity=gravity,
         accel=accel,
         accel_six=six,
-        left_out=leave_one_out(means, variances, gravity, accel),
+        left_out=leave_one_out(means, variances, gravity, accel, limits.ANGLE_SD),
         gyro=gyro_part[0],
         gyro_with_g=gyro_part[1],
         gyro_scale=gyro_part[2],
@@ -149,12 +148,12 @@ def _rough_directions(rests: list[Rest]) -> FloatArray:
     return np.asarray(vectors / (np.linalg.norm(vectors, axis=1)[:, None] + 1e-300))
 
 
-def _six_only(nine: RestSearch) -> str:
-    poses = helpful_poses(_rough_directions(nine.rests), N_NINE)
+def _six_only(rests: list[Rest]) -> str:
+    poses = helpful_poses(_rough_directions(rests), N_NINE)
     advice = f" Add: {'; '.join(poses)}." if poses else " Add more poses."
     return (
         "the poses do not determine the three angles of non-orthogonality, so they are taken as "
-        "zero (six parameters)." + advice
+        f"zero to {1e3 * limits.ANGLE_SD:.0f} mrad, as of usual sensors (six parameters)." + advice
     )
 
 
