@@ -146,11 +146,19 @@ def fit_gyro(
     )
     K = np.zeros((3, N_SIGNALS))
     K[:, 1:4] = _linear_start(logs, forces, offset, unit)
-    _refuse_other_axes(K[:, 1:4] / unit)
+    if other_axes(K[:, 1:4] / unit):
+        # a few turns leave an axis open to a first guess, not to the fit
+        sheet = logs[0].gyro_scale
+        usual = np.median(np.abs(np.diag(K[:, 1:4] / unit)))
+        K[:, 1:4] = np.diag((np.full(3, usual) if sheet is None else sheet) * unit)
     used = np.zeros((3, N_SIGNALS), dtype=bool)
     used[:, : N_SIGNALS if with_g else 4] = True
     fit = _fit(scaled, rests, rest_signals, K, used, unit, directions_by(accel, rests))
     n, p = len(turns), int(used.sum())
+    K[used] = fit.parameters[:p]
+    other = other_axes(K[:, 1:4] / unit)
+    if other:
+        raise InputError(other)
     # what is left by the accelerometer's calibration as it stands
     missed = fit.residuals - fit.jacobian[:, p:] @ fit.parameters[p:]
     errors = 2.0 * np.arcsin(
@@ -280,8 +288,8 @@ def _linear_start(
     return solution.reshape(3, 3)
 
 
-def _refuse_other_axes(matrix: FloatArray) -> None:
-    """Raise when a gyro axis turns gravity as another, or the opposite, axis would."""
+def other_axes(matrix: FloatArray) -> str:
+    """A sentence where a gyro axis turns gravity as another, or the opposite, axis would."""
     size = np.abs(matrix)
     strongest = size.argmax(axis=1)
     for a in range(3):
@@ -289,10 +297,11 @@ def _refuse_other_axes(matrix: FloatArray) -> None:
         if size[a, a] >= OWN_AXIS * size[a, b] and (matrix[a, a] > 0 or size[a, b] == 0.0):
             continue
         sign = "-" if matrix[a, b] < 0 else ""
-        raise InputError(
+        return (
             f"gravity turns about the accelerometer's {'xyz'[a]} axis as the gyro's "
             f"{sign}{'xyz'[b]} axis says; give both sensors' columns in the same right-handed axes."
         )
+    return ""
 
 
 def _to_readings(

@@ -158,7 +158,7 @@ def calibration_fits() -> Any:
                 [log], [force], log.gyro[0], np.array([90.0, 80.0, 70.0])
             ),
             "axes": [
-                _or_error(gyroscope._refuse_other_axes, m)
+                gyroscope.other_axes(m)
                 for m in (
                     turned,
                     -turned,

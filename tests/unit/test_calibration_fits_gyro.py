@@ -20,12 +20,11 @@ from automap.calibration.gravity_kernel import N_SIGNALS, carry_direction
 from automap.calibration.gyroscope import (
     Turn,
     _linear_start,
-    _refuse_other_axes,
     _without_each_turn,
+    other_axes,
 )
 from automap.calibration.least_squares import Fit
 from automap.calibration.rest_attitude import largest_turn, rest_attitude, roll_pitch_since_start
-from automap.errors import InputError
 from automap.frames import rotation_vector_to_matrix
 from automap.records import RawImu
 
@@ -180,18 +179,17 @@ def test_the_first_value_of_a_gyros_axes_is_found_without_knowing_the_sensor() -
 
 def test_gyro_axes_that_turn_gravity_as_others_do_are_refused() -> None:
     right = np.diag([2.0, 3.0, 1.0]) + 0.1
-    _refuse_other_axes(right)
+    assert other_axes(right) == ""
     other = right.copy()
     other[2, 0] = -1.1 / limits.OWN_AXIS * 1.02
     just = right.copy()
     just[0, 1] = -2.1 / limits.OWN_AXIS * 0.99
-    _refuse_other_axes(just)
+    assert other_axes(just) == ""
     for matrix, words in (
         (right[[1, 0, 2]], "x axis as the gyro's y axis"),
          (other, "z axis as the gyro's -x axis"),
     ):  # fmt: skip
-        with pytest.raises(InputError, match=words):
-            _refuse_other_axes(matrix)
+        assert words in other_axes(matrix)
 
 
 def test_a_resting_sensor_is_turned_by_its_gyro_in_body_axes() -> None:
