@@ -32,6 +32,9 @@ WINDOW_S = 0.5
 LEAST_REST_S = 1.0
 """Chosen: a sensor that is put down swings for a part of a second, and half of a second to either
 side is not inside the rest."""
+BATCH_S, BATCHES = 1.0, (4, 10)
+"""A rest's means are as sure as those of its batches, which are longer than a hand's sway, of which
+shorter ones show more than the whole has; and how many there are at least and at most."""
 MANY_RESTS_S = 10.0
 """Rests of this length in all show whether the noise is correlated."""
 SAME_POSE = 0.002

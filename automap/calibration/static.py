@@ -29,6 +29,9 @@ from automap.calibration.rest_search import RestSearch, find_rests, least_poses,
 from automap.errors import InputError
 from automap.records import FloatArray, RawImu
 
+_TURN = "turn the sensor by 90 degrees or more about each axis between rests"
+_PUT_DOWN = "put it down for each rest, leaned against a box where it does not stand by itself"
+
 
 @dataclass(frozen=True)
 class StaticCalibration:
@@ -175,6 +178,11 @@ def _pose_warnings(search: RestSearch, means: FloatArray, accel: AccelFit) -> li
         poses = axes or helpful_poses(directions, accel.n_parameters)
         if poses:
             found.append("the poses cover the directions unevenly; add: " + "; ".join(poses))
+    if search.moved > limits.STILL_LIMIT:
+        found.append(
+            f"the sensor moved in its rests by {np.sqrt(search.moved):.0f} times its noise, as in "
+            f"a hand, which costs accuracy; {_PUT_DOWN}"
+        )
     for rest in search.outliers:
         found.append(
             f"the rest near {rest.middle_s:.0f} s is left out: its norm contradicts the others"
@@ -199,6 +207,7 @@ def _gyro(
     offset = np.average([r.gyro for r in rests], axis=0, weights=[r.length_s for r in rests])
     sheet = logs[0].gyro_scale
     reason = "fewer than six turns between rests" if len(turns) < limits.LEAST_TURNS else ""
+    loose: list[str] = []
     if not reason:
         fit = fit_gyro(logs, forces, rests, turns, accel, gravity)
         loose = [
@@ -213,14 +222,15 @@ def _gyro(
                 with_g = fit_gyro(logs, forces, rests, turns, accel, gravity, True)
             return fit, with_g, fit.scale, fit.bias, len(turns)
         reason = f"turns that leave the scale about {', '.join(loose)} open"
+    # of rests that moved it is not the turns that want more
+    advice = _PUT_DOWN if loose and search.moved > limits.STILL_LIMIT else _TURN
     if sheet is None:
         raise InputError(
             f"{_names(logs)} has {reason}, so the gyro's scale per count cannot be estimated; "
-            "turn the sensor by 90 degrees or more about each of its axes between rests, or name "
-            "its data sheet with --sensor."
+            f"{advice}, or name its data sheet with --sensor."
         )
     warnings.append(
         f"the log has {reason}: the gyro's scale is the data sheet's, its misalignment zero; "
-        "turn the sensor by 90 degrees or more about each axis between rests"
+        + advice
     )
     return None, None, sheet, -sheet * offset, len(turns)

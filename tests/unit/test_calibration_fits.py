@@ -225,6 +225,7 @@ def test_rests_are_taken_at_the_limit_that_leaves_the_narrowest_intervals(
     monkeypatch.setattr(rest_search, "_log_widths", lambda r, g, n: widths[r[0]])
     monkeypatch.setattr(rest_search, "_log_bias", lambda r: biases[r[0]])
     monkeypatch.setattr(rest_search, "_without_outliers", lambda r, g, n: (r, []))
+    monkeypatch.setattr(rest_search, "_moved", lambda m, r: 1.0)
     found: Any = rest_search.find_rests([], GRAVITY, 9)
     assert (found.rests[0], found.gyro_rests[0], found.determined) == (5, 7, True)
     assert (found.limit, found.gyro_limit) == (limits.THRESHOLDS[5], limits.THRESHOLDS[7])

@@ -15,7 +15,7 @@ from calibration_scene import (
     turned_by_hand,
 )
 
-from automap.calibration import gyroscope, limits
+from automap.calibration import limits
 from automap.calibration.accelerometer import fit_accelerometer, leave_one_out
 from automap.calibration.gravity_kernel import N_SIGNALS, carry_direction
 from automap.calibration.plausible import refuse_swapped
@@ -128,6 +128,26 @@ def test_six_poses_give_six_parameters() -> None:
     assert any("six parameters" in text for text in result.warnings)
     np.testing.assert_allclose(result.accel.scale, truth.accel_scale, rtol=1e-3)
     np.testing.assert_allclose(np.diag(result.accel.covariance)[6:], limits.ANGLE_SD**2, rtol=0.01)
+
+
+def test_rests_in_a_hand_are_told_to_be_put_down(monkeypatch: pytest.MonkeyPatch) -> None:
+    rng = np.random.default_rng(424901)
+    motion = turned_by_hand(rng, random_poses(rng, 12))
+    tremor = np.zeros_like(motion.force)
+    for hz in (0.7, 1.3, 2.9):
+        tremor += 0.2 * np.sin(2.0 * np.pi * (hz * motion.t_s[:, None] + rng.uniform(size=3)))
+    log = recorded(rng, replace(motion, force=motion.force + tremor), random_errors(rng))
+    assert "put it down for each rest" in calibrate_static([log], GRAVITY).warnings[0]
+    # nor is it said to turn it more where the rests leave the gyro open
+    monkeypatch.setattr(limits, "LOOSE_SCALE", 1e-5)
+    result = calibrate_static([log], GRAVITY)
+    assert result.gyro is None
+    assert len(result.warnings) == 2
+    assert all("put it down for each rest" in text for text in result.warnings)
+    assert "turn the sensor" not in " ".join(result.warnings)
+    still = calibrate_static([recorded(rng, motion, random_errors(rng))], GRAVITY)
+    assert not any("put it down" in text for text in still.warnings)
+    assert "turn the sensor" in still.warnings[-1]
 
 
 def refused(log: RawImu) -> str:
