@@ -146,7 +146,8 @@ def fit_gyro(
     )
     K = np.zeros((3, N_SIGNALS))
     K[:, 1:4] = _linear_start(logs, forces, offset, unit)
-    if other_axes(K[:, 1:4] / unit):
+    guessed = other_axes(K[:, 1:4] / unit)
+    if guessed:
         # a few turns leave an axis open to a first guess, not to the fit
         sheet = logs[0].gyro_scale
         usual = np.median(np.abs(np.diag(K[:, 1:4] / unit)))
@@ -156,9 +157,9 @@ def fit_gyro(
     fit = _fit(scaled, rests, rest_signals, K, used, unit, directions_by(accel, rests))
     n, p = len(turns), int(used.sum())
     K[used] = fit.parameters[:p]
-    other = other_axes(K[:, 1:4] / unit)
-    if other:
-        raise InputError(other)
+    fitted = other_axes(K[:, 1:4] / unit)
+    if guessed and fitted:
+        raise InputError(fitted)
     # what is left by the accelerometer's calibration as it stands
     missed = fit.residuals - fit.jacobian[:, p:] @ fit.parameters[p:]
     errors = 2.0 * np.arcsin(

@@ -256,7 +256,7 @@ def calibration_squares() -> Any:
                 )
             ],
             "fit": fit,
-            "half": fit.half_width(0.9),
+            "half": fit.half_width(),
             "redundancy": [of._redundancy(A, np.arange(9) < k, share[-9:]) for k in (3, 7)],
             "inverse": of._inverse(A.T @ A),
             "floor": [
