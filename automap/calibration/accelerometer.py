@@ -12,7 +12,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from automap.calibration.least_squares import Fit, fit_with_floor, gauss_newton
+from automap.calibration.least_squares import (
+    KNOWN,
+    Fit,
+    fit_with_floor,
+    gauss_newton,
+    half_widths,
+)
 from automap.records import FloatArray
 
 N_SIX, N_NINE = 6, 9
@@ -23,8 +29,9 @@ class AccelFit:
     """Calibration of an accelerometer.
 
     ``scale`` [3] m/s^2 per reading unit, ``bias`` [3] m/s^2, ``misalignment`` [3] rad (zeros
-    with six parameters), ``covariance`` [9, 9] in that order, ``half_width`` [9] of the 95 %
-    intervals. ``residuals`` [k] |true| - g per pose in m/s^2 and ``residual_sd`` [k];
+    with six parameters, near zero where ``angle_sd`` held them), ``covariance`` [9, 9] in that
+    order, ``half_width`` [9] of the 95 % intervals, 1.96 sigmas of it.
+    ``residuals`` [k] |true| - g per pose in m/s^2 and ``residual_sd`` [k];
     ``floor`` the part of it that the noise of the means does not explain. ``design`` [k, p] is
     the dimensionless design matrix, for the judgement of the poses.
     """
@@ -61,32 +68,70 @@ def misalignment_matrix(m: FloatArray) -> FloatArray:
 
 
 def fit_accelerometer(
-    means: FloatArray, variances: FloatArray, gravity: float, n_parameters: int = N_NINE
-) -> AccelFit:
+    means: FloatArray, variances: FloatArray, gravity: float, n_parameters: int = N_NINE,
+    angle_sd: float | None = None,
+) -> AccelFit:  # fmt: skip
     """Fit six or nine parameters to the mean readings [k, 3] of k poses: equations (5) to (7).
 
     ``variances`` [k, 3] are those of the means, in squared reading units; what the residuals
     show beyond them is estimated as a floor common to all poses and enters the covariance.
+    With six parameters the angles are zero, or, with ``angle_sd`` in rad, three observations of
+    zero that are so good, as a sensor is: what they may be then stands in the covariance.
     """
     centre, half = _ellipsoid_start(means)
     unit = gravity / half
     y = (means - centre) * unit
     variance = np.sum((y / gravity) ** 2 * variances * unit**2, axis=1)
-    fit = _fit(y, variance, gravity, n_parameters)
-    return _to_readings(fit, y, centre, unit, gravity, n_parameters)
+    fit = _fit(y, variance, gravity, n_parameters, angle_sd)
+    second_order = np.zeros((N_SIX, N_SIX)) if angle_sd is None else _second_order(fit, y, gravity)
+    return _to_readings(fit, second_order, centre, unit, gravity, n_parameters)
 
 
 def _start(n_parameters: int) -> FloatArray:
     return np.concatenate([np.ones(3), np.zeros(n_parameters - 3)])
 
 
-def _fit(y: FloatArray, variance: FloatArray, gravity: float, n: int) -> Fit:
-    def model(x: FloatArray) -> tuple[FloatArray, FloatArray]:
-        return _norm_residuals(x, y, gravity)
+def _fit(
+    y: FloatArray, variance: FloatArray, gravity: float, n: int, angle_sd: float | None
+) -> Fit:
+    held = 3 if n == N_SIX and angle_sd is not None else 0
+    prior = np.eye(held, n + held, k=n)
 
-    start = gauss_newton(model, _start(n), np.ones(len(y)))
-    group = np.zeros(len(y), dtype=np.int64)
-    return fit_with_floor(model, start, variance, group, np.ones(len(y)))
+    def model(x: FloatArray) -> tuple[FloatArray, FloatArray]:
+        r, J = _norm_residuals(x, y, gravity)
+        return np.concatenate([r, prior @ x]), np.vstack([J, prior])
+
+    variance = np.concatenate([variance, np.full(held, (angle_sd or 0.0) ** 2)])
+    group = np.repeat([0, KNOWN], [len(y), held])
+    start = gauss_newton(model, _start(n + held), np.where(group == KNOWN, np.sqrt(variance), 1.0))
+    return fit_with_floor(model, start, variance, group, np.ones(len(group)))
+
+
+def _second_order(fit: Fit, y: FloatArray, gravity: float) -> FloatArray:
+    """What the angles do to scale and bias beyond first order, as a covariance [6, 6].
+
+    On a face of the sensor an angle m changes the norm by m^2 / 2 alone, so poses there tell
+    nothing of it and yet give a scale. With the scale's second differences q_j along the principal
+    axes of the angles, normal with their sigmas, it is off by sum q_j / 2 in the mean, with the
+    variance sum q_j^2 / 2.
+    """
+    sd = fit.sd[~fit.known]
+
+    def given(angles: FloatArray) -> FloatArray:
+        def model(x: FloatArray) -> tuple[FloatArray, FloatArray]:
+            r, J = _norm_residuals(np.append(x, angles), y, gravity)
+            return r, J[:, :N_SIX]
+
+        return gauss_newton(model, fit.parameters[:N_SIX], sd)
+
+    if len(fit.parameters) == N_SIX or np.sum(~fit.known) < N_SIX:
+        return np.zeros((N_SIX, N_SIX))
+    angles = fit.parameters[N_SIX:]
+    size, axes = np.linalg.eigh(fit.covariance[N_SIX:, N_SIX:])
+    middle = given(angles)
+    steps = (axes * np.sqrt(np.maximum(size, 0.0))).T
+    q = np.array([given(angles + v) + given(angles - v) - 2.0 * middle for v in steps])
+    return np.asarray(0.5 * q.T @ q + 0.25 * np.outer(q.sum(axis=0), q.sum(axis=0)))
 
 
 def _norm_residuals(x: FloatArray, y: FloatArray, gravity: float) -> tuple[FloatArray, FloatArray]:
@@ -129,30 +174,35 @@ def _ellipsoid_start(means: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def _to_readings(
-    fit: Fit, y: FloatArray, centre: FloatArray, unit: FloatArray, gravity: float, n: int
+    fit: Fit, second_order: FloatArray, centre: FloatArray, unit: FloatArray, gravity: float, n: int
 ) -> AccelFit:
-    """Parameters and covariance for readings rather than the centred, scaled ``y``."""
-    x = np.concatenate([fit.parameters, np.zeros(N_NINE - n)])
+    """Parameters and covariance for readings rather than centred, scaled ones.
+
+    ``second_order`` [6, 6] is added to that of scale and bias.
+    """
+    p = len(fit.parameters)
+    x = np.concatenate([fit.parameters, np.zeros(N_NINE - p)])
     J = np.eye(N_NINE)
     J[:3, :3] = np.diag(unit)
     J[3:6, :3] = -np.diag(unit * centre)
     covariance = np.zeros((N_NINE, N_NINE))
-    covariance[:n, :n] = fit.covariance
+    covariance[:p, :p] = fit.stated_covariance()
+    covariance[:N_SIX, :N_SIX] += second_order
     covariance = J @ covariance @ J.T
     scale = x[:3] * unit
-    student = fit.half_width()[0] / np.sqrt(fit.covariance[0, 0])
     weights = np.concatenate([np.full(3, gravity), np.ones(3), np.full(n - N_SIX, gravity)])
+    poses = ~fit.known
     return AccelFit(
         scale=scale,
         bias=x[3:6] - scale * centre,
         misalignment=x[6:],
         covariance=covariance,
-        half_width=student * np.sqrt(np.maximum(np.diag(covariance), 0.0)),
-        residuals=fit.residuals,
-        residual_sd=fit.sd,
+        half_width=half_widths(covariance),
+        residuals=fit.residuals[poses],
+        residual_sd=fit.sd[poses],
         floor=float(fit.floor[0]),
         n_parameters=n,
-        design=fit.jacobian / weights,
+        design=fit.jacobian[poses, :n] / weights,
     )
 
 
@@ -182,8 +232,9 @@ class LeftOut:
 
 
 def leave_one_out(
-    means: FloatArray, variances: FloatArray, gravity: float, fit: AccelFit
-) -> LeftOut | None:
+    means: FloatArray, variances: FloatArray, gravity: float, fit: AccelFit,
+    angle_sd: float | None = None,
+) -> LeftOut | None:  # fmt: skip
     """Repeat the fit without each pose; None when there are no poses to spare."""
     k = len(means)
     if k <= fit.n_parameters + 1:
@@ -193,7 +244,9 @@ def leave_one_out(
     zero = fit.bias / fit.scale
     for i in range(k):
         others = np.arange(k) != i
-        part = fit_accelerometer(means[others], variances[others], gravity, fit.n_parameters)
+        part = fit_accelerometer(
+            means[others], variances[others], gravity, fit.n_parameters, angle_sd
+        )
         residuals[i] = float(np.linalg.norm(part.apply(means[i]))) - gravity
         moved = (
             np.abs(part.scale / fit.scale - 1.0).max(),

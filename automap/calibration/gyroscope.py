@@ -15,7 +15,7 @@ import numpy as np
 
 from automap.calibration.accelerometer import N_NINE, AccelFit, directions_of
 from automap.calibration.gravity_kernel import N_SIGNALS, carry_direction
-from automap.calibration.least_squares import Fit, fit_with_floor
+from automap.calibration.least_squares import KNOWN, Fit, fit_with_floor, half_widths
 from automap.calibration.limits import OWN_AXIS, ROUGH_SD, TURN_HOLE_STEPS, TURN_SMOOTH_S
 from automap.calibration.rest import Rest
 from automap.errors import InputError
@@ -54,9 +54,10 @@ class GyroFit:
     ``scale`` [3] rad/s per reading unit, ``bias`` [3] rad/s, ``matrix`` [3, 3] with unit
     diagonal, ``g_sensitivity`` [3, 3] (rad/s)/(m/s^2). ``covariance`` [12, 12] or [21, 21] in
     the order scale, bias, matrix (xy xz yx yz zx zy), g_sensitivity by rows; ``half_width`` of
-    the 95 % intervals in that order. ``turn_errors`` [t] rad between carried and measured
-    gravity, ``rest_rates`` [k, 3] rad/s left at rest. Leaving out any one turn changes a scale
-    by no more than ``scale_change`` (relative), the matrix by no more than ``matrix_change``.
+    the 95 % intervals, 1.96 sigmas, in that order. ``turn_errors`` [t] rad between carried and
+    measured gravity, ``rest_rates`` [k, 3] rad/s left at rest. Leaving out any one turn changes a
+    scale by no more than ``scale_change`` (relative), the matrix by no more than
+    ``matrix_change``.
     """
 
     scale: FloatArray
@@ -129,8 +130,8 @@ def fit_gyro(
 ) -> GyroFit:
     """Fit 12 parameters, or 21 with g-sensitivity, to turns and rests.
 
-    ``forces`` [n, 3] of each log are those that ``accel`` gives; the uncertainty of that
-    calibration, common to all turns, goes into the gyro's.
+    ``forces`` [n, 3] of each log are those that ``accel`` gives; its errors, common to all
+    turns, are parameters of the fit beside the gyro's, known beforehand as its covariance says.
 
     Raises:
         InputError: the gyro does not follow the turns of gravity, so its axes are not those
@@ -145,19 +146,46 @@ def fit_gyro(
     )
     K = np.zeros((3, N_SIGNALS))
     K[:, 1:4] = _linear_start(logs, forces, offset, unit)
-    _refuse_other_axes(K[:, 1:4] / unit)
+    guessed = other_axes(K[:, 1:4] / unit)
+    if guessed:
+        # a few turns leave an axis open to a first guess, not to the fit
+        sheet = logs[0].gyro_scale
+        usual = np.median(np.abs(np.diag(K[:, 1:4] / unit)))
+        K[:, 1:4] = np.diag((np.full(3, usual) if sheet is None else sheet) * unit)
     used = np.zeros((3, N_SIGNALS), dtype=bool)
     used[:, : N_SIGNALS if with_g else 4] = True
-    fit = _fit(scaled, rests, rest_signals, K, used, unit)
-    fit = _with_accel_uncertainty(fit, scaled, rests, accel, used)
+    fit = _fit(scaled, rests, rest_signals, K, used, unit, directions_by(accel, rests))
+    n, p = len(turns), int(used.sum())
+    K[used] = fit.parameters[:p]
+    fitted = other_axes(K[:, 1:4] / unit)
+    if guessed and fitted:
+        raise InputError(fitted)
+    # what is left by the accelerometer's calibration as it stands
+    missed = fit.residuals - fit.jacobian[:, p:] @ fit.parameters[p:]
     errors = 2.0 * np.arcsin(
-        np.clip(0.5 * np.linalg.norm(fit.residuals[: 3 * len(turns)].reshape(-1, 3), axis=1), 0, 1)
+        np.clip(0.5 * np.linalg.norm(missed[: 3 * n].reshape(-1, 3), axis=1), 0, 1)
     )
-    left = fit.residuals[3 * len(turns) :].reshape(-1, 3)
-    full = np.zeros(_N)
-    full[used.ravel()] = fit.parameters
-    values = full.reshape(3, N_SIGNALS)
-    return _to_readings(fit, values, used, offset, unit, gravity, errors, left)
+    left = fit.residuals[3 * n : 3 * (n + len(rests))].reshape(-1, 3)
+    return _to_readings(fit, used, offset, unit, gravity, errors, left)
+
+
+def directions_by(accel: AccelFit, rests: list[Rest]) -> FloatArray:
+    """Change [k, 3, 9] of the directions at the rests by the accelerometer's errors.
+
+    The errors are uncorrelated and have sigmas of one: ``accel.covariance`` by its principal axes.
+    """
+    sd = np.sqrt(np.diag(accel.covariance))
+    size = np.where(sd > 0.0, sd, 1.0)
+    part, axes = np.linalg.eigh(accel.covariance / np.outer(size, size))
+    steps = (size[:, None] * axes * np.sqrt(np.maximum(part, 0.0))).T
+    means = np.array([rest.accel for rest in rests])
+    at = directions_of(accel, means)
+    return np.stack([directions_of(_perturbed(accel, step), means) - at for step in steps], axis=2)
+
+
+def _perturbed(accel: AccelFit, step: FloatArray) -> AccelFit:
+    values = np.concatenate([accel.scale, accel.bias, accel.misalignment]) + step
+    return replace(accel, scale=values[:3], bias=values[3:6], misalignment=values[6:])
 
 
 def _scaled(turn: Turn, offset: FloatArray, unit: FloatArray) -> Turn:
@@ -168,68 +196,57 @@ def _scaled(turn: Turn, offset: FloatArray, unit: FloatArray) -> Turn:
 
 def _fit(
     turns: list[Turn], rests: list[Rest], rest_signals: FloatArray, K: FloatArray,
-    used: np.ndarray, unit: FloatArray,
+    used: np.ndarray, unit: FloatArray, by: FloatArray,
 ) -> Fit:  # fmt: skip
-    n, k = len(turns), len(rests)
+    """The entries of ``K`` [3, 7] that are ``used``, then nine errors of the accelerometer, which
+    change the directions at the rests by ``by`` [k, 3, 9]."""
+    n, k, p = len(turns), len(rests), int(used.sum())
+    m = 3 * (n + k)
 
     def model(x: FloatArray) -> tuple[FloatArray, FloatArray]:
         full = np.zeros(_N)
-        full[used.ravel()] = x
+        full[used.ravel()] = x[:p]
         now = full.reshape(3, N_SIGNALS)
-        r = np.empty(3 * (n + k))
-        J = np.zeros((3 * (n + k), _N))
+        r = np.empty(m + N_NINE)
+        J = np.zeros((m, _N))
+        J_accel = np.zeros((m + N_NINE, N_NINE))
         end, sensitivity = np.empty(3), np.empty((3, 3, N_SIGNALS))
         for i, turn in enumerate(turns):
-            carry_direction(
-                turn.signals @ now.T, turn.signals, turn.dt, turn.start, end, sensitivity
-            )
-            r[3 * i : 3 * i + 3] = end - turn.end
-            J[3 * i : 3 * i + 3] = sensitivity.reshape(3, _N)
-        r[3 * n :] = (rest_signals @ now.T).ravel()
+            rows = slice(3 * i, 3 * i + 3)
+            rate = turn.signals @ now.T
+            first, second = by[turn.first], by[turn.first + 1]
+            start = turn.start + first @ x[p:]
+            carry_direction(rate, turn.signals, turn.dt, start, end, sensitivity)
+            r[rows] = end - turn.end - second @ x[p:]
+            J[rows] = sensitivity.reshape(3, _N)
+            J_accel[rows] = _carried(rate, turn) @ first - second
+        r[3 * n : m] = (rest_signals @ now.T).ravel()
+        r[m:] = x[p:]
+        J_accel[m:] = np.eye(N_NINE)
         for a in range(3):
             J[3 * n + a :: 3, a * N_SIGNALS : (a + 1) * N_SIGNALS] = rest_signals
-        return r, J[:, used.ravel()]
+        J_gyro = np.vstack([J[:, used.ravel()], np.zeros((N_NINE, p))])
+        return r, np.hstack([J_gyro, J_accel])
 
     gyro_var = np.array([r.gyro_var for r in rests])
     scale = np.abs(np.diag(K[:, 1:4])) / unit
     # the gyro's own noise turns the carried direction too
     density = np.median(gyro_var * np.array([[r.length_s] for r in rests]), axis=0) * scale**2
     turn_var = np.array([t.variance + density.mean() * t.seconds for t in turns])
-    variance = np.concatenate([turn_var.ravel(), (gyro_var * scale**2).ravel()])
-    group = np.concatenate([np.zeros(3 * n, np.int64), np.ones(3 * k, np.int64)])
-    share = np.concatenate([np.full(3 * n, 2.0 / 3.0), np.ones(3 * k)])
-    return fit_with_floor(model, K[used], variance, group, share)
+    variance = np.concatenate([turn_var.ravel(), (gyro_var * scale**2).ravel(), np.ones(N_NINE)])
+    group = np.repeat([0, 1, KNOWN], [3 * n, 3 * k, N_NINE])
+    share = np.repeat([2.0 / 3.0, 1.0, 1.0], [3 * n, 3 * k, N_NINE])
+    return fit_with_floor(model, np.append(K[used], np.zeros(N_NINE)), variance, group, share)
 
 
-def _with_accel_uncertainty(
-    fit: Fit, turns: list[Turn], rests: list[Rest], accel: AccelFit, used: np.ndarray
-) -> Fit:
-    """The fit with the accelerometer's covariance carried into its own, to first order."""
-    full = np.zeros(_N)
-    full[used.ravel()] = fit.parameters
-    K = full.reshape(3, N_SIGNALS)
-    end, sensitivity = np.empty(3), np.empty((3, 3, N_SIGNALS))
-    means = np.array([rest.accel for rest in rests])
-    at = directions_of(accel, means)
-    A = fit.jacobian / fit.sd[:, None]
-    effect = np.zeros((len(fit.parameters), N_NINE))
-    sd = np.sqrt(np.diag(accel.covariance))
-    for p in np.flatnonzero(sd > 0):
-        moved = directions_of(_perturbed(accel, int(p), sd[p]), means) - at
-        change = np.zeros(len(fit.residuals))
-        for i, turn in enumerate(turns):
-            carry_direction(
-                turn.signals @ K.T, turn.signals, turn.dt, moved[turn.first], end, sensitivity
-            )
-            change[3 * i : 3 * i + 3] = end - moved[turn.first + 1]
-        effect[:, p] = -fit.covariance @ (A.T @ (change / fit.sd)) / sd[p]
-    return replace(fit, covariance=fit.covariance + effect @ accel.covariance @ effect.T)
-
-
-def _perturbed(accel: AccelFit, parameter: int, step: float) -> AccelFit:
-    values = np.concatenate([accel.scale, accel.bias, accel.misalignment])
-    values[parameter] += step
-    return replace(accel, scale=values[:3], bias=values[3:6], misalignment=values[6:])
+def _carried(rate: FloatArray, turn: Turn) -> FloatArray:
+    """The rotation [3, 3] of directions through a turn at ``rate`` [n, 3]."""
+    out, unused = np.empty((3, 3)), np.empty((3, 3, N_SIGNALS))
+    for a in range(3):
+        end = np.empty(3)
+        carry_direction(rate, turn.signals, turn.dt, np.eye(3)[a], end, unused)
+        out[:, a] = end
+    return out
 
 
 def _linear_start(
@@ -272,8 +289,8 @@ def _linear_start(
     return solution.reshape(3, 3)
 
 
-def _refuse_other_axes(matrix: FloatArray) -> None:
-    """Raise when a gyro axis turns gravity as another, or the opposite, axis would."""
+def other_axes(matrix: FloatArray) -> str:
+    """A sentence where a gyro axis turns gravity as another, or the opposite, axis would."""
     size = np.abs(matrix)
     strongest = size.argmax(axis=1)
     for a in range(3):
@@ -281,17 +298,19 @@ def _refuse_other_axes(matrix: FloatArray) -> None:
         if size[a, a] >= OWN_AXIS * size[a, b] and (matrix[a, a] > 0 or size[a, b] == 0.0):
             continue
         sign = "-" if matrix[a, b] < 0 else ""
-        raise InputError(
+        return (
             f"gravity turns about the accelerometer's {'xyz'[a]} axis as the gyro's "
             f"{sign}{'xyz'[b]} axis says; give both sensors' columns in the same right-handed axes."
         )
+    return ""
 
 
 def _to_readings(
-    fit: Fit, K: FloatArray, used: np.ndarray, offset: FloatArray, unit: FloatArray,
+    fit: Fit, used: np.ndarray, offset: FloatArray, unit: FloatArray,
     gravity: float, errors: FloatArray, left: FloatArray,
 ) -> GyroFit:  # fmt: skip
-    """The contract's parameters, with covariance, from K in centred and scaled signals."""
+    """The contract's parameters, with covariance, from the ``used`` entries of K in centred and
+    scaled signals, the first parameters of ``fit``."""
     with_g = bool(used[0, -1])
     slots = np.flatnonzero(used.ravel())
 
@@ -309,7 +328,8 @@ def _to_readings(
             parts.append((-k[:, 4:] / gravity).ravel())
         return np.concatenate(parts)
 
-    x = fit.parameters
+    p = len(slots)
+    x = fit.parameters[:p]
     values = parameters(x)
     J = np.empty((len(values), len(x)))
     for j in range(len(x)):
@@ -318,9 +338,8 @@ def _to_readings(
         up[j] += step
         down[j] -= step
         J[:, j] = (parameters(up) - parameters(down)) / (2.0 * step)
-    covariance = J @ fit.covariance @ J.T
-    student = fit.half_width()[0] / np.sqrt(fit.covariance[0, 0])
-    moved = _without_each_turn(fit, len(errors)) @ J.T
+    covariance = J @ fit.stated_covariance()[:p, :p] @ J.T
+    moved = _without_each_turn(fit, len(errors))[:, :p] @ J.T
     matrix = np.eye(3)
     matrix[~np.eye(3, dtype=bool)] = values[6:12]
     return GyroFit(
@@ -329,7 +348,7 @@ def _to_readings(
         matrix=matrix,
         g_sensitivity=values[12:].reshape(3, 3) if with_g else np.zeros((3, 3)),
         covariance=covariance,
-        half_width=student * np.sqrt(np.maximum(np.diag(covariance), 0.0)),
+        half_width=half_widths(covariance),
         turn_errors=errors,
         rest_rates=left,
         with_g=with_g,

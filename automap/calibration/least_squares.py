@@ -7,7 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from automap.gates import OUTSIDE_95, sigmas
 from automap.records import FloatArray
+
+KNOWN = -1
+"""The group of rows whose variance is known, and that have no floor."""
 
 Model = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
 """Parameters [p] to residuals [m] and their Jacobian [m, p]."""
@@ -18,8 +22,8 @@ class Fit:
     """Parameters [p] with covariance [p, p], residuals [m] and their one-sigma [m].
 
     ``floor`` is the part of the residuals' one-sigma that the known variances do not explain,
-    one value per group. ``dof`` are degrees of freedom of the residuals' variance: more, the
-    less of it had to be estimated as floor (Satterthwaite).
+    one value per group; ``known`` [m] are the rows that have none. ``dof`` are degrees of freedom
+    of the residuals' variance: more, the less of it had to be estimated as floor (Satterthwaite).
     """
 
     parameters: FloatArray
@@ -29,13 +33,29 @@ class Fit:
     jacobian: FloatArray
     floor: FloatArray
     dof: float
+    known: np.ndarray
 
-    def half_width(self, level: float = 0.95) -> FloatArray:
-        """Half widths [p] of the confidence intervals by Student's distribution."""
+    def stated_covariance(self) -> FloatArray:
+        """Covariance [p, p] whose 1.96 sigmas hold the parameters with 95 %.
+
+        ``covariance`` takes the floor for known; what rests on it is widened as Student's
+        distribution is wider than the normal one, what rests on rows of known variance is not.
+        """
         from scipy.stats import t
 
-        factor = float(t.ppf(0.5 + 0.5 * level, max(self.dof, 1.0)))
-        return np.asarray(factor * np.sqrt(np.diag(self.covariance)))
+        student = float(t.ppf(1.0 - 0.5 * OUTSIDE_95, max(self.dof, 1.0))) / sigmas(OUTSIDE_95)
+        A = np.where(self.known[:, None], 0.0, self.jacobian / self.sd[:, None])
+        part = A @ self.covariance
+        return np.asarray(self.covariance + (student**2 - 1.0) * (part.T @ part))
+
+    def half_width(self) -> FloatArray:
+        """Half widths [p] of the 95 % intervals."""
+        return half_widths(self.stated_covariance())
+
+
+def half_widths(covariance: FloatArray) -> FloatArray:
+    """Half widths [p] of the 95 % intervals of a stated covariance [p, p]."""
+    return np.asarray(sigmas(OUTSIDE_95) * np.sqrt(np.maximum(np.diag(covariance), 0.0)))
 
 
 def gauss_newton(
@@ -71,7 +91,8 @@ def gauss_newton(
 def fit_with_floor(
     model: Model, start: FloatArray, variance: FloatArray, group: np.ndarray, dof_share: FloatArray
 ) -> Fit:
-    """Fit with the variance of each residual = ``variance`` [m] + floor of its ``group`` [m].
+    """Fit with the variance of each residual = ``variance`` [m] + floor of its ``group`` [m],
+    but for those of the group KNOWN.
 
     The floor of a group is that with which its weighted squares sum to what is expected of
     them: the trace of I - A (A^T A)^-1 A^T over the group's rows, A the weighted Jacobian
@@ -79,7 +100,8 @@ def fit_with_floor(
     degree of freedom that a row brings: 2/3 for the three components of a unit vector.
     """
     groups = int(group.max()) + 1
-    floor = np.zeros(groups)
+    # the last, which KNOWN takes, stays zero
+    floor = np.zeros(groups + 1)
     x = start
     r, J = model(x)
     for g in range(groups):
@@ -97,14 +119,17 @@ def fit_with_floor(
             break
     sd = np.sqrt(variance + floor[group])
     A = J / sd[:, None]
+    known = group == KNOWN
+    estimated = float(np.mean((floor[group] / sd**2)[~known]))
     return Fit(
         parameters=x,
         covariance=_inverse(A.T @ A),
         residuals=r,
         sd=sd,
         jacobian=J,
-        floor=np.sqrt(floor),
-        dof=float(dof_share.sum() - len(x)) / max(float(np.mean(floor[group] / sd**2)), 0.03) ** 2,
+        floor=np.sqrt(floor[:groups]),
+        dof=float(dof_share.sum() - len(x)) / max(estimated, 0.03) ** 2,
+        known=known,
     )
 
 

@@ -15,6 +15,9 @@ EFFECTS = ("accel_bias", "gyro_bias", "accel_scale", "gyro_scale")
 """What a hand can show in two minutes, in the order of the filter's states."""
 PRIOR_SD = np.array([p.prior_sd for e in EFFECTS for p in CATALOGUE[e].parameters])
 """One sigma of the errors before: of the catalogue of effects (m/s^2, rad/s, and relative)."""
+ANGLE_SD = CATALOGUE["accel_misalignment"].parameters[0].prior_sd
+"""One sigma in rad of the accelerometer's three angles where the poses do not determine them: data
+sheets of consumer sensors state 1 or 2 % between axes."""
 TURN_ON_SD = np.repeat([0.03, 0.01, 0.001, 0.002], 3)
 """The same for a sensor that was calibrated statically: what changes from one turn-on to the
 next (5 mm/s^2 and 0.1 deg/s are usual for consumer sensors; several times that is allowed)."""
@@ -29,6 +32,9 @@ WINDOW_S = 0.5
 LEAST_REST_S = 1.0
 """Chosen: a sensor that is put down swings for a part of a second, and half of a second to either
 side is not inside the rest."""
+BATCH_S, BATCHES = 1.0, (4, 10)
+"""A rest's means are as sure as those of its batches, which are longer than a hand's sway, of which
+shorter ones show more than the whole has; and how many there are at least and at most."""
 MANY_RESTS_S = 10.0
 """Rests of this length in all show whether the noise is correlated."""
 SAME_POSE = 0.002

@@ -17,7 +17,7 @@ class Rest:
 
     Rows ``start`` to ``stop`` (exclusive) of log number ``log``. ``accel``, ``gyro`` [3] are
     means, ``accel_var``, ``gyro_var`` [3] the variances of these means; the ``batch_var`` are
-    those that the means of ten batches show.
+    those that the means of four to ten batches show.
     """
 
     log: int
@@ -168,8 +168,9 @@ def _runs(flags: np.ndarray) -> list[tuple[int, int]]:
 def _summary(log: RawImu, number: int, start: int, stop: int) -> Rest:
     t_s = log.t_s[start:stop]
     accel, gyro = log.accel[start:stop], log.gyro[start:stop]
-    accel_var, accel_batch_var = _variance_of_mean(accel)
-    gyro_var, gyro_batch_var = _variance_of_mean(gyro)
+    batches = int(np.clip((t_s[-1] - t_s[0]) / limits.BATCH_S, *limits.BATCHES))
+    accel_var, accel_batch_var = _variance_of_mean(accel, batches)
+    gyro_var, gyro_batch_var = _variance_of_mean(gyro, batches)
     return Rest(
         log=number,
         start=start,
@@ -185,18 +186,18 @@ def _summary(log: RawImu, number: int, start: int, stop: int) -> Rest:
     )
 
 
-def _variance_of_mean(values: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Variance [3] of the mean of samples [n, 3]: were they white, and by ten batches."""
-    batches = np.array([part.mean(axis=0) for part in np.array_split(values, 10)])
+def _variance_of_mean(values: FloatArray, count: int) -> tuple[FloatArray, FloatArray]:
+    """Variance [3] of the mean of samples [n, 3]: were they white, and by ``count`` batches."""
+    batches = np.array([part.mean(axis=0) for part in np.array_split(values, count)])
     white = values.var(axis=0, ddof=1)
     white = np.maximum(white, quantisation_step(values) ** 2 / 12.0) / len(values)
-    return white, batches.var(axis=0, ddof=1) / 10.0
+    return white, batches.var(axis=0, ddof=1) / count
 
 
 def _with_correlation(rests: list[Rest]) -> list[Rest]:
     """The rests with their variances raised for the correlation of the noise.
 
-    Ten batches of one rest tell it badly, those of all rests together well: the white
+    The batches of one rest tell it badly, those of all rests together well: the white
     variances of all are multiplied by the mean ratio of both, never by less than one.
     """
     if not rests:

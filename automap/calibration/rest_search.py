@@ -21,7 +21,8 @@ class RestSearch:
     feels a hand's tremor more, at ``gyro_limit``. ``tried`` is (limit, number of rests) for
     each limit. ``outliers`` are rests left out of the first because their norm contradicts all
     others. ``determined`` is False when no limit gave poses enough; then ``rests`` are
-    those of a middle limit.
+    those of a middle limit. ``moved`` is the movement in the gyro's rests, in the median: some 1
+    for a sensor that was put down, a hundred for one in a hand.
     """
 
     rests: list[Rest]
@@ -31,6 +32,7 @@ class RestSearch:
     tried: tuple[tuple[float, int], ...]
     outliers: tuple[Rest, ...] = ()
     determined: bool = True
+    moved: float = 1.0
 
 
 def find_rests(logs: list[RawImu], gravity: float, n_parameters: int) -> RestSearch:
@@ -54,7 +56,15 @@ def find_rests(logs: list[RawImu], gravity: float, n_parameters: int) -> RestSea
     both = [np.mean(np.concatenate([w, _log_bias(r)])) for w, r in zip(widths, found, strict=True)]
     gyro = int(np.argmin(both))
     kept, outliers = _without_outliers(found[best], gravity, n_parameters)
-    return RestSearch(kept, found[gyro], THRESHOLDS[best], THRESHOLDS[gyro], tried, tuple(outliers))
+    return RestSearch(
+        kept, found[gyro], THRESHOLDS[best], THRESHOLDS[gyro], tried, tuple(outliers),
+        moved=_moved(movements, found[gyro]),
+    )  # fmt: skip
+
+
+def _moved(movements: list[FloatArray], rests: list[Rest]) -> float:
+    """Movement inside rests, in the median."""
+    return float(np.median([np.median(movements[r.log][r.start : r.stop]) for r in rests]))
 
 
 def least_poses(n_parameters: int) -> int:

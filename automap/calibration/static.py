@@ -29,6 +29,9 @@ from automap.calibration.rest_search import RestSearch, find_rests, least_poses,
 from automap.errors import InputError
 from automap.records import FloatArray, RawImu
 
+_TURN = "turn the sensor by 90 degrees or more about each axis between rests"
+_PUT_DOWN = "put it down for each rest, leaned against a box where it does not stand by itself"
+
 
 @dataclass(frozen=True)
 class StaticCalibration:
@@ -73,15 +76,14 @@ def calibrate_static(
     wanted = n_parameters or N_NINE
     search = find_rests(logs, gravity, wanted)
     if not search.determined and n_parameters is None:
-        nine = search
         search = find_rests(logs, gravity, N_SIX)
         if search.determined:
             wanted = N_SIX
-            warnings.append(_six_only(nine))
+            warnings.append(_six_only(search.rests))
     if not search.determined:
         raise InputError(_too_few(logs, search, n_parameters or N_SIX))
     means, variances = pose_means(search.rests)
-    accel = fit_accelerometer(means, variances, gravity, wanted)
+    accel = fit_accelerometer(means, variances, gravity, wanted, limits.ANGLE_SD)
     refuse_wrong_accel_unit(logs[0], accel.scale)
     if accel.residual_rms > limits.NOT_AT_REST * gravity:
         raise InputError(
@@ -90,14 +92,14 @@ def calibrate_static(
             "down, or hold it still, for some seconds in each pose."
         )
     warnings += _pose_warnings(search, means, accel)
-    six = accel if wanted == N_SIX else fit_accelerometer(means, variances, gravity, N_SIX)
+    six = fit_accelerometer(means, variances, gravity, N_SIX)
     gyro_part = _gyro(logs, search, accel, gravity, warnings)
     return StaticCalibration(
         search=search,
         gravity=gravity,
         accel=accel,
         accel_six=six,
-        left_out=leave_one_out(means, variances, gravity, accel),
+        left_out=leave_one_out(means, variances, gravity, accel, limits.ANGLE_SD),
         gyro=gyro_part[0],
         gyro_with_g=gyro_part[1],
         gyro_scale=gyro_part[2],
@@ -149,12 +151,12 @@ def _rough_directions(rests: list[Rest]) -> FloatArray:
     return np.asarray(vectors / (np.linalg.norm(vectors, axis=1)[:, None] + 1e-300))
 
 
-def _six_only(nine: RestSearch) -> str:
-    poses = helpful_poses(_rough_directions(nine.rests), N_NINE)
+def _six_only(rests: list[Rest]) -> str:
+    poses = helpful_poses(_rough_directions(rests), N_NINE)
     advice = f" Add: {'; '.join(poses)}." if poses else " Add more poses."
     return (
         "the poses do not determine the three angles of non-orthogonality, so they are taken as "
-        "zero (six parameters)." + advice
+        f"zero to {1e3 * limits.ANGLE_SD:.0f} mrad, as of usual sensors (six parameters)." + advice
     )
 
 
@@ -176,6 +178,11 @@ def _pose_warnings(search: RestSearch, means: FloatArray, accel: AccelFit) -> li
         poses = axes or helpful_poses(directions, accel.n_parameters)
         if poses:
             found.append("the poses cover the directions unevenly; add: " + "; ".join(poses))
+    if search.moved > limits.STILL_LIMIT:
+        found.append(
+            f"the sensor moved in its rests by {np.sqrt(search.moved):.0f} times its noise, as in "
+            f"a hand, which costs accuracy; {_PUT_DOWN}"
+        )
     for rest in search.outliers:
         found.append(
             f"the rest near {rest.middle_s:.0f} s is left out: its norm contradicts the others"
@@ -200,6 +207,7 @@ def _gyro(
     offset = np.average([r.gyro for r in rests], axis=0, weights=[r.length_s for r in rests])
     sheet = logs[0].gyro_scale
     reason = "fewer than six turns between rests" if len(turns) < limits.LEAST_TURNS else ""
+    loose: list[str] = []
     if not reason:
         fit = fit_gyro(logs, forces, rests, turns, accel, gravity)
         loose = [
@@ -214,14 +222,15 @@ def _gyro(
                 with_g = fit_gyro(logs, forces, rests, turns, accel, gravity, True)
             return fit, with_g, fit.scale, fit.bias, len(turns)
         reason = f"turns that leave the scale about {', '.join(loose)} open"
+    # of rests that moved it is not the turns that want more
+    advice = _PUT_DOWN if loose and search.moved > limits.STILL_LIMIT else _TURN
     if sheet is None:
         raise InputError(
             f"{_names(logs)} has {reason}, so the gyro's scale per count cannot be estimated; "
-            "turn the sensor by 90 degrees or more about each of its axes between rests, or name "
-            "its data sheet with --sensor."
+            f"{advice}, or name its data sheet with --sensor."
         )
     warnings.append(
         f"the log has {reason}: the gyro's scale is the data sheet's, its misalignment zero; "
-        "turn the sensor by 90 degrees or more about each axis between rests"
+        + advice
     )
     return None, None, sheet, -sheet * offset, len(turns)

@@ -108,6 +108,11 @@ def write_postgis(
             password=database.password, timeout=30, **where,
         )  # fmt: skip
     except (InterfaceError, DatabaseError, OSError) as error:
+        if isinstance(error, OSError) or isinstance(error.__cause__, OSError):
+            raise InputError(
+                f"{place} cannot be reached: {_told(error)}; see that the server runs there and "
+                "that host and port are right."
+            ) from None
         raise InputError(f"{place} does not let us in: {_told(error)}.") from None
     try:
         connection.run("BEGIN")

@@ -18,6 +18,7 @@ from automap.io.named_table import NamedTable, read_table
 from automap.io.sensor_file import SI_PER_UNIT, SensorModel, find_sensor, read_sensor
 from automap.io.stamps import StampOrder, find_gaps, order_stamps
 from automap.io.table_form import ACCEL, GYRO, TableForm
+from automap.io.table_units import doubtful_temperature
 from automap.records import FloatArray, ImuCalibration, ImuData
 
 
@@ -174,6 +175,7 @@ def read_imu_csv(
     temp = None
     if "temp_c" in named.columns:
         temp = _fill(named.columns["temp_c"][kept])
+    doubt = None if temp is None else doubtful_temperature(str(path), temp)
     gaps = find_gaps(stamps, gap_factor)
     step_s = float(np.median(np.diff(stamps))) * 1e-9
     quality = ImuQuality(
@@ -197,6 +199,7 @@ def read_imu_csv(
         warnings=tuple(
             ([] if even is None else [f"{path}: {bursts_text(quality.rate_hz, named.t_ns[rows])}"])
             + _warnings(table, rows, finite, order, quality, t_ns)
+            + ([] if doubt is None else [doubt])
         ),
         notes=named.notes,
     )

@@ -14,6 +14,7 @@ from automap.io.named_table import NamedTable, look_at_table, read_table
 from automap.io.sensor_file import SI_PER_UNIT, SensorModel
 from automap.io.stamps import order_stamps
 from automap.io.table_form import ACCEL, GYRO, TableForm
+from automap.io.table_units import doubtful_temperature
 from automap.io.wrapped_counts import first_wrap
 from automap.records import FloatArray, IntArray, RawImu
 
@@ -212,6 +213,8 @@ def _assemble(
     _refuse_wrapped(name, t_ns[kept], found.gyro[kept], found.accel[kept])
     if len(kept) < len(rows):
         warnings.append(f"{name}: {len(rows) - len(kept)} rows with stamps out of order left out")
+    doubt = None if found.temp_c is None else doubtful_temperature(name, found.temp_c[kept])
+    warnings += [] if doubt is None else [doubt]
     raw = RawImu(
         t_ns=t_ns[kept] - t_ns[kept[0]],
         gyro=np.ascontiguousarray(found.gyro[kept]),

@@ -102,6 +102,27 @@ def unit_named(text: str, quantity: Quantity) -> str | None:
     return known.get(plain) or known.get(bare) or known.get(plain.replace(" ", ""))
 
 
+RATED_C = (-40.0, 85.0)
+"""Data sheets of consumer sensors: where they may be operated, degC."""
+
+
+def doubtful_temperature(name: str, temp_c: FloatArray) -> str | None:
+    """A sentence where temperatures [n] leave what sensors are rated for: another unit, likely.
+
+    A unit that the header does not name cannot be told within that: 73 is a warm room in degF and a
+    sensor behind a windscreen in degC.
+    """
+    known = temp_c[np.isfinite(temp_c)]
+    low, high = RATED_C
+    if not len(known) or (known.min() >= low and known.max() <= high):
+        return None
+    return (
+        f"{name}: temperatures from {known.min():.4g} to {known.max():.4g} degC, outside the "
+        f"{low:g} to {high:g} that sensors are rated for; if they are degF or K, say so in the "
+        "header, as in temp_c [degF], or in drive.toml"
+    )
+
+
 def to_si(values: FloatArray, unit: str, quantity: Quantity) -> FloatArray:
     """Values [n] or [n, k] of a unit in the quantity's SI unit (degC, and ns of time)."""
     if unit == DEGREES_MINUTES:

@@ -22,9 +22,9 @@ Examples:
   automap record --replay data/sample-drive --links /tmp/car
 
 \b
-Ctrl-C ends a recording (exit code 0; 130 before the end of --duration). What
-is recorded is a drive folder: automap check and automap run take it as it is.
-docs/record.md tells the rest.
+Ctrl-C ends a recording (exit code 0; 130 before the end of --duration; 3 where
+nothing readable came in). What is recorded is a drive folder: automap check and
+automap run take it as it is. docs/record.md tells the rest.
 """
 
 
@@ -192,4 +192,6 @@ def _record(cameras: tuple[str, ...], options: dict[str, Any]) -> int:
     click.echo(str(ending.folder))
     for text in check_drive(ending.folder).wrong():
         click.echo(text, err=True)
-    return 130 if cut_short else 0
+    if cut_short:
+        return 130
+    return 3 if ending.empty else 0

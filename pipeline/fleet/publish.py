@@ -33,7 +33,7 @@ from pipeline.merge.cell_steps import drive_offsets, members
 from pipeline.merge.cell_store import Drives, read_drives
 from pipeline.merge.command import named_changes
 from pipeline.merge.outcome import MapOutcome
-from pipeline.merge.output import SCHEMA, in_parts, write_files, write_stored
+from pipeline.merge.output import SCHEMA, in_parts, offset_fields, write_files, write_stored
 from pipeline.merge.signs import GPS_CLOCK
 from pipeline.merge.whole import Contribution, complete, gather, write_whole
 from pipeline.shared.beside import Begin, beside
@@ -199,8 +199,7 @@ def _drive_rows(
                 "key": drives.key[k],
                 "folder": f"{store.place.url}/{store.result(entry)}",
                 "start": starts[k],
-                "offset_m": dict(zip("enu", offset[k].tolist(), strict=True)),
-                "offset_sd_m": dict(zip("enu", sd[k].tolist(), strict=True)),
+                **offset_fields(offset[k], sd[k]),
                 "looked": bool(drives.cameras[k]),
                 "in_view": int(in_view[k]),
                 "seen_of_in_view": int(seen[k]),

@@ -27,7 +27,7 @@ from pipeline.shared.lock import locked
 if TYPE_CHECKING:
     from automap.export.pieces import Kept
     from automap.mapping.merge import Merged
-    from automap.records import Sign
+    from automap.records import FloatArray, Sign
     from pipeline.merge.outcome import MapOutcome, MergeOutcome
     from pipeline.merge.whole import Contribution
 
@@ -243,6 +243,16 @@ def merge_summary(
     return summary
 
 
+def offset_fields(offset: FloatArray, sd: FloatArray) -> dict[str, dict[str, float | None]]:
+    """How far a drive's signs lie off the map, ``offset`` [3] with ``sd`` [3] in m; untold where
+    the sigma is zero: without a trajectory nothing tells what its signs share."""
+    told = {
+        name: [float(v) if s > 0.0 else None for v, s in zip(values, sd, strict=True)]
+        for name, values in (("offset_m", offset), ("offset_sd_m", sd))
+    }
+    return {name: dict(zip("enu", values, strict=True)) for name, values in told.items()}
+
+
 def _drive_summary(
     merged: Merged, number: int, folder: Path, counted: np.ndarray[Any, np.dtype[np.bool_]]
 ) -> dict[str, Any]:
@@ -251,7 +261,6 @@ def _drive_summary(
 
     drive = merged.drives[number]
     lo, hi = (int(v) for v in merged.sightings.first[number : number + 2])
-    axes = ("e", "n", "u")
     pairs = merged.pairs
     likely = (pairs.drive == number) & (merged.existence[pairs.sign] >= 0.5)
     return {
@@ -260,8 +269,7 @@ def _drive_summary(
         "start": iso_texts(utc_of_gps(np.array([drive.start_gps_s])))[0],
         "signs": hi - lo,
         "signs_in_map": int(counted[lo:hi].sum()),
-        "offset_m": dict(zip(axes, merged.adjusted.drive_offset[number].tolist(), strict=True)),
-        "offset_sd_m": dict(zip(axes, merged.adjusted.drive_sd[number].tolist(), strict=True)),
+        **offset_fields(merged.adjusted.drive_offset[number], merged.adjusted.drive_sd[number]),
         "looked": bool(drive.cameras)
         and drive.path is not None
         and bool(np.isfinite(drive.path.yaw_rad).any()),

@@ -170,9 +170,8 @@ def _drives_section(summary: dict[str, Any]) -> Section:
     return section
 
 
-def _with_sd(value: float, sd: float) -> str:
-    value = round(value, 2) + 0.0
-    return f"{value:+.2f} ± {sd:.2f}" if np.isfinite(value) and np.isfinite(sd) else ""
+def _with_sd(value: float | None, sd: float | None) -> str:
+    return "" if value is None or sd is None else f"{round(value, 2) + 0.0:+.2f} ± {sd:.2f}"
 
 
 def _error_section(summary: dict[str, Any]) -> Section:

@@ -42,7 +42,8 @@ def summary_lines(outcome: MergeOutcome) -> list[str]:
             )
     for number, drive in enumerate(merged.drives[:_DRIVES]):
         offset, sd = merged.adjusted.drive_offset[number], merged.adjusted.drive_sd[number]
-        if np.isfinite(offset[0]):
+        # of a drive without a trajectory nothing tells what its signs share
+        if sd[0] > 0.0:
             offset = np.round(offset, 2) + 0.0
             lines.append(
                 f"  offset      {drive.name:<24} east {offset[0]:+.2f} ± {sd[0]:.2f} m, north "

@@ -28,6 +28,12 @@ class Ending:
     warnings: tuple[str, ...]
     summary: dict[str, Any] = field(default_factory=dict)
 
+    @property
+    def empty(self) -> bool:
+        """Whether nothing came in that can be read."""
+        messages = self.summary.get("gnss", {}).get("messages")
+        return not (messages or self.samples or any(self.frames.values()))
+
 
 def describe(
     folder: Path,

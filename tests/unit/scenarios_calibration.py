@@ -158,7 +158,7 @@ def calibration_fits() -> Any:
                 [log], [force], log.gyro[0], np.array([90.0, 80.0, 70.0])
             ),
             "axes": [
-                _or_error(gyroscope._refuse_other_axes, m)
+                gyroscope.other_axes(m)
                 for m in (
                     turned,
                     -turned,
@@ -256,7 +256,7 @@ def calibration_squares() -> Any:
                 )
             ],
             "fit": fit,
-            "half": fit.half_width(0.9),
+            "half": fit.half_width(),
             "redundancy": [of._redundancy(A, np.arange(9) < k, share[-9:]) for k in (3, 7)],
             "inverse": of._inverse(A.T @ A),
             "floor": [

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from automap.calibration.accelerometer import AccelFit, fit_accelerometer
+from automap.calibration.accelerometer import AccelFit, fit_accelerometer, misalignment_matrix
 from automap.calibration.gyroscope import turns_between
+from automap.calibration.limits import ANGLE_SD
 from automap.calibration.rest import Rest
 from automap.frames import rotation_vector_to_matrix
 from automap.records import FloatArray, RawImu
@@ -106,3 +107,37 @@ def test_a_turn_ends_as_unsurely_as_its_two_rests_are() -> None:
         np.testing.assert_allclose(turn.variance, np.var(second - first, axis=0), rtol=0.05)
         np.testing.assert_array_equal(turn.start, directions[k])
         np.testing.assert_array_equal(turn.end, directions[k + 1])
+
+
+@pytest.mark.parametrize("tilt_deg", [0.0, 3.0])
+def test_angles_that_six_poses_leave_open_are_in_the_covariance(tilt_deg: float) -> None:
+    """Sensors with angles as usual ones have, on their faces exactly and put down askew."""
+    rng = np.random.default_rng(12)
+    faces = np.vstack([np.eye(3), -np.eye(3)])
+    off = []
+    for _ in range(50):
+        angles = ANGLE_SD * rng.normal(size=3)
+        u = np.array(
+            [
+                rotation_vector_to_matrix(np.radians(tilt_deg) * rng.normal(size=3)) @ face
+                for face in faces
+            ]
+        )
+        exact = np.linalg.solve(misalignment_matrix(angles), GRAVITY * u.T).T / SCALE + ZERO
+        noise = 1e-3 * NOISE
+        fit = fit_accelerometer(
+            exact + noise * rng.normal(size=(6, 3)), np.tile(noise**2, (6, 1)), GRAVITY, 6, ANGLE_SD
+        )
+        found = np.concatenate([fit.scale, fit.bias, fit.misalignment])
+        true = np.concatenate([SCALE, -ZERO * SCALE, angles])
+        off.append((found - true) / np.sqrt(np.diag(fit.covariance)))
+        np.testing.assert_allclose(
+            fit.half_width, 1.96 * np.sqrt(np.diag(fit.covariance)), rtol=1e-3
+        )
+    z = np.array(off)
+    # 50 draws tell a ratio to 10 %
+    assert np.all(np.sqrt(np.mean(z**2, axis=0)) < 1.35)
+    assert np.mean(np.abs(z) < 1.96) > 0.92
+    # and no angle changes the norm on the face of the first axis
+    open_ones = z[:, [1, 2, 6, 7, 8]] if tilt_deg == 0.0 else z
+    assert np.sqrt(np.mean(open_ones**2)) > 0.75

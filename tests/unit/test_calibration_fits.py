@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.stats import norm as normal
 from scipy.stats import t as student
 
 from automap.calibration import limits, rest_search
@@ -81,12 +82,19 @@ def test_a_fit_in_centred_units_is_the_same_in_readings(n: int) -> None:
     x = np.concatenate(
         [1.0 + 0.1 * rng.normal(size=3), rng.normal(size=3), 0.1 * rng.normal(size=3)]
     )
-    root = rng.normal(size=(n, n))
-    jacobian = rng.normal(size=(4, n))
-    fit = Fit(x[:n], root @ root.T, np.zeros(4), np.full(4, 0.1), jacobian, np.array([0.2]), 7.0)
+    jacobian = rng.normal(size=(20, n))
+    covariance = 0.1**2 * np.linalg.inv(jacobian.T @ jacobian)
+    fit = Fit(
+        x[:n], covariance, np.zeros(20), np.full(20, 0.1), jacobian, np.array([0.2]), 7.0,
+        np.zeros(20, bool),
+    )  # fmt: skip
+    root = rng.normal(size=(6, 6))
+    more = np.zeros((n, n))
+    more[:6, :6] = 1e-4 * root @ root.T
+    factor = student.ppf(0.975, 7.0) / normal.ppf(0.975)
 
     def readings(p: FloatArray) -> AccelFit:
-        return _to_readings(replace(fit, parameters=p), np.zeros((4, 3)), centre, unit, GRAVITY, n)
+        return _to_readings(replace(fit, parameters=p), more[:6, :6], centre, unit, GRAVITY, n)
 
     def values(p: FloatArray) -> FloatArray:
         one = readings(p)
@@ -99,14 +107,14 @@ def test_a_fit_in_centred_units_is_the_same_in_readings(n: int) -> None:
     np.testing.assert_allclose(found.apply(raw), wanted)
     h = 1e-5
     J = np.array([(values(x[:n] + e) - values(x[:n] - e)) / (2 * h) for e in h * np.eye(n)]).T
-    scale = np.sqrt(np.diag(J @ fit.covariance @ J.T)) + 1e-12
+    wanted = J @ (factor**2 * covariance + more) @ J.T
+    scale = np.sqrt(np.diag(wanted)) + 1e-12
     np.testing.assert_allclose(
-        found.covariance / scale / scale[:, None],
-        J @ fit.covariance @ J.T / scale / scale[:, None],
-        atol=1e-6,
+        found.covariance / scale / scale[:, None], wanted / scale / scale[:, None], atol=1e-6
     )
-    factor = student.ppf(0.975, 7.0)
-    np.testing.assert_allclose(found.half_width, factor * np.sqrt(np.diag(found.covariance)))
+    np.testing.assert_allclose(
+        found.half_width, normal.ppf(0.975) * np.sqrt(np.diag(found.covariance))
+    )
     weights = np.concatenate([np.full(3, GRAVITY), np.ones(3), np.full(n - 6, GRAVITY)])
     np.testing.assert_allclose(found.design, jacobian / weights)
     assert found.floor == 0.2
@@ -217,6 +225,7 @@ def test_rests_are_taken_at_the_limit_that_leaves_the_narrowest_intervals(
     monkeypatch.setattr(rest_search, "_log_widths", lambda r, g, n: widths[r[0]])
     monkeypatch.setattr(rest_search, "_log_bias", lambda r: biases[r[0]])
     monkeypatch.setattr(rest_search, "_without_outliers", lambda r, g, n: (r, []))
+    monkeypatch.setattr(rest_search, "_moved", lambda m, r: 1.0)
     found: Any = rest_search.find_rests([], GRAVITY, 9)
     assert (found.rests[0], found.gyro_rests[0], found.determined) == (5, 7, True)
     assert (found.limit, found.gyro_limit) == (limits.THRESHOLDS[5], limits.THRESHOLDS[7])

@@ -15,6 +15,7 @@ from calibration_scene import (
     turned_by_hand,
 )
 
+from automap.calibration import limits
 from automap.calibration.accelerometer import fit_accelerometer, leave_one_out
 from automap.calibration.gravity_kernel import N_SIGNALS, carry_direction
 from automap.calibration.plausible import refuse_swapped
@@ -22,7 +23,7 @@ from automap.calibration.poses import determination, helpful_poses
 from automap.calibration.rest import movement, rests_below
 from automap.calibration.static import calibrate_static
 from automap.errors import InputError
-from automap.frames import rpy_to_matrix
+from automap.frames import rotation_vector_to_matrix, rpy_to_matrix
 from automap.records import FloatArray, RawImu
 
 FACES = np.vstack([np.eye(3), -np.eye(3)])
@@ -103,6 +104,21 @@ def test_several_logs_count_as_one(scene: tuple[RawImu, Errors]) -> None:
     assert split.turns in (whole.turns - 1, whole.turns)
 
 
+def test_a_turn_that_few_turns_leave_to_a_guess_is_no_other_axis() -> None:
+    """Seven poses with a hand's sway: a first guess takes z for another axis, the fit does not."""
+    rng = np.random.default_rng(424612)
+    truth = random_errors(rng)
+    poses = random_poses(rng, 6)[[0, 1, 2, 3, 4, 5, 0]]
+    askew = np.radians(2.0) * rng.normal(size=(7, 3))
+    poses = poses @ rotation_vector_to_matrix(askew)
+    log = recorded(rng, turned_by_hand(rng, poses), truth)
+    result = calibrate_static([log], GRAVITY)
+    assert result.gyro is not None
+    assert within(result.gyro.scale, truth.gyro_scale, 2.0 * result.gyro.half_width[:3])
+    for order, sign in (([1, 0, 2], 1.0), ([0, 1, 2], np.array([1.0, 1.0, -1.0]))):
+        assert "right-handed" in refused(replace(log, gyro=sign * log.gyro[:, order]))
+
+
 def test_six_poses_give_six_parameters() -> None:
     rng = np.random.default_rng(1)
     truth = replace(random_errors(rng), misalignment=np.zeros(3), gyro_matrix=np.eye(3))
@@ -111,6 +127,27 @@ def test_six_poses_give_six_parameters() -> None:
     assert result.accel.n_parameters == 6
     assert any("six parameters" in text for text in result.warnings)
     np.testing.assert_allclose(result.accel.scale, truth.accel_scale, rtol=1e-3)
+    np.testing.assert_allclose(np.diag(result.accel.covariance)[6:], limits.ANGLE_SD**2, rtol=0.01)
+
+
+def test_rests_in_a_hand_are_told_to_be_put_down(monkeypatch: pytest.MonkeyPatch) -> None:
+    rng = np.random.default_rng(424901)
+    motion = turned_by_hand(rng, random_poses(rng, 12))
+    tremor = np.zeros_like(motion.force)
+    for hz in (0.7, 1.3, 2.9):
+        tremor += 0.2 * np.sin(2.0 * np.pi * (hz * motion.t_s[:, None] + rng.uniform(size=3)))
+    log = recorded(rng, replace(motion, force=motion.force + tremor), random_errors(rng))
+    assert "put it down for each rest" in calibrate_static([log], GRAVITY).warnings[0]
+    # nor is it said to turn it more where the rests leave the gyro open
+    monkeypatch.setattr(limits, "LOOSE_SCALE", 1e-5)
+    result = calibrate_static([log], GRAVITY)
+    assert result.gyro is None
+    assert len(result.warnings) == 2
+    assert all("put it down for each rest" in text for text in result.warnings)
+    assert "turn the sensor" not in " ".join(result.warnings)
+    still = calibrate_static([recorded(rng, motion, random_errors(rng))], GRAVITY)
+    assert not any("put it down" in text for text in still.warnings)
+    assert "turn the sensor" in still.warnings[-1]
 
 
 def refused(log: RawImu) -> str:

@@ -15,6 +15,7 @@ from automap.io.csv_columns import read_columns
 from automap.io.detections_csv import read_detections_csv
 from automap.io.imu_calibration import read_imu_calibration
 from automap.io.imu_csv import ImuFormat, read_imu_csv
+from automap.io.imu_log import LogFormat, read_imu_log
 from automap.io.sensor_file import SCHEMA as SENSOR_SCHEMA
 from automap.io.sensor_file import find_sensor, preset_names, read_sensor
 from automap.io.stamps import find_gaps, order_stamps
@@ -256,6 +257,28 @@ def test_what_was_wrong_with_an_imu_file_is_counted_and_said(tmp_path: Path) -> 
     said = " ".join(recording.warnings)
     for part in ("line 21", "line 31", "1 row with the t_ns of another row left out", "1 gap"):
         assert part in said
+
+
+@pytest.mark.parametrize(
+    ("head", "value", "read", "told"),
+    [
+        ("temp_c", 31.0, 31.0, False),
+        ("Temp (°F)", 104.0, 40.0, False),
+        ("temp", 104.0, 104.0, True),
+        ("temp", 296.0, 296.0, True),
+        ("temp [K]", 296.0, 22.85, False),
+    ],
+)
+def test_a_temperature_of_another_unit_is_told_where_no_sensor_can_be(
+    tmp_path: Path, head: str, value: float, read: float, told: bool
+) -> None:
+    rows = "".join(f"{k * 10_000_000},0.1,0.2,0.3,1,2,-9.8,{value}\n" for k in range(40))
+    path = _write(tmp_path, f"t_ns,gx,gy,gz,ax,ay,az,{head}\n{rows}")
+    found = read_imu_csv(path)
+    assert found.data.temp_c == pytest.approx(read)
+    log = read_imu_log(path, LogFormat())
+    for warnings in (found.warnings, log.warnings):
+        assert any("sensors are rated for" in text for text in warnings) == told
 
 
 def test_every_sensor_file_that_comes_along_is_valid() -> None:

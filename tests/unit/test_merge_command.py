@@ -21,6 +21,7 @@ from automap.mapping.sightings import DriveSigns
 from pipeline.cli.root import run_command
 from pipeline.merge.command import merge_runs
 from pipeline.merge.outcome import MergeOutcome
+from pipeline.merge.terminal import summary_lines
 from pipeline.shared import terminal
 from pipeline.shared.lock import locked
 
@@ -363,3 +364,8 @@ def test_only_the_geojson_of_a_run_is_enough(tmp_path: Path) -> None:
     outcome = merge_runs([bare], tmp_path / "again")
     assert len(outcome.signs) == len(features(tmp_path / "map"))
     assert any("without a trajectory" in text for text in outcome.warnings)
+    # nor is it told how far it lies off, with a sigma of nothing
+    assert not any("offset" in line for line in summary_lines(outcome))
+    (drive,) = json.loads((tmp_path / "again" / "merge.json").read_text())["drives"]
+    assert set(drive["offset_m"].values()) == {None}
+    assert "± 0.00" not in (tmp_path / "again" / "report.html").read_text(encoding="utf-8")

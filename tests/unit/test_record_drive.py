@@ -328,6 +328,32 @@ def test_a_folder_with_a_drive_is_left_alone(drive: Path, tmp_path: Path) -> Non
     assert "holds a drive already" in result.stderr
 
 
+def test_a_recording_of_nothing_that_can_be_read_is_bad_input(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from pipeline.cli.root import run_command
+
+    terminal = Terminal(tmp_path / "gnss")  # which says nothing
+    port = f"--gnss={tmp_path / 'gnss'}@9600"
+    command = ["record", "-o", str(tmp_path / "out"), port, "--imu=none", "--duration=0.3"]
+    assert run_command([*command, "--plain"]) == 3
+    assert "is empty" in capsys.readouterr().err
+    terminal.close()
+
+
+@pytest.mark.parametrize(("sent", "empty"), [(b"\x00\xff" * 40, True), (nav_pvt(0), False)])
+def test_noise_is_nothing_that_can_be_read_and_one_message_is(
+    tmp_path: Path, sent: bytes, empty: bool
+) -> None:
+    terminal = Terminal(tmp_path / "gnss")
+    plan = Plan(gnss=PortSpec(str(tmp_path / "gnss"), 9600))
+    with recording(tmp_path / "out", plan) as recorder:
+        terminal.write(sent)
+        assert wait_until(lambda: recorder._gnss.log.data.size == len(sent))
+        assert recorder.stop().empty == empty
+    terminal.close()
+
+
 def test_bytes_that_come_while_a_port_opens_leave_no_hole(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
