@@ -22,9 +22,9 @@ Examples:
   automap record --replay data/sample-drive --links /tmp/car
 
 \b
-Ctrl-C ends a recording (exit code 0; 130 before the end of --duration; 3 where
-nothing readable came in). What is recorded is a drive folder: automap check and
-automap run take it as it is. docs/record.md tells the rest.
+Ctrl-C ends a recording (exit code 0; 130 before the end of --duration; 3
+where nothing readable came in). What is recorded is a drive folder: automap
+check and automap run take it as it is. docs/record.md tells the rest.
 """
 
 
