@@ -41,4 +41,7 @@ def test_a_dead_zone_of_a_steps_size_may_be_what_is_cut_off(truncated: Fit) -> N
     # forces come in finer ones, and a zone of three steps is one
     assert cut_off((truncated,), "accel_dead_zone", {"x": (0.02, 1e-3)}) == ""
     assert cut_off((truncated,), "gyro_dead_zone", {"x": (3.0 * STEP, 2e-4)}) == ""
+    # nor is one that is known poorly what finer steps, or none, cut off
+    assert cut_off((truncated,), "gyro_dead_zone", {"x": (3.0 * STEP, 2.0 * STEP)}) == ""
+    assert cut_off((truncated,), "accel_dead_zone", {"x": (1e-3, 1e-3)}) == ""
     assert cut_off((truncated,), "gyro_scale", {"x": (0.5 * STEP, 1e-4)}) == ""
