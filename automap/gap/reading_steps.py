@@ -30,8 +30,8 @@ def cut_off(fits: Sequence[Fit], effect: str, values: Mapping[str, tuple[float, 
         step_of(getattr(fit.opened.drive.imu, ZONES[effect])[:, "xyz".index(axis)]) for fit in fits
     ]
     step = min(steps)
-    # half a step is cut off in the mean, nearly a whole one where a sensor reads little; and what is
-    # known poorly is no reason to blame steps that are far finer, or none
+    # half a step is cut off in the mean, nearly a whole one where a sensor reads little;
+    # what is known poorly is no reason to blame steps that are far finer, or none
     if not 0.5 * step - 2.0 * sd < size < min(step + 2.0 * sd, 2.0 * step):
         return ""
     return f"readings that are cut off towards zero, in the steps of {step:.3g} in which they come"
