@@ -75,6 +75,9 @@ def sniff(data: bytes) -> str | None:
         return "rtklib"
     if looks_like_gpx(data):
         return "gpx"
+    # each sentence and each packet begins so: a table has neither
+    if b"$" not in data and b"\xb5b" not in data:
+        return None
     kind = _stream_kind(scan_bytes(data[:_SNIFF_BYTES]))
     if kind is None and len(data) > _SNIFF_BYTES:
         kind = _stream_kind(scan_bytes(data))

@@ -33,6 +33,7 @@ from automap.records import Bearings, FloatArray
 from automap.sync import limits
 from automap.sync.coarse import _correlation
 from automap.sync.receiver_path import Windows, plausible_sd, receiver_path, velocity_sd
+from tests.slow_cases import others_slow
 from tests.unit.receiver_scene import Receiver, simulated_fixes
 
 
@@ -42,7 +43,7 @@ def counted(rates: tuple[float, float], hits: float, misses: float) -> float:
 
 
 @pytest.mark.parametrize("series", ["11", "10", "01", "1101", "0011", "1100", "010010"])
-@pytest.mark.parametrize("years", [0.0, 0.02, 1.5])
+@pytest.mark.parametrize("years", others_slow([0.02, 0.0, 1.5]))
 def test_existence_is_the_sum_over_all_histories(series: str, years: float) -> None:
     """Each way in which it stands for some drives and not for others; rates integrated, not by
     their closed form. The second drive that saw it is surer than the first."""

@@ -14,6 +14,7 @@ from automap.sync import limits
 from automap.sync.epoch_means import AFTER, AROUND, BEFORE, epoch_means
 from automap.sync.receiver_path import ReceiverPath
 from automap.sync.velocity_consistency import velocity_consistency
+from tests.slow_cases import others_slow
 from tests.unit.receiver_damage import derived, upside_down
 from tests.unit.receiver_scene import Receiver, any_receiver, simulated_fixes
 
@@ -23,7 +24,7 @@ second."""
 
 
 @pytest.mark.parametrize("interval", [BEFORE, AFTER, AROUND])
-@pytest.mark.parametrize("rate_hz", [1.0, 4.0, 10.0])
+@pytest.mark.parametrize("rate_hz", others_slow([1.0, 4.0, 10.0]))
 def test_ways_between_positions_are_told(interval: str, rate_hz: float) -> None:
     for seed in range(4):
         receiver = replace(any_receiver(np.random.default_rng(seed)), rate_hz=rate_hz)
@@ -40,7 +41,7 @@ def test_ways_between_positions_are_told(interval: str, rate_hz: float) -> None:
 
 
 @pytest.mark.parametrize("late_s", [0.0, 0.3])
-@pytest.mark.parametrize("rate_hz", [1.0, 4.0, 10.0])
+@pytest.mark.parametrize("rate_hz", others_slow([4.0, 1.0, 10.0]))
 def test_the_best_receivers_own_velocities_are_not(rate_hz: float, late_s: float) -> None:
     receiver = replace(GOOD, rate_hz=rate_hz, speed_lag_s=late_s, course_lag_s=late_s)
     for seed in range(4):

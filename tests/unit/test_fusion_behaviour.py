@@ -281,7 +281,14 @@ def test_a_start_in_reverse() -> None:
     assert (ahead < -2.0).all()
 
 
-@pytest.mark.parametrize("angles", [(178.0, 7.0, -165.0), (-90.0, 10.0, 40.0), (3.0, -80.0, 90.0)])
+@pytest.mark.parametrize(
+    "angles",
+    [
+        (178.0, 7.0, -165.0),
+        pytest.param((-90.0, 10.0, 40.0), marks=pytest.mark.slow),
+        pytest.param((3.0, -80.0, 90.0), marks=pytest.mark.slow),
+    ],
+)
 def test_an_unknown_mounting_is_found(
     angles: tuple[float, float, float], motion: Motion, fixes: Fixes, plain_rms: float
 ) -> None:

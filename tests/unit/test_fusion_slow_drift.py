@@ -15,6 +15,7 @@ from automap.fusion.fix_levels import fix_levels
 from automap.fusion.gnss_only import smooth_fixes
 from automap.fusion.options import FusionOptions
 from automap.records import Fixes, Trajectory
+from tests.slow_cases import others_slow
 from tests.unit.fusion_drive import CLOCK
 from tests.unit.fusion_motion import city_drive
 from tests.unit.fusion_receiver import GPS0, Receiver, receive, shifted
@@ -68,7 +69,7 @@ def followed(seconds: float, seed: int, begin_s: float | None) -> Trajectory:
     return Trajectory(fixes.offset, fixes.gps_s, *places, fixes.vel_ned, none, none, none, none)
 
 
-@pytest.mark.parametrize("seed", [31, 41, 51, 61])
+@pytest.mark.parametrize("seed", others_slow([31, 41, 51, 61]))
 def test_a_bias_of_minutes_is_told(seed: int) -> None:
     fixes = drive(U_BLOX, seed)
     assert all(drift.gain < 1.0 for drift in drifts_of(fixes))
@@ -77,7 +78,7 @@ def test_a_bias_of_minutes_is_told(seed: int) -> None:
     assert 3.0 < drift.size < 8.0
 
 
-@pytest.mark.parametrize("seed", [31, 41, 51, 61])
+@pytest.mark.parametrize("seed", others_slow([51, 31, 41, 61]))
 def test_readings_tell_what_fixes_once_a_second_leave_open(seed: int) -> None:
     """Between two fixes of a phone the way is the IMU's, so that velocities tell more of a bias."""
     fixes = with_pulse(drive(RECORDED, seed))
@@ -118,7 +119,7 @@ def test_the_sigmas_hold_a_drift_and_it_is_told() -> None:
 
 
 @pytest.mark.parametrize("receiver", [U_BLOX, PHONE])
-@pytest.mark.parametrize("seed", [31, 41, 51, 61])
+@pytest.mark.parametrize("seed", others_slow([31, 41, 51, 61], 2))
 def test_a_receiver_that_errs_as_it_states_does_not_drift(receiver: Receiver, seed: int) -> None:
     for drift in drifts_of(drive(receiver, seed)):
         assert drift.gain < 1.0
@@ -149,7 +150,7 @@ def test_fixes_without_velocities_show_no_drift() -> None:
     assert all(drift.gain < 1.0 for drift in drifts_of(replace(fixes, vel_ned=unknown)))
 
 
-@pytest.mark.parametrize("seed", [131, 141, 151, 161])
+@pytest.mark.parametrize("seed", others_slow([131, 141, 151, 161]))
 def test_velocities_that_err_for_ten_seconds_make_no_drift(seed: int) -> None:
     """What they add up to in minutes no level of seconds tells; waves of half a minute do."""
     fixes = drive(Receiver(rate=5.0, lasting=0.12, lasting_tau=10.0), seed)

@@ -15,6 +15,7 @@ from automap.fusion.result import FusionResult, Prior
 from automap.fusion.wheel_match import Reference, between, match_wheels, step_of, stuck
 from automap.fusion.wheels import contradiction, judge_wheels, path_speed, readings
 from automap.records import Fixes, ImuData, WheelSpeed
+from tests.slow_cases import others_slow
 from tests.unit.fusion_drive import BASE_NS, CLOCK, Sensor, errors, horizontal_rms, record
 from tests.unit.fusion_motion import Motion, city_drive, make_motion
 from tests.unit.fusion_receiver import GPS0, Receiver, receive, select
@@ -98,7 +99,7 @@ def in_outage(result: FusionResult) -> np.ndarray:
     return errors(result.trajectory, town().motion)[(t > OUTAGE[0]) & (t < OUTAGE[1])]
 
 
-@pytest.mark.parametrize("rate", [0.5, 1.0, 20.0, pytest.param(100.0, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("rate", others_slow([1.0, 0.5, 20.0, 100.0]))
 def test_any_rate_is_used_and_helps_without_fixes(rate: float) -> None:
     result = fused(rate)
     used = result.innovations.channel == "odometer"
@@ -114,7 +115,9 @@ def test_any_rate_is_used_and_helps_without_fixes(rate: float) -> None:
 
 
 @pytest.mark.parametrize("rate", [1.0, pytest.param(10.0, marks=pytest.mark.slow)])
-@pytest.mark.parametrize(("late", "scale"), [(0.5, 1.0), (0.0, 1.05), (0.5, 1.05), (-1.3, 0.95)])
+@pytest.mark.parametrize(
+    ("late", "scale"), others_slow([(0.5, 1.05), (0.5, 1.0), (0.0, 1.05), (-1.3, 0.95)])
+)
 def test_wheels_that_are_late_or_long_cost_nothing(rate: float, late: float, scale: float) -> None:
     result = fused(rate, late, scale)
     assert rms(result) < 1.02 * rms(fused(rate))
@@ -145,7 +148,7 @@ def test_speeds_in_whole_kilometres_an_hour_are_as_sure_as_said(rate: float) -> 
 
 
 @pytest.mark.parametrize("rate", [1.0, pytest.param(10.0, marks=pytest.mark.slow)])
-@pytest.mark.parametrize("value", ["zero", "held"])
+@pytest.mark.parametrize("value", others_slow(["held", "zero"]))
 def test_a_counter_that_hangs_does_not_pull_the_path(rate: float, value: str) -> None:
     good = count(town().motion, rate)
     t = (good.t_ns - BASE_NS) * 1e-9

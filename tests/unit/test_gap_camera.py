@@ -24,6 +24,7 @@ from automap.interpolation import poses_at
 from automap.records import Camera, Detections, FloatArray, IntArray, Trajectory
 from automap.simulation.boxes import face_box
 from pipeline.settings.load import load_settings
+from tests.slow_cases import others_slow
 
 PLATE = 0.5 * np.array([[[0.0, -1, 0], [0, 1, 0], [0, 0, -1], [0, 0, 1]]])
 """Middles of the edges of a plate that faces the camera, in its axes."""
@@ -135,11 +136,16 @@ def boxes_with(values: dict[str, dict[str, float]], seed: int = 1) -> Boxes:
 
 @pytest.mark.parametrize(
     "effect",
-    ["camera_boresight", "camera_time_offset", "camera_lever_arm"]
-    + [
-        pytest.param(effect, marks=pytest.mark.slow)
-        for effect in ("rolling_shutter", "camera_focal", "camera_distortion")
-    ],
+    others_slow(
+        [
+            "camera_lever_arm",
+            "camera_boresight",
+            "camera_time_offset",
+            "rolling_shutter",
+            "camera_focal",
+            "camera_distortion",
+        ]
+    ),
 )
 def test_an_effect_of_the_camera_is_named_and_recovered(effect: str) -> None:
     gap = find_camera_gap("front", boxes_with({effect: VALUES[effect]}), None)
@@ -213,6 +219,7 @@ def test_signs_at_their_best_places_give_back_their_boxes() -> None:
     assert 0.8 < float(np.std(rest)) / (PIXEL_SD / np.sqrt(2.0) / 1000.0) < 1.05
 
 
+@pytest.mark.slow
 def test_drives_of_one_camera_are_searched_together() -> None:
     values = {"rolling_shutter": {"s": 0.04}}
     parts = [boxes_with(values, seed) for seed in (1, 2)]

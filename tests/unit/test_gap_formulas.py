@@ -55,6 +55,7 @@ def search_on(drive: GapDrive, exclude: Collection[str] = ()) -> Screening:
     return Screening(Fitted(model, {}, (fit,)), exclude, lambda text: None)
 
 
+@pytest.mark.slow
 def test_the_instant_of_a_step_is_found_between_boxes() -> None:
     drive = simulated({})
     t = (drive.imu.t_ns - drive.imu.t_ns[0]) * 1e-9
@@ -109,6 +110,7 @@ def test_a_course_that_hangs_behind_is_told_with_its_play() -> None:
     assert float(width) == pytest.approx(0.02, rel=0.5)
 
 
+@pytest.mark.slow
 def test_what_lasts_for_a_moment_is_no_plateau() -> None:
     drive = simulated({})
     t = (drive.imu.t_ns - drive.imu.t_ns[0]) * 1e-9

@@ -208,6 +208,7 @@ def test_false_boxes_do_not_pull_signs_away(world) -> None:
     assert len(good) == len(seen)
 
 
+@pytest.mark.slow
 def test_a_turned_camera_is_found_out() -> None:
     path = drive_path(duration_s=60.0)
     scene = roadside(path, every_s=2.5)

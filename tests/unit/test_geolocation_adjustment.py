@@ -86,6 +86,7 @@ def test_control_signs_of_another_place_are_left_out_and_said(passed) -> None:
     assert any("2 of 2 control signs" in text for text in result.warnings)
 
 
+@pytest.mark.slow
 def test_a_second_pass_halves_the_difference_of_the_two() -> None:
     """The same circle twice, the second lap's trajectory shifted: both laps meet halfway."""
     lap_s = 40.0

@@ -51,9 +51,8 @@ def test_turn_and_offset_before_any_link(winding) -> None:
     assert x[3] == pytest.approx(0.25, abs=0.02)
 
 
-@pytest.mark.parametrize(
-    ("yaw_deg", "late_s"), [pytest.param(10.0, 0.0, marks=pytest.mark.slow), (0.0, 0.8)]
-)
+@pytest.mark.parametrize(("yaw_deg", "late_s"), [(10.0, 0.0), (0.0, 0.8)])
+@pytest.mark.slow
 def test_a_statement_that_the_boxes_contradict_is_not_held_to(
     winding, yaw_deg: float, late_s: float
 ) -> None:

@@ -15,6 +15,7 @@ from automap.geolocation import carriers, limits
 from automap.geolocation.landmark import SizePrior
 from automap.geolocation.locate import locate_signs
 from automap.records import Camera, Detections, FloatArray, IntArray, Trajectory
+from tests.slow_cases import others_slow
 
 SPEED = 12.0
 
@@ -57,7 +58,7 @@ def together(one: Detections, other: Detections) -> Detections:
 
 
 @pytest.mark.parametrize("turn_rate", [0.0, pytest.param(0.05, marks=pytest.mark.slow)])
-@pytest.mark.parametrize("speed", [0.0, SPEED, SPEED + 1.0])
+@pytest.mark.parametrize("speed", others_slow([SPEED, 0.0, SPEED + 1.0]))
 def test_a_sign_on_a_lorry_ahead_is_left_out_and_all_that_stand_are_kept(
     turn_rate: float, speed: float
 ) -> None:

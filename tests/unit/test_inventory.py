@@ -23,6 +23,7 @@ from automap.records import Sign, Trajectory
 from pipeline.merge.inputs import even_path
 
 
+@pytest.mark.slow
 def test_faults_put_into_an_inventory_are_found() -> None:
     """By three merged drives that overlook, misread and imagine signs: of each kind that is told
     for sure, and of each that is due, nine of ten. That nothing hides any of 160 signs nobody can

@@ -7,6 +7,7 @@ import pytest
 
 from automap.mapping.limits import ALTERNATIVES
 from automap.mapping.sureness import COMMON, class_probabilities, group_probabilities
+from tests.slow_cases import others_slow
 
 CLASSES = tuple(f"class-{k}" for k in range(1 + ALTERNATIVES))
 K = len(CLASSES)
@@ -74,7 +75,7 @@ def readings(
 
 
 @pytest.mark.parametrize("common", [0.0, 0.25, 0.5])
-@pytest.mark.parametrize("drives", [2, 4, 8])
+@pytest.mark.parametrize("drives", others_slow([4, 2, 8]))
 @pytest.mark.parametrize("sharpness", [1.5, 2.5])
 def test_merged_classes_are_not_overconfident(common: float, drives: int, sharpness: float) -> None:
     """Whatever drives have in common up to COMMON, no bin of probabilities promises more than it

@@ -9,6 +9,7 @@ import pytest
 
 from tests.benchmarks.fusion_monte_carlo import nees_bands
 from tests.benchmarks.optimal_smoother import optimal_errors
+from tests.slow_cases import others_slow
 from tests.unit.fusion_drive import Sensor, record
 from tests.unit.fusion_motion import Motion, city_drive
 from tests.unit.fusion_receiver import GPS0, WHITE, Receiver, receive, receiver_named
@@ -38,7 +39,7 @@ def _smoothed(
     return np.concatenate(error), np.concatenate(sd)
 
 
-@pytest.mark.parametrize("name", [WHITE, "phone", "u-blox"])
+@pytest.mark.parametrize("name", others_slow(["u-blox", WHITE, "phone"]))
 def test_its_errors_are_as_large_as_their_sd(motions: list[Motion], name: str) -> None:
     receiver = _prompt(name)
     error, sd = _smoothed(motions, receiver, receiver)

@@ -204,6 +204,7 @@ def test_it_can_be_printed(page: Page) -> None:
     assert not page.locator("nav").is_visible()
 
 
+@pytest.mark.slow
 def test_an_hour_with_two_hundred_signs_is_below_five_megabytes(tmp_path: Path) -> None:
     out = write_run(tmp_path / "out", signs=200, seconds=3600.0)
     path = trajectory(3600.0)

@@ -10,6 +10,7 @@ import pytest
 from automap.gates import mean_square_limits
 from automap.records import Fixes
 from automap.sync.velocity_consistency import Interval, velocity_consistency
+from tests.slow_cases import others_slow
 from tests.unit.receiver_damage import (
     driving,
     held,
@@ -148,7 +149,7 @@ def _overlap(intervals: tuple[Interval, ...], start: float, end: float) -> float
     return sum(max(0.0, min(i.end_gps_s, end) - max(i.start_gps_s, start)) for i in intervals)
 
 
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("seed", others_slow(range(8), 2))
 @pytest.mark.parametrize(
     ("what", "name"),
     [

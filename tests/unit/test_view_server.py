@@ -247,6 +247,7 @@ def test_what_is_no_class_is_refused_in_words(server: ViewServer, out: Path, nam
     assert read_review(out / names.REVIEW) == before
 
 
+@pytest.mark.slow
 def test_every_class_is_offered(server: ViewServer) -> None:
     from automap.signs.classes import load_classes
 
