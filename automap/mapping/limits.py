@@ -42,9 +42,6 @@ LEAST_CONFIDENCE = 0.05
 HALO_M = 400.0
 """Round a cell, what is looked at with it. A drive's offset, from signs every 40 m that are seen to
 half a metre, forgets what is further off than some 100 m; four times that leaves a fiftieth."""
-BID_STEP = 0.02
-"""Nats by which bids rise: so far from the best choice each sighting may end, far less than what
-decides anything."""
 
 # evidence of two classes
 

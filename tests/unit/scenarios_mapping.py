@@ -248,8 +248,7 @@ def mapping_kernels() -> Any:
     offset_kernels.vote(time_s, shared, index, values, offset)
     voted = offset.copy()
     chosen = np.zeros(n, np.int64)
-    owner, price = np.full(7, -1, np.int64), np.zeros(7)
-    assign(index, values, offset, rng.uniform(0.0, 0.3, (n, 3)), chosen, owner, price)
+    assign(index, values, offset, rng.uniform(0.0, 0.3, (n, 3)), chosen, np.zeros(7, np.bool_))
     assigned = chosen.copy()
     offset_kernels.smooth(time_s, shared, chosen, values, offset, variance)
     lat, lon = -0.6 + 4e-6 * rng.normal(size=12), 2.6 + 4e-6 * rng.normal(size=12)
@@ -267,7 +266,7 @@ def mapping_kernels() -> Any:
     return levelled(
         {
             "voted": voted,
-            "assigned": (assigned, owner, price),
+            "assigned": assigned,
             "smoothed": (offset, variance),
             "agreement": [
                 offset_kernels.agreement(values[i, 0], 0.3, -0.2, 0.1, 0.2, 0.4) for i in range(n)
