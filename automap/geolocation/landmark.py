@@ -26,9 +26,9 @@ from automap.geolocation.landmark_kernels import (
     N_COMMON,
     Boxes,
     common_columns,
+    expected_boxes,
     normal_equations,
     solve_landmark,
-    squared_distances,
 )
 from automap.geolocation.view_errors import (
     by_expected_heights,
@@ -143,7 +143,7 @@ def fit_landmark(views: Views, rows: IntArray, prior: SizePrior, robust: bool = 
         if np.isfinite(again):
             parameters, cost = found, again
     columns, _ = columns_of(views, rows, anchor, parameters)
-    information, A, _, residual, weight, chi2 = normal_equations(
+    information, A, _, residual, weight, chi2, _ = normal_equations(
         parameters, boxes, columns, np.zeros(N_COMMON), BY_CAUCHY if robust else PLAIN
     )
     # of what no start explains nothing is known: a radian, a factor of e
@@ -205,8 +205,8 @@ def sign_equations(
     is common to the views, of derivatives ``columns`` [n, 3, m], at ``bias`` [m]; what drifts is
     among that."""
     boxes = boxes._replace(drift=np.zeros(len(boxes.measured)))
-    N, A, shared, residual, weight, chi2 = normal_equations(parameters, boxes, columns, bias, kind)
-    return N, A, shared, residual, weight, float(chi2)
+    *found, chi2, _ = normal_equations(parameters, boxes, columns, bias, kind)
+    return (*found, float(chi2))
 
 
 def elapsed_s(views: Views, rows: IntArray, anchor: int) -> FloatArray:
@@ -283,12 +283,17 @@ def distances_to(
         return np.zeros((len(rows), 0))
     anchors = np.array([mark.anchor for mark in landmarks], np.int64)
     C_view, offset = views.C_cam_ref[rows[0]], views.centre[anchors] - views.centre[rows[0]]
-    return squared_distances(
+    expected, J = expected_boxes(
         np.array([mark.parameters for mark in landmarks]),
-        np.array([mark.covariance for mark in landmarks]),
         C_view @ views.C_cam_ref[anchors].swapaxes(1, 2),
         offset @ C_view.T,
-        views.measured[rows],
-        views.sd[rows],
-        slack_rad,
     )
+    spread = J @ np.array([mark.covariance for mark in landmarks]) @ J.swapaxes(1, 2)
+    own = views.sd[rows] ** 2 + np.array([slack_rad, slack_rad, 0.0]) ** 2
+    total = spread + own[:, None, :, None] * np.eye(3)
+    off = views.measured[rows][:, None] - expected
+    front = np.isfinite(expected[:, 0])
+    square = np.full(off.shape[:2], np.inf)
+    weighed = np.linalg.solve(total[:, front], off[:, front, :, None])[..., 0]
+    square[:, front] = np.sum(off[:, front] * weighed, axis=2)
+    return square

@@ -32,9 +32,6 @@ margin, which its camera shares with other signs, and the trajectory's velocity 
 MARGIN = 8
 """Place of the box margin among them."""
 
-_MIN_PIVOT = 1e-300
-"""No more is no pivot but rounding."""
-
 
 class Boxes(NamedTuple):
     """Boxes [n] of a sign: ``M`` [n, 3, 3] and ``b`` [n, 3] m of their views, ``measured`` and
@@ -51,51 +48,18 @@ class Boxes(NamedTuple):
 
 
 @kernel
-def squared_distances(
-    parameters: FloatArray,
-    covariance: FloatArray,
-    M: FloatArray,
-    b: FloatArray,
-    measured: FloatArray,
-    sd: FloatArray,
-    slack_rad: float,
-) -> FloatArray:
-    """Squared distances [b, t] in sigmas of b boxes of one view from t expected signs.
-
-    ``parameters`` [t, 4], ``covariance`` [t, 4, 4]; ``M`` [t, 3, 3] and ``b`` [t, 3] of the view
-    with each one's anchor; boxes ``measured`` and ``sd`` [b, 3]. Infinite where a sign is not in
-    front of the camera.
-    """
-    n_boxes, n_signs = len(measured), len(parameters)
-    result = np.full((n_boxes, n_signs), np.inf)
-    S = np.zeros((3, 3))
+def expected_boxes(
+    parameters: FloatArray, M: FloatArray, b: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Boxes [t, 3] of one view that signs of ``parameters`` [t, 4] let expect, infinite where a
+    sign is not in front of the camera, and their derivatives [t, 3, 4]; ``M`` [t, 3, 3] and ``b``
+    [t, 3] of the view with each one's anchor."""
+    boxes, by_sign = np.full((len(M), 3), np.inf), np.zeros((len(M), 3, 4))
     h, J, q, d = _room()
-    for t in range(n_signs):
-        if not _measure(parameters[t], M[t], b[t], h, J, q, d):
-            continue
-        S[:] = 0.0
-        # faster than matrix products of so few numbers
-        for i in range(3):
-            for k in range(4):
-                for j in range(3):
-                    for m in range(4):
-                        S[i, j] += J[i, k] * covariance[t, k, m] * J[j, m]
-        for box in range(n_boxes):
-            a00 = S[0, 0] + sd[box, 0] ** 2 + slack_rad**2
-            a11 = S[1, 1] + sd[box, 1] ** 2 + slack_rad**2
-            a22 = S[2, 2] + sd[box, 2] ** 2
-            # Cholesky of the 3 x 3 sum, forward substitution of the difference
-            l00 = np.sqrt(a00)
-            l10 = S[1, 0] / l00
-            l20 = S[2, 0] / l00
-            l11 = np.sqrt(a11 - l10 * l10)
-            l21 = (S[2, 1] - l20 * l10) / l11
-            l22 = np.sqrt(a22 - l20 * l20 - l21 * l21)
-            x0 = (measured[box, 0] - h[0]) / l00
-            x1 = (measured[box, 1] - h[1] - l10 * x0) / l11
-            x2 = (measured[box, 2] - h[2] - l20 * x0 - l21 * x1) / l22
-            result[box, t] = x0 * x0 + x1 * x1 + x2 * x2
-    return result
+    for t in range(len(M)):
+        if _measure(parameters[t], M[t], b[t], h, J, q, d):
+            boxes[t], by_sign[t] = h, J
+    return boxes, by_sign
 
 
 @kernel
@@ -131,89 +95,29 @@ def _measure(theta, M, b, h, J, q, d):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _cost(theta, boxes, kind):  # type: ignore[no-untyped-def]
-    M, b, measured, sd, drift, prior_mean, prior_sd = boxes
-    h, J, q, d = _room()
-    r = (theta[3] - prior_mean) / prior_sd
-    total = loss(r * r, kind)[0]
-    for i in range(len(sd)):
-        if not _measure(theta, M[i], b[i], h, J, q, d):
-            return np.inf
-        slack = drift[i] / q[0]
-        square = 0.0
-        for k in range(2):
-            r = measured[i, k] - h[k]
-            square += r * r / (sd[i, k] * sd[i, k] + slack * slack)
-        total += loss(square, kind)[0]
-        r = (measured[i, 2] - h[2]) / sd[i, 2]
-        total += loss(r * r, kind)[0]
-    return total
-
-
-@kernel
-def _solve4(N, g, damping, step):  # type: ignore[no-untyped-def]
-    """Solve (N + damping diag N) step = g by Cholesky; False when not positive definite."""
-    L = np.zeros((4, 4))
-    for i in range(4):
-        for j in range(i + 1):
-            total = N[i, j]
-            if i == j:
-                total += damping * N[i, i]
-            for k in range(j):
-                total -= L[i, k] * L[j, k]
-            if i == j:
-                if total <= _MIN_PIVOT:
-                    return False
-                L[i, i] = np.sqrt(total)
-            else:
-                L[i, j] = total / L[j, j]
-    for i in range(4):
-        total = g[i]
-        for k in range(i):
-            total -= L[i, k] * step[k]
-        step[i] = total / L[i, i]
-    for i in range(3, -1, -1):
-        total = step[i]
-        for k in range(i + 1, 4):
-            total -= L[k, i] * step[k]
-        step[i] = total / L[i, i]
-    return True
-
-
-@kernel
 def solve_landmark(start, boxes, robust):  # type: ignore[no-untyped-def]
     """Levenberg-Marquardt from ``start``; parameters and cost (infinite when impossible). Losses
     after Zhang, Image and Vision Computing 15, 1997."""
-    theta = start.copy()
-    trial = np.zeros(4)
-    step = np.zeros(4)
-    alone = np.zeros((len(boxes.sd), 3, 0))
-    cost = np.inf
+    theta, cost = start.copy(), np.inf
+    alone, nothing = np.zeros((len(boxes.sd), 3, 0)), np.zeros(0)
     first, last = (BY_HUBER, BY_CAUCHY) if robust else (PLAIN, PLAIN)
     for kind in range(first, last + 1):
-        cost = _cost(theta, boxes, kind)
+        N, _, right, _, _, _, cost = normal_equations(theta, boxes, alone, nothing, kind)
         if not np.isfinite(cost):
             return theta, np.inf
         damping = 1e-3
         for _ in range(30):
-            N, _, right, _, _, _ = normal_equations(theta, boxes, alone, np.zeros(0), kind)
-            improved = False
+            change = 0.0
             for _ in range(8):
-                if _solve4(N, right[:, 0], damping, step):
-                    # a step of more than a factor e in distance leaves the linear range
-                    limit = min(1.0, 1.0 / max(abs(step[2]), 1e-12))
-                    for k in range(4):
-                        trial[k] = theta[k] + limit * step[k]
-                    value = _cost(trial, boxes, kind)
-                    if value < cost:
-                        improved = True
-                        break
+                step = np.linalg.solve(N + damping * np.diag(np.diag(N)), right[:, 0])
+                # a step of more than a factor e in distance leaves the linear range
+                trial = theta + min(1.0, 1.0 / max(abs(step[2]), 1e-12)) * step
+                there = normal_equations(trial, boxes, alone, nothing, kind)
+                if there[6] < cost:
+                    change = cost - there[6]
+                    theta, N, right, cost = trial, there[0], there[2], there[6]
+                    break
                 damping *= 8.0
-            if not improved:
-                break
-            change = cost - value
-            theta[:] = trial
-            cost = value
             damping = max(damping * 0.2, 1e-9)
             if change < 1e-9 * (1.0 + cost):
                 break
@@ -261,8 +165,8 @@ def normal_equations(theta, boxes, columns, bias, kind):  # type: ignore[no-unty
     Information [4, 4] of the sign's parameters, cross term [4, m] with what is common, the common
     block and right-hand sides as a [m + 4, m + 1] array (first m rows: the common information
     [m, m] and its right-hand side; last four: zero but for the sign's own right-hand side),
-    residuals [n, 3] in sigmas, direction weights [n], weighted chi-square. ``kind`` of the
-    loss: that of ``automap.robust``.
+    residuals [n, 3] in sigmas, direction weights [n], weighted chi-square, and the sum of losses of
+    ``kind`` (``automap.robust``), infinite where the sign is not in front of a view.
     """
     M, b, measured, sd, drift, prior_mean, prior_sd = boxes
     n, common = len(sd), columns.shape[2]
@@ -276,13 +180,13 @@ def normal_equations(theta, boxes, columns, bias, kind):  # type: ignore[no-unty
     weight = np.zeros(n)
     r = (theta[3] - prior_mean) / prior_sd
     # sizes come in steps: a sign of another size than expected is no rarity
-    factor = loss(r * r, kind)[1]
+    cost, factor = loss(r * r, kind)
     N[3, 3] = factor / (prior_sd * prior_sd)
     shared[common + 3, common] = -factor * r / prior_sd
     chi2 = factor * r * r
     for i in range(n):
         if not _measure(theta, M[i], b[i], h, J, q, d):
-            residual[i, :] = np.inf
+            residual[i, :] = cost = np.inf
             continue
         B = columns[i]
         slack = drift[i] / q[0]
@@ -296,11 +200,10 @@ def normal_equations(theta, boxes, columns, bias, kind):  # type: ignore[no-unty
             residual[i, k] = r3[k] / np.sqrt(variance)
             if k < 2:
                 square += residual[i, k] ** 2
-        factor = loss(square, kind)[1]
-        weight[i] = factor
-        w3[0] *= factor
-        w3[1] *= factor
-        w3[2] *= loss(residual[i, 2] ** 2, kind)[1]
+        (aside, weight[i]), (tall, factor) = loss(square, kind), loss(residual[i, 2] ** 2, kind)
+        cost += aside + tall
+        w3[:2] *= weight[i]
+        w3[2] *= factor
         for k in range(3):
             chi2 += w3[k] * r3[k] * r3[k]
             for m in range(4):
@@ -313,4 +216,4 @@ def normal_equations(theta, boxes, columns, bias, kind):  # type: ignore[no-unty
                 shared[m, common] += B[k, m] * w3[k] * r3[k]
                 for p in range(common):
                     shared[m, p] += B[k, m] * w3[k] * B[k, p]
-    return N, A, shared, residual, weight, chi2
+    return N, A, shared, residual, weight, chi2, cost

@@ -136,15 +136,16 @@ def own_variance(sightings: Sightings, sign: IntArray) -> FloatArray:
     return np.asarray(1.0 / np.bincount(sign, 1.0 / own), np.float64)
 
 
-def stray_weights(equations: Equations) -> FloatArray:
+def stray_weights(equations: Equations, usual: float = 1.0) -> FloatArray:
     """Weight [n] of a tile's sightings in plan: less for those that lie too far from their sign.
 
     Beyond ``STRAY_PROBABILITY``, with the drive's offset taken off, the variance grows with the
-    square of the distance in sigmas: a stray sighting says little.
+    square of the distance in sigmas, ``usual`` times as large as stated as a rule: a stray sighting
+    says little.
     """
     sign = equations.network.sign
     alone = np.bincount(sign)[sign] < limits.STRAY_MEMBERS
-    most = gate(limits.STRAY_PROBABILITY, 2)
+    most = usual * gate(limits.STRAY_PROBABILITY, 2)
 
     def weigh(square: FloatArray) -> FloatArray:
         return np.where(alone, 1.0, np.minimum(1.0, most / np.maximum(square, 1e-12)))
@@ -174,12 +175,10 @@ def tile_data(
     return TileData(tile, rows, first.astype(np.int64), place, measured, origin, *own)
 
 
-def cell_tiles(
-    sightings: Sightings, sign: IntArray, cell: int, core: int = limits.CORE_SIGNS
-) -> list[TileData]:
+def cell_tiles(sightings: Sightings, sign: IntArray, cell: int) -> list[TileData]:
     """The tiles of a cell, without margins; ``sign`` [n] whose each sighting is."""
     lat, lon = rough_places(sightings, sign)
-    members, tiles = Members(sign), cut_tiles(lat, lon, core, 0.0, {cell})
+    members, tiles = Members(sign), cut_tiles(lat, lon, margin_m=0.0, only={cell})
     return [tile_data(sightings, members, tile, lat, lon) for tile in tiles]
 
 

@@ -22,7 +22,7 @@ from automap.mapping.candidates import (
 from automap.mapping.classes import class_evidence
 from automap.mapping.offset_kernels import agreement, smooth, vote
 from automap.mapping.sightings import Sightings
-from automap.records import FloatArray, IntArray
+from automap.records import BoolArray, FloatArray, IntArray
 
 _SETTLING = 3
 """Turns of assignment and smoothing."""
@@ -93,56 +93,30 @@ def assign(
     offset: FloatArray,
     offset_var: FloatArray,
     chosen: IntArray,
-    owner: IntArray,
-    price: FloatArray,
+    taken: BoolArray,
 ) -> None:
-    """Best one-to-one choice of candidates, ``chosen`` [n] (-1 a sign new to the map).
+    """One-to-one choice of candidates, the surest first, ``chosen`` [n] (-1 a sign new to the map).
 
-    Forward auction (D. P. Bertsekas, Annals of Operations Research 14, 1988): sightings bid for
-    map signs, each may also stay alone at no gain. Within n times the bid step of the optimum.
-    ``owner``, ``price`` [m] must come in as -1 and 0 and leave so.
+    ``taken`` [m] must come in as false and leaves so.
     """
-    n = len(index)
-    gain = np.full((n, limits.MOST), -1.0)
-    for i in range(n):
-        chosen[i] = -1
+    chosen[:] = -1
+    gain = np.full(index.size, -1.0)
+    for i in range(len(index)):
         for c in range(limits.MOST):
             if index[i, c] < 0:
                 break
             here = offset[i, 0], offset[i, 1], offset[i, 2]
-            gain[i, c] = agreement(values[i, c], *here, offset_var[i, 0], offset_var[i, 1])
-    waiting = np.empty(n, np.int64)
-    for i in range(n):
-        waiting[i] = n - 1 - i
-    count = n
-    while count > 0:
-        count -= 1
-        i = waiting[count]
-        best, second, at = 0.0, 0.0, -1
-        for c in range(limits.MOST):
-            if index[i, c] < 0:
-                break
-            net = gain[i, c] - price[index[i, c]]
-            if net > best:
-                best, second, at = net, best, c
-            elif net > second:
-                second = net
-        if at < 0:
-            continue
-        k = index[i, at]
-        price[k] += best - second + limits.BID_STEP
-        if owner[k] >= 0:
-            chosen[owner[k]] = -1
-            waiting[count] = owner[k]
-            count += 1
-        owner[k] = i
-        chosen[i] = at
-    for i in range(n):
-        for c in range(limits.MOST):
-            if index[i, c] < 0:
-                break
-            price[index[i, c]] = 0.0
-            owner[index[i, c]] = -1
+            told = agreement(values[i, c], *here, offset_var[i, 0], offset_var[i, 1])
+            gain[i * limits.MOST + c] = told
+    for place in np.argsort(-gain):
+        i, c = divmod(place, limits.MOST)
+        if gain[place] <= 0.0:
+            break
+        if chosen[i] < 0 and not taken[index[i, c]]:
+            chosen[i], taken[index[i, c]] = c, True
+    for i in range(len(index)):
+        if chosen[i] >= 0:
+            taken[index[i, chosen[i]]] = False
 
 
 @kernel
@@ -157,7 +131,7 @@ def _associate(
     offset_var: FloatArray,
 ) -> None:
     room = len(signs.active)
-    owner, price = np.full(room, -1, np.int64), np.zeros(room)
+    taken = np.zeros(room, np.bool_)
     count = 0
     for turn in range(rounds + 1):
         for drive in range(len(first) - 1):
@@ -176,9 +150,9 @@ def _associate(
             vote(time_s, shared_sd, index, values, here)
             here_var[:] = 0.0
             for _ in range(_SETTLING):
-                assign(index, values, here, here_var, chosen, owner, price)
+                assign(index, values, here, here_var, chosen, taken)
                 smooth(time_s, shared_sd, chosen, values, here, here_var)
-            assign(index, values, here, here_var, chosen, owner, price)
+            assign(index, values, here, here_var, chosen, taken)
             for i in range(lo, hi):
                 c = chosen[i - lo]
                 k = index[i - lo, c] if c >= 0 else -1

@@ -213,11 +213,10 @@ def find_candidates(
     """
     state, slot_class, slot_weight, active, table = signs
     lat, lon, own, shared_sd, facing = seen.lat, seen.lon, seen.own, seen.shared_sd, seen.facing
-    near = np.empty(256, np.int64)
-    distance = np.empty(limits.MOST)
+    near, kept = np.empty(256, np.int64), np.empty(256, np.int64)
+    distance, found_values = np.empty(256), np.empty((256, PLACES))
     slack = limits.SLACK_M * limits.SLACK_M
     for i in range(lo, hi):
-        row = i - lo
         count = 0
         found = neighbours(table, lat[i], lon[i], near)
         for place in range(found):
@@ -254,24 +253,10 @@ def find_candidates(
                     total += slot_weight[k, slot] * evidence[seen.code[i], slot_class[k, slot]]
             if weight > 0.0:
                 told += total / weight
-            # insertion among the nearest
-            at = count
-            if count == limits.MOST:
-                if square >= distance[limits.MOST - 1]:
-                    continue
-                at = limits.MOST - 1
-            else:
-                count += 1
-            while at > 0 and distance[at - 1] > square:
-                distance[at] = distance[at - 1]
-                index[row, at] = index[row, at - 1]
-                values[row, at] = values[row, at - 1]
-                at -= 1
-            distance[at] = square
-            index[row, at] = k
-            values[row, at, D_E], values[row, at, D_N], values[row, at, D_U] = de, dn, du
-            values[row, at, V_EE], values[row, at, V_EN] = v_ee, v_en
-            values[row, at, V_NN], values[row, at, V_U] = v_nn, v_u
-            values[row, at, EVIDENCE] = told
-        for place in range(count, limits.MOST):
-            index[row, place] = -1
+            distance[count], kept[count] = square, k
+            found_values[count] = np.array([de, dn, du, v_ee, v_en, v_nn, v_u, told])
+            count += 1
+        nearest = np.argsort(distance[:count])[: limits.MOST]
+        index[i - lo] = -1
+        index[i - lo, : len(nearest)] = kept[nearest]
+        values[i - lo, : len(nearest)] = found_values[nearest]

@@ -1,11 +1,12 @@
-"""How each drive's errors compare with the levels that all drives have in common.
+"""How large the drives' errors are: of all in common, and of each drive compared with that.
 
-A receiver that errs by less than another of the same stated accuracy shows it in every drive. One
-drive tells little of it, so its levels are a compromise: the squares of its errors, as they were
-found with the common levels, over how many of them the signs tell (``Equations.components``), with
-the common levels as so many further squares as say that stated errors are trusted to
-``LEVEL_LOG_SD`` (the mean of an inverse chi-square distribution by its degrees of freedom:
-A. Gelman et al., Bayesian Data Analysis, 2013, chapter 2).
+Every drive shows it in how far it is from the others where they see the same signs: the squares of
+its errors, over how many of them the signs tell (variance components: ``Equations.components``).
+All drives together tell the common levels. A receiver that errs by less than another of the same
+stated accuracy shows it in every drive, but one drive tells little of it, so its own levels are a
+compromise with the common ones, which count as so many further squares as say that stated errors
+are trusted to ``LEVEL_LOG_SD`` (the mean of an inverse chi-square distribution by its degrees of
+freedom: A. Gelman et al., Bayesian Data Analysis, 2013, chapter 2).
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
+from automap.gates import gate
 from automap.geolocation.path_errors import Equations
 from automap.mapping import limits
 from automap.mapping.adjustment import (
@@ -34,24 +36,25 @@ _FREEDOM = 0.5 / limits.LEVEL_LOG_SD**2
 """Squares that tell a standard deviation as well as it is stated."""
 
 
-def drive_squares(
-    sightings: Sightings, sign: IntArray, cell: int, levels: ErrorLevels
-) -> tuple[IntArray, FloatArray]:
+def drive_squares(sightings: Sightings, sign: IntArray, cell: int) -> tuple[IntArray, FloatArray]:
     """Drives [k] of a cell's signs, and [k, 3, 2] of what wanders, what lasts and what is a
-    sighting's own the squares in units of the common levels and how many they are; ``sign`` [n]
+    sighting's own the squares in units of what is stated and how many they are; ``sign`` [n]
     whose each sighting is.
 
-    What is told depends on how large it is, so the drives' own levels, as far as the cell knows
-    them, take the place of the common ones (Fisher scoring).
+    What is told depends on how large it is, so the drives' levels, as far as the cell knows them,
+    take the place of the stated ones (Fisher scoring).
     """
     tiles = cell_tiles(sightings, sign, cell)
-    whole = [Equations(network_of(sightings, data, levels, 2)) for data in tiles]
-    weights = [stray_weights(equations) for equations in whole]
-    factors = np.ones((sightings.n_drives, 3))
+    stated, factors = ErrorLevels(), np.ones((sightings.n_drives, 3))
+    whole = [Equations(network_of(sightings, data, stated, 2)) for data in tiles]
+    # what is stray is judged by how far sightings usually are
+    far = np.median(np.concatenate([equations.solve().square for equations in whole]))
+    usual = max(1.0, float(far) / gate(0.5, 2))
+    weights = [stray_weights(equations, usual) for equations in whole]
     for _ in range(_ROUNDS):
         total, count = np.zeros((sightings.n_drives, 3, 2)), np.zeros(sightings.n_drives)
         for data, first, weight in zip(tiles, whole, weights, strict=True):
-            network = network_of(sightings, data, levels, 2, factors)
+            network = network_of(sightings, data, stated, 2, factors)
             seen = np.unique(sightings.drive[data.rows])
             total[seen] += _squares(Equations(network, first.order), weight, data, len(seen))
             count[seen] += 1.0
@@ -60,7 +63,8 @@ def drive_squares(
         # one error in all tiles
         squares[:, 1] /= count[known, None]
         squares[:, :, 0] *= factors[known] ** 2
-        factors[known] = np.exp(_log_factors(squares))
+        common, own = _common_and_own(squares)
+        factors[known] = common * own
     return known, squares
 
 
@@ -78,18 +82,37 @@ def _squares(equations: Equations, weight: FloatArray, data: TileData, drives: i
     return np.stack(parts, axis=-1).reshape(3, drives, 2).swapaxes(0, 1)
 
 
-def drive_factors(cells: Iterable[tuple[IntArray, FloatArray]], n_drives: int) -> FloatArray:
-    """Factors [d, 3] of each drive on the common levels, by the squares of ``cells``."""
+def error_levels(
+    cells: Iterable[tuple[IntArray, FloatArray]], n_drives: int
+) -> tuple[ErrorLevels, FloatArray]:
+    """The common levels, and factors [d, 3] of each drive on them, by the squares of ``cells``;
+    rounded, so that some more drives do not move all that was placed."""
     total, count = np.zeros((n_drives, 3, 2)), np.zeros(n_drives)
     for drive, squares in cells:
         total[drive] += squares
         count[drive] += 1.0
     total[:, 1] /= np.maximum(count, 1.0)[:, None]
-    step = limits.DRIVE_LEVEL_STEP
-    return np.asarray(np.exp(step * np.rint(_log_factors(total) / step)))
+    common, factors = _common_and_own(total)
+    wanders, lasts, own = _rounded(common, np.array(limits.LEVEL_STEPS)).tolist()
+    wanders, lasts = (1.0 - limits.LASTING_ERROR) * wanders**2, limits.LASTING_ERROR * lasts**2
+    if wanders + lasts >= 1.0:
+        levels = ErrorLevels((wanders + lasts) ** 0.5, own, lasts / (wanders + lasts))
+    else:
+        levels = ErrorLevels((lasts / (1.0 - wanders)) ** 0.5, own, 1.0 - wanders)
+    return levels, _rounded(factors, limits.DRIVE_LEVEL_STEP)
 
 
-def _log_factors(squares: FloatArray) -> FloatArray:
-    """Logarithms [d, 3] of the factors that squares and their numbers [d, 3, 2] tell."""
+def _rounded(levels: FloatArray, step: float | FloatArray) -> FloatArray:
+    return np.asarray(np.exp(step * np.rint(np.log(levels) / step)))
+
+
+def _common_and_own(squares: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """The levels [3] that the squares [d, 3, 2] of all drives tell, in what is stated, and the
+    factors [d, 3] of each drive on them."""
+
+    def told(found: FloatArray, freedom: FloatArray) -> FloatArray:
+        return np.sqrt((_FREEDOM + found) / (_FREEDOM + freedom))
+
     found, freedom = np.moveaxis(np.maximum(squares, 0.0), -1, 0)
-    return np.asarray(0.5 * np.log((_FREEDOM + found) / (_FREEDOM + freedom)))
+    common = told(found.sum(axis=0), freedom.sum(axis=0))
+    return common, told(found / common**2, freedom)

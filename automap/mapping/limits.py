@@ -42,9 +42,6 @@ LEAST_CONFIDENCE = 0.05
 HALO_M = 400.0
 """Round a cell, what is looked at with it. A drive's offset, from signs every 40 m that are seen to
 half a metre, forgets what is further off than some 100 m; four times that leaves a fiftieth."""
-BID_STEP = 0.02
-"""Nats by which bids rise: so far from the best choice each sighting may end, far less than what
-decides anything."""
 
 # evidence of two classes
 
@@ -98,22 +95,15 @@ two metres of height."""
 LEVEL_LOG_SD = 0.3
 """How far the stated errors are trusted: one sigma of the logarithm of their factors. Chosen: to a
 third."""
-MOST_LEVEL_SIGMAS = 3.0
-"""Levels go no further from what is stated: a sample of tiles may hold a wrong association."""
-OWN_STEP, WANDER_STEP, LASTING_STEP = 0.02, 0.02, 0.05
-"""What the own errors, what wanders and what lasts of the shared ones are, in what is stated, is
-rounded to these steps, so that it stays, and with it all that was placed, where some more drives
-tell it anew. Two standard errors, or little more than one of what lasts, by the curvature of the
-restricted likelihood of 24 tiles of 100 simulated drives of a town (0.008 own, 0.014 wanders,
-0.04 lasts): rounding adds at most 0.6 of one."""
+LEVEL_STEPS = (0.03, 0.07, 0.02)
+"""Of the logarithms of what wanders, what lasts and what is a sighting's own, to which the common
+levels are rounded, so that they stay, and with them all that was placed, where some more drives
+tell them anew. Two standard errors, or little more than one of what lasts, by the curvature of the
+restricted likelihood of 24 tiles of 100 simulated drives of a town: rounding adds at most 0.6 of
+one."""
 DRIVE_LEVEL_STEP = 0.1
 """Of the logarithms of a drive's own levels, to which they are rounded for the same reason: a third
 of ``LEVEL_LOG_SD``, the sigma of what a drive of few signs tells; rounding adds a tenth of one."""
-LEVEL_TILES, LEVEL_TILE_SIGNS, LEVEL_ROWS = 24, 30, 1500
-"""Tiles that levels are estimated from, their signs, and the sightings a tile may have. Chosen:
-more take longer."""
-LEAST_REDUNDANCY = 10
-"""Sightings beyond one a sign from which a tile says something of levels."""
 COMMON_SD_M = 0.05
 """What no number of passes averages away: the frame of satellite positioning, the centre of
 a face as a box shows it."""

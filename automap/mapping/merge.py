@@ -13,8 +13,7 @@ from automap.mapping.backs import map_backs, with_backs
 from automap.mapping.by_cells import associate_by_cells
 from automap.mapping.cell_merge import PlacedSigns, place_signs
 from automap.mapping.cells import cell_of
-from automap.mapping.drive_levels import drive_factors, drive_squares
-from automap.mapping.error_levels import estimate_levels
+from automap.mapping.drive_levels import drive_squares, error_levels
 from automap.mapping.existence import Chances, DetectionRates, detection_rates, existence
 from automap.mapping.identity import sighting_key
 from automap.mapping.sightings import DriveSigns, canonical_order, stack_sightings
@@ -58,10 +57,9 @@ def merge_drives(
         sightings, lambda done: progress(0.5 * done, "which sightings are one sign")
     )
     progress(0.5, "how large the errors are")
-    levels = estimate_levels(sightings, sign)
     homes = np.unique(cell_of(*rough_places(sightings, sign))).tolist()
-    squares = [drive_squares(sightings, sign, cell, levels) for cell in homes]
-    factors = drive_factors(squares, len(ordered))
+    squares = [drive_squares(sightings, sign, cell) for cell in homes]
+    levels, factors = error_levels(squares, len(ordered))
     placed = place_signs(
         sightings, sign, ordered, levels, factors,
         progress=lambda done: progress(0.6 + 0.2 * done, "where signs stand"),

@@ -15,9 +15,6 @@ from automap.mapping import limits
 from automap.mapping.candidates import D_E, D_N, D_U, EVIDENCE, V_EE, V_EN, V_NN, V_U, match_gain
 from automap.records import FloatArray, IntArray
 
-_ROUNDS = 3
-"""Of the choice of candidates and their mean."""
-
 
 @kernel
 def agreement(values: FloatArray, e: float, n: float, u: float, p_e: float, p_n: float) -> float:
@@ -43,12 +40,10 @@ def vote(
     """First guess of the offset [n, 3] of a drive's sightings [n], stretch by stretch.
 
     Every candidate proposes its own difference of place as the offset of its stretch; the
-    proposal that most of the others agree with wins, weighed by what the stretch before it
-    lets expect. One sign alone cannot pull a drive onto the wrong map signs.
+    proposal that most of the others agree with wins. One sign alone cannot pull a drive onto the
+    wrong map signs.
     """
     n = len(time_s)
-    mean, variance = np.zeros(3), np.full(3, -1.0)
-    last = 0.0
     start = 0
     while start < n:
         stop = start + 1
@@ -59,45 +54,31 @@ def vote(
         ):
             stop += 1
         middle = 0.5 * (time_s[start] + time_s[stop - 1])
-        prior = np.zeros(3)
-        for axis in range(3):
-            total = 0.0
-            for i in range(start, stop):
-                total += shared_sd[i, axis] ** 2
-            # the map's own frame is some other drive's, as far off as this one
-            prior[axis] = 2.0 * total / (stop - start) + limits.LEAST_OFFSET_VARIANCE
-            if variance[axis] < 0.0:
-                variance[axis] = prior[axis]
-            else:
-                keep = np.exp(-(middle - last) / limits.PATH_CORRELATION_S)
-                mean[axis] *= keep
-                variance[axis] = keep * keep * variance[axis] + (1.0 - keep * keep) * prior[axis]
+        # the map's own frame is some other drive's, as far off as this one
+        prior = 2.0 * np.sum(shared_sd[start:stop] ** 2, axis=0) / (stop - start)
+        prior += limits.LEAST_OFFSET_VARIANCE
         spread = 1.0 - np.exp(-np.abs(time_s[start:stop] - middle) / limits.PATH_CORRELATION_S) ** 2
-        of = _Stretch(index[start:stop], values[start:stop], spread, prior, mean, variance)
-        mean, variance = _offset_of(of)
-        offset[start:stop] = mean
-        last = middle
+        of = _Stretch(index[start:stop], values[start:stop], spread, prior)
+        offset[start:stop] = _offset_of(of)
         start = stop
 
 
 class _Stretch(NamedTuple):
     """Candidates ``signs`` [k, MOST] and ``values`` [k, MOST, PLACES] of sightings; ``prior`` [3]
     variance of the drive's offset, and the part ``spread`` [k] of it by which that at each may
-    differ from the stretch's; ``mean`` and ``variance`` [3] of this by the stretches before."""
+    differ from the stretch's."""
 
     signs: IntArray
     values: FloatArray
     spread: FloatArray
     prior: FloatArray
-    mean: FloatArray
-    variance: FloatArray
 
 
 @kernel
-def _offset_of(stretch: _Stretch) -> tuple[FloatArray, FloatArray]:
-    """Mean [3] and variance [3] of the offset after the stretch's sightings."""
+def _offset_of(stretch: _Stretch) -> FloatArray:
+    """The offset [3] that most of the stretch's sightings agree with."""
     signs, values = stretch.signs, stretch.values
-    best = stretch.mean.copy()
+    best = np.zeros(3)
     highest = _support(stretch, best)
     tried = 0
     for i in range(len(signs)):
@@ -110,65 +91,29 @@ def _offset_of(stretch: _Stretch) -> tuple[FloatArray, FloatArray]:
             tried += 1
             guess = values[i, c, :3].copy()
             if values[i, c, V_U] != values[i, c, V_U]:
-                guess[2] = stretch.mean[2]
+                guess[2] = 0.0
             score = _support(stretch, guess)
             if score > highest:
                 highest = score
                 best = guess
-    after = stretch.variance
-    for _ in range(_ROUNDS):
-        best, after = _refine(stretch, best)
-    return best, after
-
-
-@kernel
-def _likeliest(stretch: _Stretch, i: int, offset: FloatArray) -> tuple[float, int]:
-    """Evidence in nats for the best candidate of one sighting, and which it is: 0, -1 for none."""
-    e, n, u = offset[0], offset[1], offset[2]
-    p_e, p_n = stretch.spread[i] * stretch.prior[0], stretch.spread[i] * stretch.prior[1]
-    most, chosen = 0.0, -1
-    for c in range(limits.MOST):
-        if stretch.signs[i, c] < 0:
-            break
-        told = agreement(stretch.values[i, c], e, n, u, p_e, p_n)
-        if told > most:
-            most, chosen = told, c
-    return most, chosen
+    return best
 
 
 @kernel
 def _support(stretch: _Stretch, offset: FloatArray) -> float:
-    total = -0.5 * ((offset - stretch.mean) ** 2 / stretch.variance).sum()
+    """Evidence in nats for an offset [3]: its prior's, and of each sighting the best candidate's,
+    or none."""
+    total = -0.5 * (offset**2 / stretch.prior).sum()
     for i in range(len(stretch.signs)):
-        total += _likeliest(stretch, i, offset)[0]
+        p_e, p_n = stretch.spread[i] * stretch.prior[0], stretch.spread[i] * stretch.prior[1]
+        most = 0.0
+        for c in range(limits.MOST):
+            if stretch.signs[i, c] < 0:
+                break
+            told = agreement(stretch.values[i, c], offset[0], offset[1], offset[2], p_e, p_n)
+            most = max(most, told)
+        total += most
     return float(total)
-
-
-@kernel
-def _refine(stretch: _Stretch, offset: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Weighted mean of the best candidates' differences and its variance, [3] each."""
-    signs, values, spread, prior, mean, variance = stretch
-    a_ee, a_en, a_nn = 1.0 / variance[0], 0.0, 1.0 / variance[1]
-    b_e, b_n = mean[0] / variance[0], mean[1] / variance[1]
-    a_u, b_u = 1.0 / variance[2], mean[2] / variance[2]
-    for i in range(len(signs)):
-        wander, chosen = spread[i], _likeliest(stretch, i, offset)[1]
-        if chosen < 0:
-            continue
-        row = values[i, chosen]
-        v_ee, v_nn = row[V_EE] + wander * prior[0], row[V_NN] + wander * prior[1]
-        det = v_ee * v_nn - row[V_EN] ** 2
-        w_ee, w_en, w_nn = v_nn / det, -row[V_EN] / det, v_ee / det
-        a_ee, a_en, a_nn = a_ee + w_ee, a_en + w_en, a_nn + w_nn
-        b_e += w_ee * row[D_E] + w_en * row[D_N]
-        b_n += w_en * row[D_E] + w_nn * row[D_N]
-        if row[V_U] == row[V_U]:
-            w_u = 1.0 / (row[V_U] + wander * prior[2])
-            a_u += w_u
-            b_u += w_u * row[D_U]
-    det = a_ee * a_nn - a_en * a_en
-    best = np.array([(a_nn * b_e - a_en * b_n) / det, (a_ee * b_n - a_en * b_e) / det, b_u / a_u])
-    return best, np.array([a_nn / det, a_ee / det, 1.0 / a_u])
 
 
 @kernel

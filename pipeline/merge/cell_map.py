@@ -15,10 +15,9 @@ from automap.mapping.merge import map_signs, weighed
 from automap.records import FloatArray
 from automap.records.sign_lists import Names, SignList
 from pipeline.merge.cell_belief import kept_belief
-from pipeline.merge.cell_levels import levels_of
 from pipeline.merge.cell_steps import (
-    factors_of,
     group,
+    levels_of,
     place,
     placed_cells,
     standing,
@@ -88,14 +87,14 @@ def _merge(
             grouped += changed
             done += 1
             progress(0.5 * done / cells, "which sightings are one sign")
-    levels = levels_of(folder, over)
     wanted = standing(folder)
-    every = [folder] * len(wanted), wanted, [levels] * len(wanted)
+    every = [folder] * len(wanted), wanted
     for done, _ in enumerate(over(weigh, *every)):
         progress(0.5 + 0.1 * done / len(wanted), "how large the errors are")
-    factors = factors_of(folder, wanted)
+    levels, factors = levels_of(folder, wanted)
     placed = 0
-    for done, changed in enumerate(over(place, *every, [factors] * len(wanted))):
+    found = [levels] * len(wanted), [factors] * len(wanted)
+    for done, changed in enumerate(over(place, *every, *found)):
         placed += changed
         progress(0.6 + 0.3 * done / len(wanted), "where signs stand")
     progress(0.9, "which signs are there")

@@ -1,7 +1,7 @@
 """The merge of a store, step by step: every step is a function of one cell, and done once only.
 
-``group`` in the order of ``turns``, then, with the levels of ``cell_levels``, ``weigh`` of every
-cell that ``standing`` names, and with each drive's own ``place`` of them. A step writes a file for
+``group`` in the order of ``turns``, then ``weigh`` of every cell that ``standing`` names, and with
+what all of them tell of errors, ``levels_of``, ``place`` of them. A step writes a file for
 its cell with a digest of what it took, and is left out where that digest is as it was: after new
 drives only cells change that have something new in them or near.
 """
@@ -23,7 +23,7 @@ from automap.mapping.association import renumbered
 from automap.mapping.by_cells import group_cell
 from automap.mapping.cell_merge import PLACE_MARGIN_M, place_signs
 from automap.mapping.cells import cell_of, colour_of
-from automap.mapping.drive_levels import drive_factors, drive_squares
+from automap.mapping.drive_levels import drive_squares, error_levels
 from automap.mapping.existence import Chances
 from automap.mapping.limits import FARTHEST_M, HALO_M
 from automap.records import FloatArray, IntArray
@@ -100,27 +100,26 @@ def standing(folder: Path) -> list[int]:
     return np.unique(np.concatenate(homes)).tolist() if homes else []
 
 
-def weigh(folder: Path, cell: int, levels: ErrorLevels) -> bool:
+def weigh(folder: Path, cell: int) -> bool:
     """Take the squares of the drives' errors in one cell; False where nothing had changed."""
     cells = near_cells(folder, cell, HALO_M)
     groups = [step_file(folder, GROUPS, k) for k in cells.tolist()]
-    stamp = stamp_of(parts(folder, SIGHTINGS, cells), groups) + repr(levels)
+    stamp = stamp_of(parts(folder, SIGHTINGS, cells), groups)
     path = step_file(folder, SQUARES, cell)
     if text_of(path, "stamp") == stamp:
         return False
     near, sign = grouped(folder, read_drives(folder), cell)
     rows = np.flatnonzero(sign >= 0)
-    found = near.sightings.at(rows), renumbered(sign[rows]), cell, levels
-    drive, squares = drive_squares(*found)
+    drive, squares = drive_squares(near.sightings.at(rows), renumbered(sign[rows]), cell)
     write_columns(path, stamp=np.array(stamp), drive=near.drive[drive], squares=squares)
     return True
 
 
-def factors_of(folder: Path, cells: Sequence[int]) -> FloatArray:
-    """Factors [d, 3] of all drives on the levels, by the squares of all cells."""
+def levels_of(folder: Path, cells: Sequence[int]) -> tuple[ErrorLevels, FloatArray]:
+    """The levels, and factors [d, 3] of all drives on them, by the squares of all cells."""
     told = (read_columns(step_file(folder, SQUARES, cell)) for cell in cells)
     pairs = ((each["drive"], each["squares"]) for each in told)
-    return drive_factors(pairs, len(read_drives(folder)))
+    return error_levels(pairs, len(read_drives(folder)))
 
 
 def place(folder: Path, cell: int, levels: ErrorLevels, factors: FloatArray) -> bool:

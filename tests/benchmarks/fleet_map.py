@@ -13,7 +13,6 @@ from __future__ import annotations
 import json
 import os
 import resource
-import shutil
 import subprocess
 import sys
 import time
@@ -27,14 +26,13 @@ import pyarrow.parquet as pq
 from merge_store import DRIVES, fill
 
 from automap.io import names
-from automap.mapping.adjustment import ErrorLevels
 from automap.mapping.cells import LEVEL, cell_named, quadkey
 from pipeline.fleet import publish
 from pipeline.fleet.older import Before
 from pipeline.fleet.store import Entry
 from pipeline.merge import cell_map
 from pipeline.merge.cell_files import path_stamp
-from pipeline.merge.cell_steps import factors_of
+from pipeline.merge.cell_steps import levels_of
 from pipeline.merge.cell_store import read_drives
 
 TILES = 60
@@ -69,7 +67,6 @@ def repeat(base: Path, out: Path, times: int) -> None:
     """The merged store ``base`` so many times, each time further east, with drives of its own."""
     for kind in ("drives", "placed", "covered", "paths", "tracks"):
         (out / kind).mkdir(parents=True)
-    shutil.copy(base / "levels.json", out)
     table = pa.concat_tables([pq.read_table(f) for f in sorted((base / "drives").glob("*"))])
     keys = table["key"].to_pylist()
     for k in range(times):
@@ -116,8 +113,7 @@ def write(cells: Path, out: Path, workers: int, older: Path | None = None) -> No
 
     started = time.monotonic()
     placed = sorted(cell_named(file.stem) for file in (cells / "placed").glob("*.npz"))
-    levels = ErrorLevels(**json.loads((cells / "levels.json").read_text())["levels"])
-    factors = factors_of(cells, placed)
+    levels, factors = levels_of(cells, placed)
     found = cell_map._whole(cells, placed, levels, factors, (0, 0, len(placed)), 0.5)
     drives = read_drives(cells)
     say(f"{len(drives)} drives, {len(found.lat)} merged signs")

@@ -217,7 +217,6 @@ def main() -> None:
         if sys.argv[5:6] == ["both"]:
             for name in ("groups", "placed"):
                 (store / name).rename(Path(folder) / name)
-            (store / "levels.json").rename(Path(folder) / "levels.json")
             show("all from nothing", json.loads(run("merge", store, workers, fresh)))
             show("added against from nothing", difference(second, fresh))
 

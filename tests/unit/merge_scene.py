@@ -7,7 +7,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from automap.earth import metres_per_radian
-from automap.mapping.sightings import CameraView, DriveSigns
+from automap.mapping.adjustment import ErrorLevels, rough_places
+from automap.mapping.cells import cell_of
+from automap.mapping.drive_levels import drive_squares, error_levels
+from automap.mapping.sightings import CameraView, DriveSigns, Sightings
 from automap.records import DrivePath, FloatArray, IntArray
 
 ORIGIN = (np.radians(-35.28), np.radians(149.13), 580.0)
@@ -186,6 +189,13 @@ def drive_through(
         cameras=(CameraView(0.0, np.radians(35.0)),),
     )
     return drive, truth
+
+
+def levels_told(sightings: Sightings, sign: IntArray) -> tuple[ErrorLevels, FloatArray]:
+    """The levels of drives, and factors [d, 3] on them, by the signs [n] of their sightings."""
+    homes = np.unique(cell_of(*rough_places(sightings, sign))).tolist()
+    told = [drive_squares(sightings, sign, home) for home in homes]
+    return error_levels(told, sightings.n_drives)
 
 
 def _turn(angle: FloatArray) -> FloatArray:

@@ -106,8 +106,7 @@ def mapping_places() -> Any:
     from automap.mapping.attributes import combine_attributes
     from automap.mapping.backs import map_backs, with_backs
     from automap.mapping.cells import cell_of
-    from automap.mapping.drive_levels import drive_factors, drive_squares
-    from automap.mapping.error_levels import estimate_levels
+    from automap.mapping.drive_levels import drive_squares, error_levels
     from automap.mapping.identity import name_signs, sighting_key
     from automap.mapping.sightings import stack_sightings
     from automap.mapping.tiles import Tile, cut_tiles
@@ -123,7 +122,8 @@ def mapping_places() -> Any:
     data = of.tile_data(stacked, members, tile, lat, lon)
     networks = [of.network_of(stacked, data, levels, axes) for axes in (1, 2)]
     homes = np.unique(cell_of(lat, lon)).tolist()
-    told = [drive_squares(stacked, sign, home, levels) for home in homes]
+    told = [drive_squares(stacked, sign, home) for home in homes]
+    common, factors = error_levels(told, len(drives))
     codes = stacked.code
     first = np.unique(sign, return_index=True)[1]
     keys = [sighting_key(drives[stacked.drive[k]], stacked.id[k]) for k in first]
@@ -141,9 +141,9 @@ def mapping_places() -> Any:
             "stray": of.stray_weights(Equations(networks[1])),
             "placed": of._placed(stacked, data, levels),
             "squares": told,
-            "factored": of._placed(stacked, data, levels, drive_factors(told, len(drives))),
+            "factored": of._placed(stacked, data, levels, factors),
             "adjusted": [of.adjust(stacked, sign, each) for each in (levels, None)],
-            "levels": estimate_levels(stacked, sign),
+            "levels": common,
             "attributes": combine_attributes(stacked, sign),
             "class": sureness.class_probabilities(codes, stacked.class_probability, sign, merged),
             "group": sureness.group_probabilities(
@@ -248,8 +248,7 @@ def mapping_kernels() -> Any:
     offset_kernels.vote(time_s, shared, index, values, offset)
     voted = offset.copy()
     chosen = np.zeros(n, np.int64)
-    owner, price = np.full(7, -1, np.int64), np.zeros(7)
-    assign(index, values, offset, rng.uniform(0.0, 0.3, (n, 3)), chosen, owner, price)
+    assign(index, values, offset, rng.uniform(0.0, 0.3, (n, 3)), chosen, np.zeros(7, np.bool_))
     assigned = chosen.copy()
     offset_kernels.smooth(time_s, shared, chosen, values, offset, variance)
     lat, lon = -0.6 + 4e-6 * rng.normal(size=12), 2.6 + 4e-6 * rng.normal(size=12)
@@ -267,7 +266,7 @@ def mapping_kernels() -> Any:
     return levelled(
         {
             "voted": voted,
-            "assigned": (assigned, owner, price),
+            "assigned": assigned,
             "smoothed": (offset, variance),
             "agreement": [
                 offset_kernels.agreement(values[i, 0], 0.3, -0.2, 0.1, 0.2, 0.4) for i in range(n)

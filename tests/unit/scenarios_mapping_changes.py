@@ -143,11 +143,9 @@ def mapping_older() -> Any:
 
 @scenario
 def mapping_series() -> Any:
-    """Many drives of one street: classes that change, levels of errors, what all say together."""
+    """Many drives of one street: classes that change, what all say together."""
     from automap.mapping import attributes as of
-    from automap.mapping import error_levels
     from automap.mapping.association import associate
-    from automap.mapping.cells import cell_of
     from automap.mapping.sightings import stack_sightings
     from tests.unit.merge_scene import Errors, street_scene
 
@@ -171,14 +169,6 @@ def mapping_series() -> Any:
         ],
         side=np.array(["left", "right", ""], object)[rng.integers(0, 3, len(stacked))],
     )
-    home = int(
-        np.bincount(
-            cell_of(stacked.lat, stacked.lon) - (base := cell_of(stacked.lat, stacked.lon).min())
-        ).argmax()
-        + base
-    )
-    tiles = error_levels.level_tiles(stacked, found.sign, home, 2)
-    surer = [(own, replace(data, own=0.1 * data.own)) for own, data in tiles]
     drives = np.array([0, 0, 1])
     states = [
         np.array(s, object)
@@ -197,12 +187,6 @@ def mapping_series() -> Any:
             "most": of._most(
                 np.array(["b", "a", "", "b", "c"], object), np.array([1.0, 1.5, 9.0, 0.4, 1.45])
             ),
-            "levels": [error_levels.levels_of_tiles(t) for t in (tiles, surer, [])],
-            "estimated": error_levels.estimate_levels(stacked, found.sign),
-            "tiles": [(data.rows, data.sign, error_levels._spare(data)) for _, data in tiles],
-            "cells": [
-                error_levels.level_cells(np.arange(40) * 7, np.arange(40) * k) for k in (1, 90)
-            ],
         }
     )
 

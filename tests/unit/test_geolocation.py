@@ -402,7 +402,7 @@ def test_gradient_vanishes_at_the_solution(world) -> None:
     columns, _ = columns_of(views, every, landmark.anchor, landmark.parameters)
     boxes = boxes_of(views, every, landmark.anchor, prior)
     boxes = by_expected_heights(boxes, landmark.parameters)
-    N, _, shared, _, _, _ = normal_equations(
+    N, _, shared, *_ = normal_equations(
         landmark.parameters, boxes, columns, np.zeros(N_COMMON), BY_CAUCHY
     )
     step = np.linalg.solve(N, shared[N_COMMON:, N_COMMON])

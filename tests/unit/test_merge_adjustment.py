@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from merge_scene import Errors, Scene, street_scene, to_enu
+from merge_scene import Errors, Scene, levels_told, street_scene, to_enu
 
 from automap.mapping import limits
 from automap.mapping.adjustment import (
@@ -14,7 +14,7 @@ from automap.mapping.adjustment import (
     ErrorLevels,
     adjust,
 )
-from automap.mapping.error_levels import estimate_levels
+from automap.mapping.drive_levels import error_levels
 from automap.mapping.limits import COMMON_SD_M
 from automap.mapping.sightings import Sightings, stack_sightings
 from automap.mapping.tiles import cut_tiles
@@ -184,12 +184,12 @@ def test_error_levels_follow_what_the_drives_show() -> None:
     """Drives that state half of their true errors are not believed for long."""
     scene = street_scene(6, 12, length_m=1200.0, errors=QUIET)
     sightings, association, _ = known_association(scene)
-    honest = estimate_levels(sightings, association)
+    honest, _ = levels_told(sightings, association)
     assert 0.75 < honest.own < 1.3
     sightings.own[:] *= 0.25
-    found = estimate_levels(sightings, association)
+    found, _ = levels_told(sightings, association)
     assert found.own > 1.5
-    assert estimate_levels(stack_sightings([]), NOTHING) == ErrorLevels()
+    assert error_levels([], 0)[0] == ErrorLevels()
 
 
 def test_every_sign_is_the_core_of_one_tile() -> None:
@@ -211,6 +211,6 @@ def test_an_error_that_lasts_all_along_a_drive_is_not_taken_for_a_small_one() ->
     for seed in range(4):
         scene = street_scene(seed, 2, 1500.0, spacing_m=40.0, errors=errors, both_ways=False)
         sightings, association, _ = known_association(scene)
-        result = adjust(sightings, association, estimate_levels(sightings, association))
+        result = adjust(sightings, association, levels_told(sightings, association)[0])
         sds.append(float(np.sqrt(np.median(result.cov_enu[:, 0, 0]))))
     assert 0.85 < np.mean(sds) / (errors.shared[0] / np.sqrt(2.0)) < 1.15

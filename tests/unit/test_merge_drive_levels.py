@@ -8,7 +8,7 @@ import pytest
 from automap.geolocation.path_errors import Equations, Network
 from automap.mapping.adjustment import ErrorLevels
 from automap.mapping.cells import cell_of
-from automap.mapping.drive_levels import drive_factors, drive_squares
+from automap.mapping.drive_levels import drive_squares, error_levels
 from automap.mapping.sightings import DriveSigns, stack_sightings
 from tests.unit.test_merge_correlation import drive
 
@@ -73,8 +73,8 @@ def _factors(drives: list[DriveSigns]) -> np.ndarray:
     sightings = stack_sightings(drives)
     sign = np.tile(np.arange(24), len(drives))
     cells = np.unique(cell_of(sightings.lat, sightings.lon)).tolist()
-    told = [drive_squares(sightings, sign, cell, ErrorLevels()) for cell in cells]
-    return drive_factors(told, len(drives))
+    told = [drive_squares(sightings, sign, cell) for cell in cells]
+    return error_levels(told, len(drives))[1]
 
 
 def test_a_drive_that_errs_by_more_is_known_by_itself() -> None:
@@ -97,5 +97,7 @@ def test_a_drive_of_one_sign_keeps_the_common_levels() -> None:
     drives = _street(1.0, 5)
     sightings = stack_sightings(drives[:1])
     cells = np.unique(cell_of(sightings.lat, sightings.lon)).tolist()
-    told = [drive_squares(sightings, np.arange(24), cell, ErrorLevels()) for cell in cells]
-    assert (drive_factors(told, 2) == 1.0).all()
+    told = [drive_squares(sightings, np.arange(24), cell) for cell in cells]
+    levels, factors = error_levels(told, 2)
+    assert levels == ErrorLevels()
+    assert (factors == 1.0).all()

@@ -16,7 +16,6 @@ from test_merge_cells import at_edge, moved
 from automap.mapping.merge import merge_drives
 from automap.mapping.sightings import DriveSigns
 from pipeline.merge import cell_parts, cell_steps
-from pipeline.merge.cell_levels import LEVELS
 from pipeline.merge.cell_map import merge_store
 from pipeline.merge.cell_steps import group, turns
 from pipeline.merge.cell_store import Drives, Near, add_drives, occupied, read_drives
@@ -71,9 +70,6 @@ def test_drives_that_come_later_give_the_map_of_all_from_nothing(tmp_path: Path)
     add_drives(one, [drives[7], drives[0]])
     merge_store(one)
     add_drives(one, [drives[1], drives[6]])
-    told = json.loads((one / LEVELS).read_text())
-    told["levels"]["own"] *= 1.005
-    (one / LEVELS).write_text(json.dumps(told))
     found = merge_store(one)
     add_drives(two, drives)
     whole = merge_store(two)
