@@ -233,12 +233,10 @@ def verdict(
             "not taken, since the fitted data speak for it and the held-out data against: "
             f"{', '.join(against)}"
         )
-    if claims and not (findings or formulas or left):
+    told = [c for c in claims if c.condition or not (findings or formulas or left)]
+    if told:
         parts = parts or ["no effect that these drives can show is missing from the model"]
-        levels = ", ".join(
-            f"{c.level.replace('_', ' ')} {c.factor:.2g} times ({c.evidence_nats:.0f} nats)"
-            for c in claims
-        )
+        levels = ", ".join(map(str, told))
         parts.append(f"but noise is not as stated, and what makes it is not told: {levels}")
     return "; ".join(parts) or "nothing is missing from the model as far as these drives can show"
 

@@ -138,7 +138,10 @@ def noise_words(claim: NoiseClaim, cost: Cost | None) -> Paragraph:
         "What to do: take model.toml, which has the noise as it is. What makes it, nothing here "
         "says: look for what shakes the sensor or shades the antenna."
     )
-    return f"{what} is {claim.factor:.2g} times as large as stated.", " ".join(parts)
+    lead = f"{what} is {claim.factor:.2g} times as large as stated"
+    if claim.condition:
+        lead += f" {claim.condition}, {claim.elsewhere:.2g} times elsewhere"
+    return f"{lead}.", " ".join(parts)
 
 
 def kept_out_words(one: KeptOut) -> Paragraph:
