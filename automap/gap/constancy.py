@@ -42,6 +42,8 @@ def drifts(asked: Beside, fits: Sequence[Fit]) -> dict[str, Drift]:
         for name, part, _ in asked.chosen.parts
         if not asked.selection.candidates[name].terms
         for i in part
+        # what is there or not, as the Earth's rotation is, has no value that changes
+        if layout[i].parameter in _units(layout[i].effect)
     ]
     if not acting:
         return {}
@@ -66,7 +68,7 @@ def drifts(asked: Beside, fits: Sequence[Fit]) -> dict[str, Drift]:
         # what one stretch alone says is no change that lasts
         nats = told.nats if told.predicted_without_best > 0.0 else min(told.nats, 0.0)
         change, sd = float(told.estimate[0]), float(told.sd[0])
-        unit = {p.name: p.unit for p in CATALOGUE[effect].parameters}[parameter]
+        unit = _units(effect)[parameter]
         drift = Drift(parameter, kind, change, sd, unit, at_s, nats)
         found.setdefault(effect, []).append((nats, drift))
         if kind == TREND or (kind == STEP and at_s == half):
@@ -87,6 +89,10 @@ def drifts(asked: Beside, fits: Sequence[Fit]) -> dict[str, Drift]:
         elif tests * chance <= limits.SUSPECTED:
             out[effect] = drift
     return out
+
+
+def _units(effect: str) -> dict[str, str]:
+    return {p.name: p.unit for p in CATALOGUE[effect].parameters}
 
 
 def _squared_sigmas(known: Conditional, i: int, told: Evidence) -> float:
