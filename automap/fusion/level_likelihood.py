@@ -104,9 +104,9 @@ def _slopes(
         store,
         problem.arrays.gate[3],
         np.array(left_out),
-        part,
         slope,
         info,
+        part,
     )
     return score, slope, info
 

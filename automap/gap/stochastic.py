@@ -110,22 +110,31 @@ def noise_claims(
             out.append(NoiseClaim(level, ratio, nats, _p(nats)))
     ranged = conditional_noise(fits, held_out)
     if ranged is not None:
-        out = _under_condition(out, ranged, ratios[ranged.level])
+        out = _under_condition(out, ranged, fits, stated_factors)
     return tuple(sorted(out, key=lambda c: -c.evidence_nats))
 
 
 def _under_condition(
-    claims: Sequence[NoiseClaim], ranged: Ranged, ratio: float
+    claims: Sequence[NoiseClaim],
+    ranged: Ranged,
+    fits: Sequence[Fit],
+    stated_factors: Mapping[str, float],
 ) -> list[NoiseClaim]:
-    """Claims with that of a level whose noise is ``ratio`` times as stated on the whole, and larger
-    than stated under a condition."""
-    inside, outside = ratio * ranged.inside, ratio * ranged.outside
+    """Claims with that of the level that a condition makes larger than stated, if it does."""
+    level, fitted = ranged.level, dict(fits[0].model.factors)
+    inside, outside = (fitted[level] * each for each in (ranged.inside, ranged.outside))
+    if level in FIGURES:
+        at = list(FIGURES).index(level)
+        inside, outside = (
+            _whole(fits, fitted | {level: each}, stated_factors)[at] for each in (inside, outside)
+        )
+    else:
+        inside, outside = inside / stated_factors[level], outside / stated_factors[level]
     if inside < limits.SCALE_FACTOR:
         return list(claims)
-    nats = ranged.nats + sum(c.evidence_nats for c in claims if c.level == ranged.level)
-    words = str(ranged.condition)
-    one = NoiseClaim(ranged.level, inside, nats, _p(nats), words, outside)
-    return [*(c for c in claims if c.level != ranged.level), one]
+    nats = ranged.nats + sum(c.evidence_nats for c in claims if c.level == level)
+    one = NoiseClaim(level, inside, nats, _p(nats), str(ranged.condition), outside)
+    return [*(c for c in claims if c.level != level), one]
 
 
 def noise_levels(name: str) -> tuple[str, ...]:

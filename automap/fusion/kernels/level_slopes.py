@@ -40,9 +40,9 @@ def level_slopes(
     store: ForwardStore,
     most_factor: float,
     left_out: FloatArray,
-    part: IntArray,
     slope: FloatArray,
     info: FloatArray,
+    part: IntArray,
 ) -> None:
     """Add to ``slope`` [g, l] the slopes along the logarithms of factors on sds, to ``info``
     [g, l] the variance that each slope has where its level is right, those of the ``part`` [k] that
