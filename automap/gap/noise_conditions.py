@@ -6,6 +6,7 @@ where a level is one for all of the drive no cut matters (Breusch and Pagan, Eco
 1287-1294). What stands out is fitted with a level within the condition and one elsewhere.
 A body that sways in bends looks like noise of the sensors in it: so how far the vehicle keeps to
 its path may depend on a condition too, and what is said of a sensor must hold without that.
+At rest, where all is quieter, levels stay as they are, and have no say.
 """
 
 from __future__ import annotations
@@ -145,11 +146,17 @@ def _inside(course: Course, condition: Condition, t: FloatArray) -> BoolArray:
     return np.asarray((values >= condition.low) & (values < condition.high))
 
 
+def _moves(course: Course, t: FloatArray) -> BoolArray:
+    return np.asarray(np.interp(t, course[0], course[1]["speed"]) >= limits.STANDING_SPEED)
+
+
 def _conditions(courses: Sequence[Course]) -> list[Condition]:
     """All ranges between two of the edges of each quantity."""
     out = []
     for quantity in QUANTITIES:
-        every = np.concatenate([values[quantity] for _, values in courses])
+        every = np.concatenate([of[quantity][_moves((t, of), t)] for t, of in courses])
+        if len(every) == 0:
+            continue
         inner = np.unique(np.quantile(every, np.arange(1, PIECES) / PIECES))
         if not float(every.min()) < float(inner[-1]):
             # it has but one value
@@ -172,7 +179,8 @@ def _shortlist(
     for fit, course in zip(fits, courses, strict=True):
         last = fit.last
         each = slopes_by_node(last.problem, last.nodes, fit.start, last.shift, last.smooth)
-        s, i = (values[:, SLOPED] for values in each)
+        moves = _moves(course, last.nodes.t)[:, None]
+        s, i = (values[:, SLOPED] * moves for values in each)
         inside = np.array([_inside(course, c, last.nodes.t) for c in conditions], np.float64)
         slope += inside @ s
         info += inside @ i
@@ -192,10 +200,11 @@ def _shortlist(
 def _fitted(
     fits: Sequence[Fit], courses: Sequence[Course], level: str, condition: Condition
 ) -> Ranged:
-    """The two levels that make the drives likeliest, and the nats that both bring."""
-    one = Ranged(level, condition, 1.0, 1.0, 0.0)
+    """The two levels that make the drives likeliest, and the nats by which these say more than
+    one."""
+    one = _climbed(fits, courses, Ranged(level, condition, 1.0, 1.0, 0.0), BOTH)
     best = _climbed(fits, courses, one, EACH)
-    return replace(best, nats=best.nats - _score(fits, courses, one))
+    return replace(best, nats=best.nats - one.nats)
 
 
 def _climbed(
@@ -231,16 +240,23 @@ def _score(fits: Sequence[Fit], courses: Sequence[Course], at: Ranged) -> float:
 
 
 def _scaled(fit: Fit, course: Course, at: Ranged) -> tuple[Problem, Nodes]:
-    factors = dict.fromkeys(ALL_LEVELS, 1.0) | {at.level: at.outside}
-    problem = scale_problem(fit.last.problem, factors)
-    nodes = scale_nodes(fit.last.nodes, factors)
+    problem, nodes = fit.last.problem, fit.last.nodes
     if at.level not in INERTIAL_LEVELS:
-        inner = scale_nodes(fit.last.nodes, factors | {at.level: at.inside})
-        inside = _inside(course, at.condition, nodes.t)
-        return problem, replace(nodes, var=np.where(inside[:, None], inner.var, nodes.var))
+        var = nodes.var
+        factors = _factors(course, at, nodes.t)
+        for factor in (at.inside, at.outside):
+            levels = dict.fromkeys(ALL_LEVELS, 1.0) | {at.level: factor}
+            here = scale_nodes(nodes, levels).var
+            var = np.where((factors == factor)[:, None], here, var)
+        return problem, replace(nodes, var=var)
     which = INERTIAL_LEVELS.index(at.level)
-    psd = float(fit.last.problem.arrays.noise[which])
+    psd = float(problem.arrays.noise[which])
     shocks = problem.samples.shocks.copy()
-    inside = _inside(course, at.condition, problem.t)
-    shocks[inside, which] += (at.inside**2 - at.outside**2) * psd
+    shocks[:, which] += (_factors(course, at, problem.t) ** 2 - 1.0) * psd
     return replace(problem, samples=problem.samples._replace(shocks=shocks)), nodes
+
+
+def _factors(course: Course, at: Ranged, t: FloatArray) -> FloatArray:
+    """Factors on the level at instants [n]; at rest it stays as it is."""
+    moving = np.where(_inside(course, at.condition, t), at.inside, at.outside)
+    return np.where(_moves(course, t), moving, 1.0)
