@@ -237,7 +237,8 @@ def verdict(
     if told:
         parts = parts or ["no effect that these drives can show is missing from the model"]
         levels = ", ".join(map(str, told))
-        parts.append(f"but noise is not as stated, and what makes it is not told: {levels}")
+        unknown = "" if all(c.cause for c in told) else ", and what makes it is not told"
+        parts.append(f"but noise is not as stated{unknown}: {levels}")
     return "; ".join(parts) or "nothing is missing from the model as far as these drives can show"
 
 

@@ -26,6 +26,7 @@ from automap.gap.drive import OpenDrive, count_outliers
 from automap.gap.fit import Fit, Values, without
 from automap.gap.noise import fit_noise, fitted_about, noise_score, rest_factors, with_noise
 from automap.gap.noise_conditions import Ranged, conditional_noise, unconstrained
+from automap.gap.reading_steps import coarse
 from automap.gap.result import Finding, NoiseClaim, ParameterValue, advice
 from automap.gap.scoring import epochs, fit_held_out, likelier, total_score, whitener_of
 from automap.gap.screening import Found
@@ -111,6 +112,7 @@ def noise_claims(
     ranged = conditional_noise(fits, held_out)
     if ranged is not None:
         out = _under_condition(out, ranged, fits, stated_factors)
+    out = [replace(c, cause=coarse(fits, c.level)) if c.level in SENSOR_LEVELS else c for c in out]
     return tuple(sorted(out, key=lambda c: -c.evidence_nats))
 
 

@@ -151,6 +151,7 @@ def as_json(result: GapResult) -> dict[str, Any]:
                 "p_value": c.p_value,
                 "condition": c.condition or None,
                 "elsewhere": c.elsewhere if c.condition else None,
+                "cause": c.cause or None,
             }
             for c in result.noise_claims
         ],
