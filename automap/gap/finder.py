@@ -31,6 +31,7 @@ from automap.gap.naming import (
     verdict,
 )
 from automap.gap.noise import Log, open_fits
+from automap.gap.reading_steps import coarse_readings
 from automap.gap.responses import responses
 from automap.gap.result import (
     ChannelGap,
@@ -222,7 +223,7 @@ def _result(
         verdict(findings, formulas, left, gaps[0], rest, kept_out, claims),
         carried,
         base,
-        warnings=stands.warnings,
+        warnings=(*stands.warnings, *coarse_readings(with_states)),
         places=tuple(shown),
         held_out=(tuple(first), tuple(final)),
         unclear=_unclear(fits, model, exclude),

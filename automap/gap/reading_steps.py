@@ -60,6 +60,16 @@ def coarse(fits: Sequence[Fit], level: str) -> str:
     return ""
 
 
+def coarse_readings(fits: Sequence[Fit]) -> tuple[str, ...]:
+    """A sentence for each sensor whose readings are held or come in coarse steps."""
+    causes = {level: coarse(fits, level) for level in ("gyro", "accel")}
+    return tuple(
+        f"readings of the {level} are coarser than its noise as stated: {cause}"
+        for level, cause in causes.items()
+        if cause
+    )
+
+
 def held_until(readings: FloatArray) -> float:
     """The least by which readings [n] change, but for one in twenty, where most are the same as
     the one before; 0 where they are not."""
