@@ -59,11 +59,38 @@ def level_likelihood(
     """Likelihood of the nodes' measurements and its slopes, linearised about ``linearised_at``;
     ``room`` of an earlier call about the same states is written over. Slopes are exact where shares
     of surprising blocks that are ``left_out`` may be any."""
-    slope, info = np.zeros(len(ALL_LEVELS)), np.zeros(len(ALL_LEVELS))
+    at_once = np.zeros(len(nodes.t), dtype=np.int64)
+    score, slope, info = _slopes(
+        problem, nodes, start, shift, linearised_at, room, left_out, at_once
+    )
+    return LevelLikelihood(score, slope[0], info[0])
+
+
+def slopes_by_node(
+    problem: Problem, nodes: Nodes, start: Start, shift: Shift, linearised_at: PathStates
+) -> tuple[FloatArray, FloatArray]:
+    """The slopes [k, l] of the likelihood, and their variances [k, l], that each node and the
+    interval before it have a part in."""
+    each = np.arange(len(nodes.t))
+    return _slopes(problem, nodes, start, shift, linearised_at, None, LEFT_OUT, each)[1:]
+
+
+def _slopes(
+    problem: Problem,
+    nodes: Nodes,
+    start: Start,
+    shift: Shift,
+    linearised_at: PathStates,
+    room: ForwardStore | None,
+    left_out: tuple[float, float],
+    part: IntArray,
+) -> tuple[float, FloatArray, FloatArray]:
+    """Likelihood, and the slopes and variances [g, l] of the ``part`` [k] that nodes are of."""
+    slope, info = np.zeros((2, int(part.max()) + 1, len(ALL_LEVELS)))
     store = room or empty_store(nodes, problem.model.size)
     score = filter_into(store, problem, nodes, first_state(problem, start, shift), linearised_at)
     if not np.isfinite(score):
-        return LevelLikelihood(-np.inf, slope, info)
+        return -np.inf, slope, info
     level_slopes(
         nodes.t,
         nodes.var,
@@ -79,8 +106,9 @@ def level_likelihood(
         np.array(left_out),
         slope,
         info,
+        part,
     )
-    return LevelLikelihood(score, slope, info)
+    return score, slope, info
 
 
 def _level_of_channel() -> IntArray:

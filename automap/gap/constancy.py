@@ -17,16 +17,20 @@ import numpy as np
 from automap.effects import CATALOGUE
 from automap.gap import limits
 from automap.gap.beside import Beside
-from automap.gap.evidence import evidence
+from automap.gap.evidence import Evidence, evidence
 from automap.gap.fit import Fit
-from automap.gap.linear import Column, Direct, Linear, NodeMotion
+from automap.gap.linear import Column, Conditional, Direct, Linear, NodeMotion
 from automap.gap.motion import Motion
 from automap.gap.result import Drift
+from automap.gates import exceeds
 from automap.records import BoolArray, FloatArray
 
 Key = tuple[str, str]
 """Effect and parameter."""
 TREND, SETTLING, STEP, DRIVE = "trend", "settling", "step", "drive"
+TESTED = 2
+"""Changes that a constant is tested against, whatever the odds of all: a trend, and one between the
+halves of the drive."""
 
 
 def drifts(asked: Beside, fits: Sequence[Fit]) -> dict[str, Drift]:
@@ -38,6 +42,8 @@ def drifts(asked: Beside, fits: Sequence[Fit]) -> dict[str, Drift]:
         for name, part, _ in asked.chosen.parts
         if not asked.selection.candidates[name].terms
         for i in part
+        # what is there or not, as the Earth's rotation is, has no value that changes
+        if layout[i].parameter in _units(layout[i].effect)
     ]
     if not acting:
         return {}
@@ -53,6 +59,8 @@ def drifts(asked: Beside, fits: Sequence[Fit]) -> dict[str, Drift]:
     linear, shapes = _changes(raw, acting, edges, len(fits))
     known = asked.known(linear)
     found: dict[str, list[tuple[float, Drift]]] = {}
+    half = float(edges[limits.DRIFT_BLOCKS // 2])
+    unlikely: dict[str, list[tuple[float, Drift]]] = {}
     for i, ((effect, parameter), kind, at_s) in shapes.items():
         if not known.shows((i,)):
             continue
@@ -60,19 +68,36 @@ def drifts(asked: Beside, fits: Sequence[Fit]) -> dict[str, Drift]:
         # what one stretch alone says is no change that lasts
         nats = told.nats if told.predicted_without_best > 0.0 else min(told.nats, 0.0)
         change, sd = float(told.estimate[0]), float(told.sd[0])
-        unit = {p.name: p.unit for p in CATALOGUE[effect].parameters}[parameter]
+        unit = _units(effect)[parameter]
         drift = Drift(parameter, kind, change, sd, unit, at_s, nats)
         found.setdefault(effect, []).append((nats, drift))
+        if kind == TREND or (kind == STEP and at_s == half):
+            chance = exceeds(_squared_sigmas(known, i, told), 1)
+            unlikely.setdefault(effect, []).append((chance, drift))
     out = {}
     for effect, changes in found.items():
         # of all shapes together: nobody says beforehand which
         every = np.array([nats for nats, _ in changes])
         odds = float(np.logaddexp.reduce(every) - np.log(len(every)))
         odds += math.log(limits.OUTSIDE_LIBRARY)
+        # a constant that the drive's halves contradict is none for being likely beforehand
+        chance, drift = min(unlikely.get(effect, [(1.0, changes[0][1])]), key=lambda one: one[0])
+        tests = TESTED * sum(key[0] == effect for key in acting)
         if odds > 0.0:
             drift = max(changes, key=lambda change: change[0])[1]
             out[effect] = replace(drift, sure=odds >= limits.LEAST_ODDS)
+        elif tests * chance <= limits.SUSPECTED:
+            out[effect] = drift
     return out
+
+
+def _units(effect: str) -> dict[str, str]:
+    return {p.name: p.unit for p in CATALOGUE[effect].parameters}
+
+
+def _squared_sigmas(known: Conditional, i: int, told: Evidence) -> float:
+    """Of what a column adds, by its own scatter from stretch to stretch."""
+    return float(known.score[i] ** 2 / (known.diagonal[i] * told.overdispersion))
 
 
 def _edges(fits: Sequence[Fit]) -> FloatArray:

@@ -17,7 +17,6 @@ from automap.gap.constancy import drifts
 from automap.gap.dictionary import forget_formulas
 from automap.gap.drive import GapDrive, OpenDrive, in_vehicle_axes, open_drive
 from automap.gap.fit import Fit, GapModel, Values, base_model, fit_drive, without
-from automap.gap.instability import unstable
 from automap.gap.leftover import given_up, in_noise
 from automap.gap.linear import Column, NodeMotion
 from automap.gap.misfit import Misfit, Place, misfits, places, worst_by_channel
@@ -32,6 +31,7 @@ from automap.gap.naming import (
     verdict,
 )
 from automap.gap.noise import Log, open_fits
+from automap.gap.reading_steps import coarse_readings
 from automap.gap.responses import responses
 from automap.gap.result import (
     ChannelGap,
@@ -52,7 +52,7 @@ from automap.gap.scoring import (
     total_score,
     whitener_of,
 )
-from automap.gap.screening import Found, Screening, in_layout
+from automap.gap.screening import Found, Screening
 from automap.gap.search import Search
 from automap.gap.stochastic import (
     BEHIND,
@@ -201,7 +201,7 @@ def _result(
     with_states = found.fitted.fits
     noise = stochastic_findings(with_states, stated.factors, rest, frozenset(exclude))
     findings += noise
-    claims = noise_claims(with_states, stated.factors)
+    claims = noise_claims(with_states, stated.factors, final)
     refused = strongest_refused(found)
     kept_out = _by_formula(found, stands.kept_out)
     hidden = given_up(found, maxima)
@@ -223,7 +223,7 @@ def _result(
         verdict(findings, formulas, left, gaps[0], rest, kept_out, claims),
         carried,
         base,
-        warnings=stands.warnings,
+        warnings=(*stands.warnings, *coarse_readings(with_states)),
         places=tuple(shown),
         held_out=(tuple(first), tuple(final)),
         unclear=_unclear(fits, model, exclude),
@@ -259,8 +259,8 @@ def _followed(
     held_out: Sequence[Fit],
     values: Values,
 ) -> tuple[dict[str, Drift], tuple[Misfit, ...]]:
-    """Which named effects are not constant, what follows manoeuvres in a way of its own, and what
-    acts under some condition only, by fits of all drives with the effects held at ``values``."""
+    """Which named effects are not constant, and what follows manoeuvres in a way of its own, by
+    fits of all drives with the effects held at ``values``."""
     chosen = found.chosen
     for name in chosen.names:
         if found.effects.get(name, name) not in values:
@@ -273,10 +273,6 @@ def _followed(
     known = {names.get(effect, effect): its for effect, its in values.items()}
     asked = Beside(found.selection, chosen, columns, known)
     later = responses(asked, fitted, held_out)
-    alone = found.nothing_else
-    beside = in_layout(found.chosen, found.selection.linear.layout, alone)
-    fits = found.fitted.fits
-    later += unstable(alone, beside, fits, asked, screening.columns, held_out)
     return drifts(asked, (*fitted, *held_out)), later
 
 

@@ -23,16 +23,15 @@ from automap.gates import exceeds
 from automap.records import BoolArray, FloatArray
 
 MANOEUVRES = ("standing", "turning", "accelerating", "braking", "cruising")
-LIKE, AFTER, WHEN = "like", "after", "changing"
+LIKE, AFTER = "like", "after"
 
 
 @dataclass(frozen=True)
 class Misfit:
     """Something that no candidate explains: ``channel``; ``kind`` "band", "time", "speed", "turn",
     "acceleration", "like" for what follows a candidate that is too weak to be named, "after" for
-    what follows a manoeuvre in a way of its own, "changing" for what a candidate does under a
-    condition; ``where`` in words, of "like" the candidate's name, of "after" channel and manoeuvre,
-    of "changing" candidate and condition; ``size`` factor on the variance that the model expects;
+    what follows a manoeuvre in a way of its own; ``where`` in words, of "like" the candidate's
+    name, of "after" channel and manoeuvre; ``size`` factor on the variance that the model expects;
     ``p_value`` of such a size by chance, all tests of the search counted."""
 
     channel: str
@@ -44,7 +43,7 @@ class Misfit:
     @property
     def suspected(self) -> bool:
         """Whether it is known by what it follows, not by its size."""
-        return self.kind in (LIKE, AFTER, WHEN)
+        return self.kind in (LIKE, AFTER)
 
     def __str__(self) -> str:
         channel = self.channel.replace("_", " ")
@@ -54,9 +53,6 @@ class Misfit:
                 f"{channel} shows that {what.replace('_', ' ')} is off after {manoeuvre}, at once "
                 "or up to a minute later, more than chance lets it"
             )
-        if self.kind == WHEN:
-            what, _, condition = self.where.partition(f" {WHEN} ")
-            return f"{channel} follows what {what} would do, in a size that changes {condition}"
         if self.suspected:
             return (
                 f"{channel} follows what {self.where} would do more than chance lets it, though "

@@ -233,13 +233,12 @@ def verdict(
             "not taken, since the fitted data speak for it and the held-out data against: "
             f"{', '.join(against)}"
         )
-    if claims and not (findings or formulas or left):
+    told = [c for c in claims if c.condition or not (findings or formulas or left)]
+    if told:
         parts = parts or ["no effect that these drives can show is missing from the model"]
-        levels = ", ".join(
-            f"{c.level.replace('_', ' ')} {c.factor:.2g} times ({c.evidence_nats:.0f} nats)"
-            for c in claims
-        )
-        parts.append(f"but noise is not as stated, and what makes it is not told: {levels}")
+        levels = ", ".join(map(str, told))
+        unknown = "" if all(c.cause for c in told) else ", and what makes it is not told"
+        parts.append(f"but noise is not as stated{unknown}: {levels}")
     return "; ".join(parts) or "nothing is missing from the model as far as these drives can show"
 
 

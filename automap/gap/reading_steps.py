@@ -1,7 +1,8 @@
 """The steps in which an inertial sensor's readings come, and what they are taken for.
 
 Where what is between two steps is cut off, towards zero, readings are half a step too small and
-nothing is read below one: a dead zone in all but the cause.
+nothing is read below one: a dead zone in all but the cause. What is rounded to coarse steps, or
+told anew only once it has changed by enough, is noise in all but the cause.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from automap.gap import limits
 from automap.gap.fit import Fit
 from automap.records import FloatArray
 
@@ -35,6 +37,47 @@ def cut_off(fits: Sequence[Fit], effect: str, values: Mapping[str, tuple[float, 
     if not 0.5 * step - 2.0 * sd < size < min(step + 2.0 * sd, 2.0 * step):
         return ""
     return f"readings that are cut off towards zero, in the steps of {step:.3g} in which they come"
+
+
+def coarse(fits: Sequence[Fit], level: str) -> str:
+    """What makes a sensor's ("gyro", "accel") readings noisier than it is, in words: an axis that
+    is held, or steps whose rounding alone is as much as a claim of noise needs; nothing mostly."""
+    unit = {"gyro": "rad/s", "accel": "m/s^2"}[level]
+    for fit in fits:
+        imu = fit.opened.drive.imu
+        interval_s = float(np.median(np.diff(imu.t_ns))) * 1e-9
+        stated = getattr(fit.model.options, f"{level}_noise")
+        for axis, readings in zip("xyz", getattr(imu, level).T, strict=True):
+            step, change = step_of(readings), held_until(readings)
+            if change > 1.5 * step:
+                return (
+                    f"its {axis} axis is told anew only when it has changed by {change:.2g} {unit}"
+                )
+            # the variance of rounding is even over a step
+            density = step * (interval_s / 12.0) ** 0.5
+            if density**2 > (limits.SCALE_FACTOR**2 - 1.0) * stated**2:
+                return f"its {axis} axis comes in steps of {step:.2g} {unit}"
+    return ""
+
+
+def coarse_readings(fits: Sequence[Fit]) -> tuple[str, ...]:
+    """A sentence for each sensor whose readings are held or come in coarse steps."""
+    causes = {level: coarse(fits, level) for level in ("gyro", "accel")}
+    return tuple(
+        f"readings of the {level} are coarser than its noise as stated: {cause}"
+        for level, cause in causes.items()
+        if cause
+    )
+
+
+def held_until(readings: FloatArray) -> float:
+    """The least by which readings [n] change, but for one in twenty, where most are the same as
+    the one before; 0 where they are not."""
+    apart = np.abs(np.diff(readings))
+    changes = apart[apart > 0.0]
+    if len(changes) == 0 or len(changes) > 0.5 * len(apart):
+        return 0.0
+    return float(np.quantile(changes, 0.05))
 
 
 def step_of(readings: FloatArray) -> float:

@@ -100,12 +100,24 @@ def coefficient_names(count: int) -> tuple[str, ...]:
 @dataclass(frozen=True)
 class NoiseClaim:
     """A level of noise that is not as stated: ``factor`` on what data sheet or preset says, with
-    the nats by which the drives are likelier with it."""
+    the nats by which the drives are likelier with it; where it is so under a ``condition`` alone,
+    in words, the factor ``elsewhere``; ``cause`` what the readings themselves show of why."""
 
     level: str
     factor: float
     evidence_nats: float
     p_value: float
+    condition: str = ""
+    elsewhere: float = 0.0
+    cause: str = ""
+
+    def __str__(self) -> str:
+        """What is claimed, as a person writes it."""
+        text = f"{self.level.replace('_', ' ')} {self.factor:.2g} times"
+        if self.condition:
+            text += f" {self.condition} and {self.elsewhere:.2g} times elsewhere"
+        because = f": {self.cause}" if self.cause else ""
+        return f"{text} ({self.evidence_nats:.0f} nats){because}"
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ import numpy as np
 from automap.effects import CATALOGUE
 from automap.effects.catalogue import bias_walks
 from automap.fusion.filtered import full_covariance
-from automap.fusion.layout import CH_VEL, N_NAV, NHC
+from automap.fusion.layout import CH_VEL, N_NAV
 from automap.fusion.levels import ALL_LEVELS, RECEIVER_LEVELS, VELOCITY_WANDER
 from automap.fusion.measurements.position import lasting_share
 from automap.fusion.nodes import model_fixes
@@ -25,6 +25,8 @@ from automap.gap import limits
 from automap.gap.drive import OpenDrive, count_outliers
 from automap.gap.fit import Fit, Values, without
 from automap.gap.noise import fit_noise, fitted_about, noise_score, rest_factors, with_noise
+from automap.gap.noise_conditions import Ranged, conditional_noise, unconstrained
+from automap.gap.reading_steps import coarse
 from automap.gap.result import Finding, NoiseClaim, ParameterValue, advice
 from automap.gap.scoring import epochs, fit_held_out, likelier, total_score, whitener_of
 from automap.gap.screening import Found
@@ -76,10 +78,11 @@ def stochastic_findings(
 
 
 def noise_claims(
-    fits: Sequence[Fit], stated_factors: Mapping[str, float]
+    fits: Sequence[Fit], stated_factors: Mapping[str, float], held_out: Sequence[Fit] = ()
 ) -> tuple[NoiseClaim, ...]:
     """Levels that the drives want higher than stated, however it is called: what no other level
-    says as well. The vehicle's own are not of a sensor or receiver.
+    says as well. The vehicle's own are not of a sensor or receiver. The level that depends on a
+    condition, which ``held_out`` drives bear out, is told with it.
 
     Of a receiver's figure only the whole can be too small: it does not say how much of its error
     lasts, and how that is split is the model's own matter. A sensor that is at rest as noisy as
@@ -106,7 +109,34 @@ def noise_claims(
         nats -= limits.OCCAM_NATS
         if nats >= limits.NOISE_NATS:
             out.append(NoiseClaim(level, ratio, nats, _p(nats)))
+    ranged = conditional_noise(fits, held_out)
+    if ranged is not None:
+        out = _under_condition(out, ranged, fits, stated_factors)
+    out = [replace(c, cause=coarse(fits, c.level)) if c.level in SENSOR_LEVELS else c for c in out]
     return tuple(sorted(out, key=lambda c: -c.evidence_nats))
+
+
+def _under_condition(
+    claims: Sequence[NoiseClaim],
+    ranged: Ranged,
+    fits: Sequence[Fit],
+    stated_factors: Mapping[str, float],
+) -> list[NoiseClaim]:
+    """Claims with that of the level that a condition makes larger than stated, if it does."""
+    level, fitted = ranged.level, dict(fits[0].model.factors)
+    inside, outside = (fitted[level] * each for each in (ranged.inside, ranged.outside))
+    if level in FIGURES:
+        at = list(FIGURES).index(level)
+        inside, outside = (
+            _whole(fits, fitted | {level: each}, stated_factors)[at] for each in (inside, outside)
+        )
+    else:
+        inside, outside = inside / stated_factors[level], outside / stated_factors[level]
+    if inside < limits.SCALE_FACTOR:
+        return list(claims)
+    nats = ranged.nats + sum(c.evidence_nats for c in claims if c.level == level)
+    one = NoiseClaim(level, inside, nats, _p(nats), str(ranged.condition), outside)
+    return [*(c for c in claims if c.level != level), one]
 
 
 def noise_levels(name: str) -> tuple[str, ...]:
@@ -131,16 +161,10 @@ def _of_no_vehicle(
 ) -> float:
     """Log-likelihood ratio, nats, of levels free beside ``as_stated`` where nothing is known of how
     the vehicle moves: a body that sways against its path looks like noise of the sensors in it."""
-    free = [_unconstrained(f) for f in fits]
+    free = [unconstrained(f) for f in fits]
     best = fit_noise(free, initial=fitted)
     held = _at_best(free, best | dict(as_stated), tuple(as_stated))
     return noise_score(free, best) - noise_score(free, held)
-
-
-def _unconstrained(fit: Fit) -> Fit:
-    """A fit whose nodes say nothing of sideways slip and springs."""
-    nodes = replace(fit.last.nodes, flags=fit.last.nodes.flags & ~NHC)
-    return replace(fit, last=replace(fit.last, nodes=nodes))
 
 
 def _memo(

@@ -149,6 +149,9 @@ def as_json(result: GapResult) -> dict[str, Any]:
                 "factor": c.factor,
                 "evidence_nats": c.evidence_nats,
                 "p_value": c.p_value,
+                "condition": c.condition or None,
+                "elsewhere": c.elsewhere if c.condition else None,
+                "cause": c.cause or None,
             }
             for c in result.noise_claims
         ],
@@ -221,11 +224,7 @@ def _lines(result: GapResult) -> list[str]:
             f"  {one.formula}: {one.numbers} ({one.evidence_nats:.0f} nats, "
             f"p {p_text(one.p_value)}){like}"
         )
-    lines += [
-        f"  noise: {c.level.replace('_', ' ')} is {c.factor:.3g} times as stated "
-        f"({c.evidence_nats:.0f} nats)"
-        for c in result.noise_claims
-    ]
+    lines += [f"  noise is not as stated: {c}" for c in result.noise_claims]
     lines += [f"  not explained: {m}" for m in result.misfits[:MISFITS]]
     if len(result.misfits) > MISFITS:
         lines.append(f"  not explained: {len(result.misfits) - MISFITS} more in {REPORT}")

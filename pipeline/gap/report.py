@@ -263,8 +263,7 @@ def _noise(result: GapResult) -> Section:
         "Noise was fitted by maximum likelihood before anything was named, and with it."
     )
     section.sentences += [
-        f"{c.level.replace('_', ' ').capitalize()} is {c.factor:.2f} times as stated: "
-        f"{c.evidence_nats:.0f} nats speak for it. What that is beyond noise, nothing here says."
+        f"Not as stated: {c}. What that is beyond noise, nothing here says."
         for c in result.noise_claims
     ]
     section.rows = [(k.replace("_", " "), f"{v:.2f}") for k, v in result.noise.items()]

@@ -134,11 +134,20 @@ def noise_words(claim: NoiseClaim, cost: Cost | None) -> Paragraph:
     parts = [how_sure(claim.evidence_nats, claim.p_value)]
     if cost is not None:
         parts.append(cost_words(cost, noise=True))
-    parts.append(
-        "What to do: take model.toml, which has the noise as it is. What makes it, nothing here "
-        "says: look for what shakes the sensor or shades the antenna."
-    )
-    return f"{what} is {claim.factor:.2g} times as large as stated.", " ".join(parts)
+    if claim.cause:
+        parts.append(
+            f"What makes it: {claim.cause}. What to do: have the sensor told as finely as it "
+            "measures, by its range and by what writes its log. Until then take model.toml."
+        )
+    else:
+        parts.append(
+            "What to do: take model.toml, which has the noise as it is. What makes it, nothing "
+            "here says: look for what shakes the sensor or shades the antenna."
+        )
+    lead = f"{what} is {claim.factor:.2g} times as large as stated"
+    if claim.condition:
+        lead += f" {claim.condition}, {claim.elsewhere:.2g} times elsewhere"
+    return f"{lead}.", " ".join(parts)
 
 
 def kept_out_words(one: KeptOut) -> Paragraph:

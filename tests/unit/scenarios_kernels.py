@@ -459,6 +459,6 @@ def kernels_smoother() -> Any:
         found[f"levels {same[1]}"] = after(
             level_slopes,
             *(same, var, keep, kept, tau, walk, np.array([0.3, 0.8]), of_channel, of_state),
-            *(store, 1e6, np.array([0.0, 1.0]), np.zeros(6), np.zeros(6)),
+            *(store, 1e6, np.array([0.0, 1.0]), *np.zeros((2, 1, 6)), np.zeros(5, int)),
         )
     return found

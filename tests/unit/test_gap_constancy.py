@@ -71,3 +71,15 @@ def test_another_value_on_another_drive_is_told_so() -> None:
     assert (drift.kind, drift.at_s) == ("drive", 1.0)
     assert drift.change == pytest.approx(SIZE, abs=4.0 * drift.sd)
     assert "from one drive to another" in str(drift)
+
+
+def test_what_is_there_or_not_has_no_value_that_changes() -> None:
+    model = base_model()
+    fit = fit_drive(open_drive(DRIVE, model.options), model)
+    selection = screened(fit, ["earth_rotation"])
+    chosen = Chosen((("earth_rotation", (0,), 1.0),))
+
+    def columns(fit: Fit, *about) -> list:  # type: ignore[no-untyped-def, type-arg]
+        return named_columns(["earth_rotation"], fit, *about)
+
+    assert drifts(Beside(selection, chosen, columns, {}), [fit]) == {}

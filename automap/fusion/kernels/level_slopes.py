@@ -42,9 +42,11 @@ def level_slopes(
     left_out: FloatArray,
     slope: FloatArray,
     info: FloatArray,
+    part: IntArray,
 ) -> None:
-    """Add to ``slope`` [l] the slopes along the logarithms of factors on sds, to ``info`` [l]
-    the variance that each slope has where its level is right.
+    """Add to ``slope`` [g, l] the slopes along the logarithms of factors on sds, to ``info``
+    [g, l] the variance that each slope has where its level is right, those of the ``part`` [k] that
+    each node, with the interval before it, is of.
 
     ``node_t`` [k] s, ``var`` [k, 15] by channel, ``keep`` [k, 3] and ``kept`` [n] as in the
     forward pass, ``tau``, ``walk`` [n], ``noise`` [2] PSD of force and rate. Levels of
@@ -81,8 +83,8 @@ def level_slopes(
             level = level_of_channel[channel]
             if level >= 0:
                 size = var[k, channel] * store.factor[a + q]
-                slope[level] += size * (error[q] - spread[q])
-                info[level] += 2.0 * (size * spread[q]) ** 2
+                slope[part[k], level] += size * (error[q] - spread[q])
+                info[part[k], level] += 2.0 * (size * spread[q]) ** 2
         span = node_t[k] - node_t[k - 1] if k > 0 else 0.0
         outlasting(span, tau, kept, keep[k], decay)
         for j in range(N_NAV, n):
@@ -93,10 +95,10 @@ def level_slopes(
             if tau[j] > 0.0:
                 # at the start a correlated state has all of its variance
                 q = (1.0 - decay[j] ** 2 if k > 0 else 1.0) * walk[j]
-            slope[level] += q * (lam[j] ** 2 - big[j, j])
-            info[level] += 2.0 * (q * big[j, j]) ** 2
+            slope[part[k], level] += q * (lam[j] ** 2 - big[j, j])
+            info[part[k], level] += 2.0 * (q * big[j, j]) ** 2
         if k > 0 and span > 0.0:
-            _inertial(lam, big, store.trans[k], noise, span, slope, info)
+            _inertial(lam, big, store.trans[k], noise, span, slope[part[k]], info[part[k]])
             undo_interval(lam, big, store.trans[k], decay)
 
 
