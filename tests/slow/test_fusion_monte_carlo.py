@@ -59,10 +59,12 @@ def test_errors_are_as_large_as_their_sd(outcomes: list[DriveOutcome]) -> None:
 
 
 def test_mean_nees_lies_in_its_band(outcomes: list[DriveOutcome]) -> None:
+    """Of the attitude a third is a roll that is drawn once a drive: it scatters by a tenth more,
+    and lies in the band of independent errors or does not for a whole drive."""
     mean, inside = nees(outcomes)
-    assert (mean[1:] > 0.8).all()
-    assert (mean[1:] < 1.2).all()
-    assert (inside > 0.7).all()
+    assert 0.8 < mean[1] < 1.2
+    assert 0.65 < mean[2] < 1.45
+    assert (inside[:2] > 0.7).all()
 
 
 def test_outages_of_a_minute() -> None:
