@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from automap.records import FloatArray, ImuCalibration, TriadCalibration
@@ -32,8 +34,8 @@ def folded_covariance(
 ) -> FloatArray:
     """Covariance [size, size] of scale and bias after folding in errors of covariance [12, 12].
 
-    ``at`` are the places of bias and scale in the errors. The matrix is that of ``before``,
-    whose own uncertainty the dynamic calibration does not know: its rows are zero.
+    ``at`` are the places of bias and scale in the errors. The matrix is that of ``before``:
+    its rows have the angles' own sigma, or are zero where nobody measured them.
     """
     rows = np.r_[at[1] : at[1] + 3, at[0] : at[0] + 3]
     J = np.eye(6)
@@ -41,6 +43,8 @@ def folded_covariance(
     J[3:, :3] = np.diag(before.bias)
     covariance = np.zeros((size, size))
     covariance[:6, :6] = J @ errors[np.ix_(rows, rows)] @ J.T
+    if math.isfinite(before.angles_sd):
+        covariance[6:size, 6:size] = before.angles_sd**2 * np.eye(size - 6)
     return covariance
 
 

@@ -62,5 +62,6 @@ def contradiction(truth: Trajectory, errors: TrajectoryErrors) -> str | None:
     return (
         f"the truth's velocities differ over a minute from the change of its positions, "
         f"{' and '.join(told)}, which is more than the path states: figures of velocity, and of "
-        "heading where that is the course, are the truth's; make its velocities of its positions"
+        "heading where that is the course, are the truth's; make its velocities of its positions, "
+        "unless it is these that drift"
     )

@@ -19,6 +19,8 @@ DEFAULT_EFFECTS = (
     "gyro_bias",
     "accel_scale",
     "gyro_scale",
+    "accel_misalignment",
+    "gyro_misalignment",
     "imu_time_offset",
     "gnss_velocity_latency",
     "gnss_course_latency",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -14,6 +15,8 @@ from automap.io.toml_file import read_toml, toml_value
 from automap.records import FloatArray, ImuCalibration, TriadCalibration
 
 SCHEMA = "automap.imu-calibration/1"
+_ANGLES = {"accel": slice(6, 9), "gyro": slice(6, 12)}
+"""Rows of a covariance that are angles between axes, behind scale and bias."""
 
 
 def read_imu_calibration(path: Path) -> ImuCalibration:
@@ -29,12 +32,16 @@ def read_imu_calibration(path: Path) -> ImuCalibration:
     conditions = data.get("conditions", {})
     return ImuCalibration(
         accel=TriadCalibration(
-            _scale(path, data, "accel"), _numbers(path, data, "accel", "bias", (3,)), T
+            _scale(path, data, "accel"),
+            _numbers(path, data, "accel", "bias", (3,)),
+            T,
+            _angles_sd(path, data, "accel"),
         ),
         gyro=TriadCalibration(
             _scale(path, data, "gyro"),
             _numbers(path, data, "gyro", "bias", (3,)),
             _numbers(path, data, "gyro", "matrix", (3, 3), np.eye(3)),
+            _angles_sd(path, data, "gyro"),
         ),
         accel_unit=conditions.get("accel_unit"),
         gyro_unit=conditions.get("gyro_unit"),
@@ -68,6 +75,18 @@ def _scale(path: Path, data: dict[str, Any], section: str) -> FloatArray:
     if np.any(scale == 0):
         raise ConfigError(f"{path}: {section}.scale holds a zero; calibrate again.")
     return scale
+
+
+def _angles_sd(path: Path, data: dict[str, Any], section: str) -> float:
+    """The largest sigma, rad, of a triad's angles by its covariance; NaN where the file has none,
+    or zeros because nothing measured them."""
+    covariance = data.get(section, {}).get("covariance")
+    if covariance is None:
+        return math.nan
+    angles = _ANGLES[section]
+    size = max(len(covariance) if isinstance(covariance, list) else 0, angles.stop)
+    variances = np.diag(_numbers(path, data, section, "covariance", (size, size)))[angles]
+    return float(np.sqrt(variances.max())) if np.all(variances > 0.0) else math.nan
 
 
 def _numbers(

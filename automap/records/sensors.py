@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from enum import IntEnum
 
@@ -82,12 +83,14 @@ class RawImu:
 class TriadCalibration:
     """true = matrix @ (scale * reading + bias), reading in the log's own unit.
 
-    ``scale`` [3] SI per reading unit, ``bias`` [3] SI, ``matrix`` [3, 3].
+    ``scale`` [3] SI per reading unit, ``bias`` [3] SI, ``matrix`` [3, 3]; ``angles_sd`` rad how
+    exactly that turns the axes right, NaN when nobody measured it.
     """
 
     scale: FloatArray
     bias: FloatArray
     matrix: FloatArray
+    angles_sd: float = math.nan
 
     def apply(self, reading: FloatArray) -> FloatArray:
         """Readings [n, 3] to true values [n, 3] in SI units, in the accelerometer's axes."""

@@ -79,7 +79,7 @@ def _stated(merged: Mapping[str, Any], own: Mapping[str, Any]) -> dict[str, Any]
     """What the user set himself in the fusion's section: no preset may replace it."""
     from automap.io.receiver_file import FIGURES
 
-    of_sensors = {"accel_noise", "gyro_noise", "accel_bias_walk", "gyro_bias_walk"}
+    of_sensors = {"accel_noise", "gyro_noise", "accel_bias_walk", "gyro_bias_walk", "effects"}
     given = (of_sensors | set(FIGURES)) & set(own.get("fuse", {}))
     return {"fuse": {"stated": sorted(given | set(merged["fuse"]["stated"]))}}
 

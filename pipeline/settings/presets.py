@@ -10,10 +10,13 @@ from typing import Any
 import numpy as np
 
 from automap.earth import STANDARD_GRAVITY
+from automap.fusion.limits import KNOWN_ROLL_SD
 from automap.fusion.options import FusionOptions
 from automap.io.drive import Drive
+from automap.io.imu_calibration import read_imu_calibration
 from automap.io.receiver_file import ReceiverModel, find_receiver, read_receiver
 from automap.io.sensor_file import SensorModel, find_sensor, read_sensor
+from automap.records import ImuCalibration
 from pipeline.settings.fuse import FuseSettings
 
 _PLAIN_ACCEL = 300e-6 * STANDARD_GRAVITY
@@ -68,7 +71,34 @@ def fusion_options(drive: Drive, settings: FuseSettings) -> tuple[FusionOptions,
         values = {k: v for k, v in preset.values.items() if not _is_stated(k, settings)}
         options = with_figures(options, values)
         used.append(replace(preset, values=values))
+    if drive.imu_calibration is not None:
+        left = calibrated_figures(read_imu_calibration(drive.imu_calibration))
+        options = with_figures(
+            options, {k: v for k, v in left.items() if not _is_stated(k, settings)}
+        )
+    if "effects" not in settings.stated:
+        options = without_known_angles(options)
     return options, used
+
+
+def calibrated_figures(calibration: ImuCalibration) -> dict[str, float]:
+    """How exactly a calibration knows the angles between axes, as priors of what is left."""
+    return {
+        f"prior_sd.{kind}_misalignment": triad.angles_sd
+        for kind, triad in (("accel", calibration.accel), ("gyro", calibration.gyro))
+        if np.isfinite(triad.angles_sd)
+    }
+
+
+def without_known_angles(options: FusionOptions) -> FusionOptions:
+    """The options without the angles between axes that are known as well as a body keeps its own
+    roll: what is left of them turns nothing."""
+    known = {
+        effect
+        for effect, sd in options.prior_sd.items()
+        if effect.endswith("_misalignment") and max(sd.values(), default=np.inf) <= KNOWN_ROLL_SD
+    }
+    return replace(options, effects=tuple(e for e in options.effects if e not in known))
 
 
 def sensor_figures(sensor: SensorModel, calibrated: bool) -> dict[str, float]:

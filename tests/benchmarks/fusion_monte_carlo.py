@@ -32,7 +32,7 @@ from tests.unit.fusion_receiver import GPS0, WHITE, Receiver, receive, receiver_
 
 COMPONENTS = ("n", "e", "d", "vn", "ve", "vd", "phi_n", "phi_e", "phi_d")
 EPOCH_S = 5.0
-LEVER_SD, DELAY_SD = 0.05, 0.02
+LEVER_SD, DELAY_SD, ANGLE_SD = 0.05, 0.02, 0.01
 MOUNTING_SD = np.array([1e-3, 0.02, 0.02])
 DEFAULT = (WHITE, "phone")
 GREATEST_RATIO = {WHITE: 1.03}
@@ -68,6 +68,8 @@ def draw_sensor(rng: np.random.Generator) -> Sensor:
         x, y, z = rng.normal(0.0, sd, 3)
         return float(x), float(y), float(z)
 
+    # from a stream of their own: all else is as without them
+    angles = rng.spawn(1)[0].normal(0.0, ANGLE_SD, 9).tolist()
     return Sensor(
         gyro_noise=3e-4,
         accel_noise=5e-3,
@@ -78,6 +80,8 @@ def draw_sensor(rng: np.random.Generator) -> Sensor:
         gyro_walk=1e-5,
         accel_walk=4e-4,
         vibration=0.08,
+        gyro_angles=tuple(angles[:6]),
+        accel_angles=tuple(angles[6:]),
     )
 
 
@@ -106,7 +110,8 @@ def run_drive(
     )
     # the optimum gets the same noise without what it does not model
     prompt = replace(receiver, latency=0.0, vel_latency=0.0, course_latency=0.0)
-    imu, fixes = record(motion, sensor, 2000 + seed), receive(motion, prompt, 3000 + seed)
+    straight = replace(sensor, gyro_angles=(0.0,) * 6, accel_angles=(0.0,) * 3)
+    imu, fixes = record(motion, straight, 2000 + seed), receive(motion, prompt, 3000 + seed)
     error = errors(result.trajectory, motion)
     sd = np.concatenate(
         [result.trajectory.sd_pos_ned, result.trajectory.sd_vel_ned, _tilt_sd(result.trajectory)],

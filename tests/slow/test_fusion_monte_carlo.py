@@ -49,19 +49,22 @@ def test_smoothing_is_near_the_exact_optimum(
 
 def test_errors_are_as_large_as_their_sd(outcomes: list[DriveOutcome]) -> None:
     """The mean of the receiver's wander cannot be told from the place: one draw a drive and
-    axis, so the position's ratio over twenty drives scatters by a sixth."""
+    axis, so the position's ratio over twenty drives scatters by a sixth. Nor can a roll of the
+    body be told from angles between the IMU's axes."""
     ratio = dict(zip(COMPONENTS, sigma_ratios(outcomes), strict=True))
-    for name in COMPONENTS[:3]:
+    for name in (*COMPONENTS[:3], *COMPONENTS[6:8]):
         assert 0.65 < ratio[name] < 1.4, ratio
-    for name in COMPONENTS[3:]:
+    for name in (*COMPONENTS[3:6], COMPONENTS[8]):
         assert 0.85 < ratio[name] < 1.15, ratio
 
 
 def test_mean_nees_lies_in_its_band(outcomes: list[DriveOutcome]) -> None:
+    """Of the attitude a third is a roll that is drawn once a drive: it scatters by a tenth more,
+    and lies in the band of independent errors or does not for a whole drive."""
     mean, inside = nees(outcomes)
-    assert (mean[1:] > 0.8).all()
-    assert (mean[1:] < 1.2).all()
-    assert (inside > 0.7).all()
+    assert 0.8 < mean[1] < 1.2
+    assert 0.65 < mean[2] < 1.45
+    assert (inside[:2] > 0.7).all()
 
 
 def test_outages_of_a_minute() -> None:

@@ -25,7 +25,8 @@ CLOCK = ClockModel(BASE_NS, GPS0, 0.0, 1e-4, 1e-9, "identity")
 @dataclass(frozen=True)
 class Sensor:
     """Errors of an inertial sensor in SI units; densities per root hertz. ``vibration`` of the
-    moving car in m/s^2, which tells driving from standing."""
+    moving car in m/s^2, which tells driving from standing. ``gyro_angles`` xy xz yx yz zx zy and
+    ``accel_angles`` yx zx zy rad: what an axis, named first, reads of another."""
 
     gyro_noise: float = 3e-4
     accel_noise: float = 3e-3
@@ -36,6 +37,8 @@ class Sensor:
     gyro_walk: float = 1e-5
     accel_walk: float = 2e-4
     vibration: float = 0.04
+    gyro_angles: tuple[float, ...] = (0.0,) * 6
+    accel_angles: tuple[float, ...] = (0.0,) * 3
 
 
 PERFECT = Sensor(0.0, 0.0, (0.0,) * 3, (0.0,) * 3, (0.0,) * 3, (0.0,) * 3, 0.0, 0.0, 0.0)
@@ -77,6 +80,10 @@ def record(
         white = rng.standard_normal(signal.shape) * noise * np.sqrt(rate)
         out.append(signal * (1.0 + np.array(scale)) + np.array(bias) + drift + white)
     gyro, accel = out
+    crooked = np.zeros((2, 3, 3))
+    crooked[0][~np.eye(3, dtype=bool)] = sensor.gyro_angles
+    crooked[1][np.tril_indices(3, -1)] = sensor.accel_angles
+    gyro, accel = gyro + true_gyro @ crooked[0].T, accel + true_accel @ crooked[1].T
     accel = accel + rng.standard_normal(accel.shape) * sensor.vibration * lively[:, None]
     if c_v_s is not None:
         gyro, accel = gyro @ c_v_s, accel @ c_v_s

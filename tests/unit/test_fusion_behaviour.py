@@ -83,7 +83,11 @@ def test_velocity_attitude_and_biases_are_found(plain: FusionResult, motion: Mot
     for axis, true in zip("xyz", SENSOR.gyro_bias, strict=True):
         assert _parameter(plain, f"gyro_bias_{axis}") == pytest.approx(true, abs=5e-4)
     for axis, true in zip("xy", SENSOR.accel_bias[:2], strict=True):
-        assert _parameter(plain, f"accel_bias_{axis}") == pytest.approx(true, abs=0.02)
+        # a roll of half a degree looks like it, where axes may be crooked by 0.01 rad
+        name = f"accel_bias_{axis}"
+        sd = float(plain.parameters.sd[-1, plain.parameters.names.index(name)])
+        assert sd < 0.1
+        assert _parameter(plain, name) == pytest.approx(true, abs=min(2.0 * sd, 0.06))
     assert plain.standstill[0][0] < 1.0
     assert plain.standstill[0][1] == pytest.approx(8.0, abs=1.5)
 

@@ -13,6 +13,7 @@ from automap.errors import ConfigError
 from automap.fusion.options import FusionOptions
 from automap.io import names
 from automap.io.drive import load_drive
+from automap.io.imu_calibration import write_imu_calibration
 from automap.io.receiver_file import SCHEMA, find_receiver, read_receiver
 from automap.io.sensor_file import SCHEMA as SENSOR_SCHEMA
 from automap.io.sensor_file import find_sensor, preset_names, read_sensor
@@ -25,6 +26,7 @@ from pipeline.settings.presets import fusion_options
 DEFAULT = FusionOptions()
 M8 = 'receiver = "u-blox-m8"'
 ADIS = 'sensor = "adis16465"'
+CALIBRATION = 'calibration = "imu_calibration.toml"'
 
 
 @pytest.fixture
@@ -94,15 +96,59 @@ def test_what_the_user_sets_stands_even_where_it_is_the_default(
     assert "wander_tau_s" in presets[1].values
 
 
+def _calibrated(drive: Path, accel_sd: float | None, gyro_sd: float | None) -> None:
+    """Give a drive a calibration whose angles between axes are known so well."""
+    sections: dict[str, dict[str, object]] = {}
+    for kind, size, sd in (("accel", 9, accel_sd), ("gyro", 12, gyro_sd)):
+        covariance = np.eye(size) * 1e-12
+        covariance[6:, 6:] = np.eye(size - 6) * (sd or 0.0) ** 2
+        sections[kind] = {"scale": np.ones(3), "bias": np.zeros(3), "covariance": covariance}
+    write_imu_calibration(drive / "imu_calibration.toml", sections)
+    manifest = drive / "drive.toml"
+    manifest.write_text(manifest.read_text().replace("[imu]\n", f"[imu]\n{CALIBRATION}\n"))
+
+
 def test_readings_that_were_calibrated_keep_the_priors_of_what_is_left(named: Path) -> None:
-    (named / "imu_calibration.toml").write_text("")
-    manifest = named / "drive.toml"
-    manifest.write_text(
-        manifest.read_text().replace(ADIS, ADIS + '\ncalibration = "imu_calibration.toml"')
-    )
+    _calibrated(named, 2e-4, 3e-4)
     options, _ = fusion_options(load_drive(named), load_settings().fuse)
     assert "accel_bias" not in options.prior_sd
     assert options.gyro_bias_walk != DEFAULT.gyro_bias_walk
+
+
+ANGLES = "accel_misalignment", "gyro_misalignment"
+
+
+@pytest.mark.parametrize(
+    ("accel_sd", "gyro_sd", "estimated", "priors"),
+    [
+        (2e-4, 3e-4, (), (2e-4, 3e-4)),
+        (None, 3e-4, ANGLES[:1], (None, 3e-4)),
+        (2e-4, None, ANGLES[1:], (2e-4, None)),
+        (5e-3, 2e-3, ANGLES, (5e-3, 2e-3)),
+    ],
+)
+def test_angles_between_axes_are_estimated_unless_a_calibration_knows_them(
+    tmp_path: Path,
+    accel_sd: float | None,
+    gyro_sd: float | None,
+    estimated: tuple[str, ...],
+    priors: tuple[float | None, float | None],
+) -> None:
+    drive = write_drive(tmp_path / "drive")
+    plain, _ = fusion_options(load_drive(drive), load_settings().fuse)
+    assert set(ANGLES) <= set(plain.effects)
+    _calibrated(drive, accel_sd, gyro_sd)
+    options, _ = fusion_options(load_drive(drive), load_settings().fuse)
+    assert set(options.effects) == set(plain.effects) - set(ANGLES) | set(estimated)
+    for effect, sd in zip(ANGLES, priors, strict=True):
+        assert options.prior_sd.get(effect, {}).get("*") == (sd and pytest.approx(sd))
+    stated = load_settings(None, [f'fuse.effects=["{ANGLES[0]}"]']).fuse
+    assert fusion_options(load_drive(drive), stated)[0].effects == ANGLES[:1]
+
+
+def test_angles_that_a_data_sheet_makes_small_are_not_estimated(named: Path) -> None:
+    options, _ = fusion_options(load_drive(named), load_settings().fuse)
+    assert not set(ANGLES) & set(options.effects)
 
 
 @pytest.mark.parametrize(

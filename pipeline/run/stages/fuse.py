@@ -317,15 +317,13 @@ def _inputs(drive: Drive) -> list[Path]:
     from pipeline.settings.presets import preset_files
 
     files = [drive.manifest_file, *preset_files(drive)]
-    if drive.trajectory_file is not None:
-        files.append(drive.trajectory_file)
+    files += [f for f in (drive.imu_calibration, drive.trajectory_file) if f is not None]
     return files
 
 
 STAGE = Stage(
     name="fuse",
-    # 17: drifts of minutes are in the sigmas, and a lasting part as small as it was stated
-    version=22,
+    version=23,
     run=run,
     inputs=_inputs,
     needs=(names.IMU, names.FIXES, names.ODOMETER, names.SYNC, names.INGEST),
