@@ -74,13 +74,21 @@ $(VENV)/.created:
 	@touch $@
 
 # --no-deps: the lock files name every package, so nothing else is let in
-$(VENV)/.runtime: $(VENV)/.created requirements.lock requirements-build.lock pyproject.toml
+$(VENV)/.build: $(VENV)/.created requirements-build.lock
+	@$(INSTALL) requirements-build.lock
+	@touch $@
+
+$(VENV)/.runtime: $(VENV)/.build requirements.lock pyproject.toml
 	@echo "installing the pinned packages into $(VENV) (once; 1.2 GB of disk)"
-	@$(INSTALL) requirements.lock --requirement requirements-build.lock
+	@$(INSTALL) requirements.lock
 	@$(PIP) install --quiet --no-deps --no-build-isolation --editable .
 	@touch $@
 
-$(VENV)/.dev: $(VENV)/.runtime requirements-dev.lock
+# none of these packages is one of the runtime's: make -j2 installs both at once
+$(VENV)/.tools: $(VENV)/.build requirements-dev.lock
 	@echo "installing the pinned test tools into $(VENV) (once)"
 	@$(INSTALL) requirements-dev.lock
+	@touch $@
+
+$(VENV)/.dev: $(VENV)/.runtime $(VENV)/.tools
 	@touch $@
