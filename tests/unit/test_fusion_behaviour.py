@@ -15,6 +15,7 @@ from automap.fusion.gnss_only import smooth_fixes
 from automap.fusion.options import FusionOptions
 from automap.fusion.result import FusionResult, Prior
 from automap.records import Fixes, FixType, FloatArray, ImuData
+from tests.slow_cases import others_slow
 from tests.unit.fusion_drive import CLOCK, Sensor, errors, horizontal_rms, record
 from tests.unit.fusion_motion import Motion, city_drive, make_motion
 from tests.unit.fusion_receiver import GPS0, Receiver, receive, select, shifted
@@ -114,7 +115,7 @@ def test_every_epoch_has_a_row_from_the_first_on(
     assert np.sqrt(np.mean((error[:, :3] / sd) ** 2)) < 3.0
 
 
-@pytest.mark.parametrize("kind", ["scattered", "streak"])
+@pytest.mark.parametrize("kind", others_slow(["streak", "scattered"]))
 def test_outliers_hardly_matter(
     kind: str, imu: ImuData, fixes: Fixes, motion: Motion, plain_rms: float
 ) -> None:
@@ -241,7 +242,7 @@ def test_a_delay_of_the_clock_moves_the_gps_times(motion: Motion, fixes: Fixes) 
     assert np.sqrt(np.mean(velocity**2)) < 0.05
 
 
-@pytest.mark.parametrize("latency", [0.12, -0.1])
+@pytest.mark.parametrize("latency", others_slow([0.12, -0.1]))
 def test_velocities_older_than_positions_are_recovered(
     latency: float, imu: ImuData, motion: Motion, plain_rms: float
 ) -> None:

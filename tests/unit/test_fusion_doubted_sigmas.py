@@ -24,6 +24,7 @@ from automap.fusion.verdict import weigh_alone
 from automap.fusion.widening import widen
 from automap.records import Fixes, FixType, FloatArray, Trajectory
 from automap.sync.velocity_consistency import velocity_consistency
+from tests.slow_cases import others_slow
 from tests.unit.fusion_drive import CLOCK
 from tests.unit.fusion_motion import city_drive
 from tests.unit.fusion_receiver import Receiver, receive
@@ -97,7 +98,7 @@ def with_late_positions(fixes: Fixes, late_s: float) -> Fixes:
     return replace(fixes, lat_rad=told[0], lon_rad=told[1], height_m=told[2])
 
 
-@pytest.mark.parametrize("seed", range(20))
+@pytest.mark.parametrize("seed", others_slow(range(20), 6))
 def test_no_receiver_as_they_are_sold_has_late_positions(seed: int) -> None:
     receiver = any_receiver(np.random.default_rng(seed))
     assert velocity_consistency(simulated_fixes(seed, receiver, 120.0)).positions_late_s == 0.0

@@ -418,6 +418,7 @@ def overshot(fixes: Fixes) -> Fixes:
     return replace(fixes, lat_rad=lat, lon_rad=lon)
 
 
+@pytest.mark.slow
 def test_velocities_are_as_unsure_as_their_ways_differ_from_those_of_positions() -> None:
     """Ways through bends that a receiver's filter made too long make the path's speeds too high."""
     _, weighed = fused(Receiver(lever=LEVER), BY_MOTION, logged=overshot)
