@@ -87,6 +87,10 @@ def read_run(folder: Path) -> RunSigns:
     return RunSigns(folder, signs, tuple(warnings), country_of(record))
 
 
+_NO_RECORDINGS = (".onnx", ".toml")
+"""Models and calibrations: a run with others is of the same recording."""
+
+
 def _recording_key(record: dict[str, Any]) -> str:
     """A name of the recording made from the digests of what the run read; "" when unknown."""
     inputs = record.get("inputs")
@@ -94,8 +98,11 @@ def _recording_key(record: dict[str, Any]) -> str:
         return ""
     digests = sorted(
         str(value.get("sha256", value) if isinstance(value, dict) else value)
-        for value in inputs.values()
+        for name, value in inputs.items()
+        if not name.endswith(_NO_RECORDINGS)
     )
+    if not digests:
+        return ""
     return hashlib.sha256("\n".join(digests).encode()).hexdigest()[:16]
 
 

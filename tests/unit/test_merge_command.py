@@ -332,6 +332,16 @@ def test_two_runs_of_one_recording_count_once(tmp_path: Path) -> None:
     assert any("another run" in text for text in outcome.warnings)
 
 
+def test_a_run_with_another_model_is_of_the_same_recording(tmp_path: Path) -> None:
+    drive = passes(1)[0]
+    runs = [write_run(tmp_path / name, drive, "same digest") for name in ("a", "b")]
+    for run, model in zip(runs, ("old", "new"), strict=True):
+        record = json.loads((run / "run.json").read_text(encoding="utf-8"))
+        record["inputs"]["sign-detector.onnx"] = model
+        (run / "run.json").write_text(json.dumps(record), encoding="utf-8")
+    assert len(merge_runs(runs, tmp_path / "map").merged.drives) == 1
+
+
 def test_drives_of_one_name_are_told_apart(tmp_path: Path) -> None:
     first, second = passes(2)
     runs = [
