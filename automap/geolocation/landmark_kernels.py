@@ -31,6 +31,8 @@ margin, which its camera shares with other signs, and the trajectory's velocity 
 
 MARGIN = 8
 """Place of the box margin among them."""
+_LEAST_INFO = 1e-300
+"""Of a parameter that no box tells no more is left than rounding."""
 
 
 class Boxes(NamedTuple):
@@ -107,6 +109,9 @@ def solve_landmark(start, boxes, robust):  # type: ignore[no-untyped-def]
             return theta, np.inf
         damping = 1e-3
         for _ in range(30):
+            if np.diag(N).min() <= _LEAST_INFO:
+                # boxes without a height tell no distance from one place
+                break
             change = 0.0
             for _ in range(8):
                 step = np.linalg.solve(N + damping * np.diag(np.diag(N)), right[:, 0])

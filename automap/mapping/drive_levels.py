@@ -45,6 +45,8 @@ def drive_squares(sightings: Sightings, sign: IntArray, cell: int) -> tuple[IntA
     take the place of the stated ones (Fisher scoring).
     """
     tiles = cell_tiles(sightings, sign, cell)
+    if not tiles:
+        return np.zeros(0, np.int64), np.zeros((0, 3, 2))
     stated, factors = ErrorLevels(), np.ones((sightings.n_drives, 3))
     whole = [Equations(network_of(sightings, data, stated, 2)) for data in tiles]
     # what is stray is judged by how far sightings usually are

@@ -28,6 +28,9 @@ STEP_M = 4.0
 _PATH_COLUMNS = ("t_ns", "gps_s", "lat_deg", "lon_deg", "yaw_deg", "sd_n_m", "sd_e_m", "sd_d_m")
 _SLACK_S = 10.0
 
+_NO_RECORDINGS = (".onnx", ".toml")
+"""Models and calibrations: a run with others is of the same recording."""
+
 
 @dataclass(frozen=True)
 class RunSigns:
@@ -85,10 +88,6 @@ def read_run(folder: Path) -> RunSigns:
         **columns,
     )
     return RunSigns(folder, signs, tuple(warnings), country_of(record))
-
-
-_NO_RECORDINGS = (".onnx", ".toml")
-"""Models and calibrations: a run with others is of the same recording."""
 
 
 def _recording_key(record: dict[str, Any]) -> str:

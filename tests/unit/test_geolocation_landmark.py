@@ -18,6 +18,7 @@ from automap.geolocation.landmark import (
     position_jacobian,
     view_sd,
 )
+from automap.geolocation.landmark_kernels import Boxes, solve_landmark
 from automap.geolocation.limits import LASTING_ERROR, PATH_CORRELATION_S
 from automap.geolocation.merging import combine, difference_covariance
 from automap.geolocation.sightings import Sighting, make_sighting
@@ -263,3 +264,21 @@ def test_the_difference_of_two_passes_has_the_covariance_of_its_parts(
     D[:, 3 * i : 3 * i + 3], D[:, 3 * j : 3 * j + 3] = np.eye(3), -np.eye(3)
     expected_cov = D @ joint(passes) @ D.T
     assert difference_covariance(passes[i], passes[j]) == pytest.approx(expected_cov, abs=1e-9)
+
+
+@pytest.mark.parametrize("height_sd", [1e3, 1e160, np.inf])
+def test_boxes_of_one_place_that_tell_no_height_are_no_error(height_sd: float) -> None:
+    """They tell a direction; the search for a distance ends where it began, or near."""
+    start, n = np.array([0.11, 0.06, 3.0, -0.5]), 2
+    seen = Boxes(
+        np.tile(np.eye(3), (n, 1, 1)),
+        np.zeros((n, 3)),
+        np.tile([0.1, 0.05, -3.0], (n, 1)),
+        np.tile([2e-3, 2e-3, height_sd], (n, 1)),
+        np.zeros(n),
+        -0.5,
+        0.3,
+    )
+    found, cost = solve_landmark(start, seen, True)
+    assert np.isfinite(found).all()
+    assert cost <= solve_landmark(start, seen._replace(measured=seen.measured + 1.0), True)[1]

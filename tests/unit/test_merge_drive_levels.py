@@ -101,3 +101,10 @@ def test_a_drive_of_one_sign_keeps_the_common_levels() -> None:
     levels, factors = error_levels(told, 2)
     assert levels == ErrorLevels()
     assert (factors == 1.0).all()
+
+
+def test_a_cell_in_which_no_sign_stands_tells_nothing() -> None:
+    sightings = stack_sightings(_street(1.0, 5)[:1])
+    elsewhere = int(cell_of(np.array([0.9]), np.array([2.0]))[0])
+    drives, squares = drive_squares(sightings, np.arange(24), elsewhere)
+    assert (len(drives), squares.shape) == (0, (0, 3, 2))
