@@ -56,13 +56,16 @@ def estimate_cameras(
 ) -> dict[str, CameraCorrection]:
     """Turn and time offset of every camera, from landmarks found with the start values.
 
-    A time offset that few signs tell is looked for from several starts; where several explain
+    A time offset is looked for from several starts, by some of the signs; where several explain
     the boxes alike it keeps its prior, and the others are named in ``time_minima``.
     """
     boxes = [views.row[mark.rows] for mark in landmarks]
 
     def descend(
-        known: Mapping[str, Camera], start: Mapping[str, CameraCorrection], rounds: int
+        known: Mapping[str, Camera],
+        start: Mapping[str, CameraCorrection],
+        rounds: int,
+        boxes: Sequence[IntArray] = boxes,
     ) -> _End:
         """Gauss-Newton steps until they are small, with the priors of the cameras ``known``."""
         corrections, small = dict(start), False
@@ -84,27 +87,45 @@ def estimate_cameras(
             marks = refit(seen, boxes, rules)
         return _End(corrections, seen, marks, small)
 
-    used = {name: cameras[name] for name in views.camera_names}
-    end = descend(used, start, _BORESIGHT_ROUNDS)
-    few = 0 < sum(len(rows) >= limits.CAMERA_VIEWS for rows in boxes) <= limits.MOST_SIGNS_TRIED
-    for name, camera in used.items() if few else ():
-        ends = [end]
-        for side in time_minima.starts(camera.time_offset_sd):
-            for time_s in side:
-                other = descend(used, _at_time(end.corrections, name, time_s), _SEARCH_ROUNDS)
-                if not other.settled:
-                    continue
-                ends.append(other)
-                # nearer starts end there too
-                if not time_minima.apart(other.corrections[name], end.corrections[name]):
-                    break
+    def least(ends: Sequence[_End], name: str) -> tuple[_End, tuple[float, ...]]:
+        """Where a camera explains the boxes best, and the time offsets that do so as well."""
         minima = []
         for one in ends:
             found = one.corrections[name]
-            fitted = one.views, one.landmarks, camera, found, rules.size, rules.camera
+            fitted = one.views, one.landmarks, cameras[name], found, rules.size, rules.camera
             minima.append(time_minima.Minimum(found, time_minima.cost_of(*fitted)))
         best, times = time_minima.alike(minima)
-        end = ends[best]
+        return ends[best], times
+
+    used = {name: cameras[name] for name in views.camera_names}
+    end = descend(used, start, _BORESIGHT_ROUNDS)
+    telling = sorted((rows for rows in boxes if len(rows) >= limits.CAMERA_VIEWS), key=np.min)
+    few = len(telling) <= limits.MOST_SIGNS_TRIED
+    evenly = np.linspace(0, len(telling) - 1, limits.MOST_SIGNS_TRIED).astype(np.int64)
+    some = boxes if few else [telling[k] for k in evenly]
+    for name, camera in used.items() if telling else ():
+        first = end if few else descend(used, end.corrections, _SEARCH_ROUNDS, some)
+        ends = [first]
+        for side in time_minima.starts(camera.time_offset_sd):
+            for time_s in side:
+                starting = _at_time(first.corrections, name, time_s)
+                other = descend(used, starting, _SEARCH_ROUNDS, some)
+                if not other.settled:
+                    continue
+                if not time_minima.apart(other.corrections[name], first.corrections[name]):
+                    # nearer starts end there too
+                    break
+                ends.append(other)
+        if len(ends) == 1:
+            continue
+        best, times = least(ends, name)
+        if not few:
+            # what some signs tell is held against all of them
+            found = times or (best.corrections[name].time_s,)
+            others = [_at_time(end.corrections, name, time_s) for time_s in found]
+            ends = [end, *(descend(used, other, _SEARCH_ROUNDS) for other in others)]
+            best, times = least(ends, name)
+        end = best
         if times:
             held = {**used, name: replace(camera, time_offset_sd=limits.HELD_TIME_S)}
             end = descend(held, _at_time(end.corrections, name, 0.0), _SEARCH_ROUNDS)

@@ -141,7 +141,8 @@ CAMERA_VIEWS = 4
 SETTLED_SIGMAS = 0.02
 """A step of the camera's values that is smaller than this part of their sigmas was the last."""
 MOST_SIGNS_TRIED = 30
-"""More signs see so many different motions of the car that no second time offset fits them all."""
+"""So many signs, spread over the drive, tell where other time offsets may lie; all of them decide.
+Chosen: more take longer."""
 ALIKE_PROBABILITY = 2.7e-3
 """The right one of two time offsets explains the boxes that much worse so rarely, and offsets that
 are nearer to one another are one: three sigmas of one coordinate."""
