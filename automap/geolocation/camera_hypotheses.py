@@ -64,11 +64,33 @@ class _Judge:
         wide, narrow = (self.scale(one, rad) for rad in limits.SCALES_RAD[::2])
         starts = np.linspace(-limits.MOST_REACH_S, limits.MOST_REACH_S, 9)
         tried = [np.array([0.0, 0.0, 0.0, start]) for start in starts]
-        x = min(tried, key=lambda at: geometry.loss(at, wide))
+        x = min(tried, key=lambda at: mean_loss(geometry, at, wide))
         prior = np.array([limits.DOUBTED_TURN_RAD] * 3 + [limits.DOUBTED_TIME_S])
         for rad in limits.SCALES_RAD:
             x, _ = descend(x, geometry, prior, self.scale(one, rad))
-        return geometry.loss(x, narrow)
+        return mean_loss(geometry, x, narrow)
+
+
+def mean_loss(geometry: PairGeometry, x: FloatArray, scale: float) -> float:
+    """Cauchy's loss of a pair at a turn and time offset ``x`` [4], mean over all pairs."""
+    way, one, other = geometry.rays(x)
+    far = np.linalg.norm(way, axis=1)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        along = way / far[:, None]
+        normal = np.cross(along, one)
+        length = np.linalg.norm(normal, axis=1)
+        out = np.einsum("ni,ni->n", normal, other) / length
+        # near the direction of driving the plane is not determined
+        out[length < limits.FORWARD_SINE] = 0.0
+        before, after = (
+            np.arccos(np.clip(np.einsum("ni,ni->n", along, ray), -1.0, 1.0)) for ray in (one, other)
+        )
+        square = out**2 + np.maximum(before - after, 0.0) ** 2
+    # from one place a sign is seen in one direction
+    still = far < limits.PAIR_WAY_M
+    square[still] = np.sum((one[still] - other[still]) ** 2, axis=1)
+    ratio = np.nan_to_num(square / scale**2, nan=1e4)
+    return float(np.log1p(ratio).mean())
 
 
 def better_explanations(
@@ -84,10 +106,10 @@ def better_explanations(
     geometry = judge.geometry(plain)
 
     def late(offset_s: float, scale: float) -> float:
-        return geometry.loss(np.array([0.0, 0.0, 0.0, offset_s]), scale)
+        return mean_loss(geometry, np.array([0.0, 0.0, 0.0, offset_s]), scale)
 
     def fast(rate: float, scale: float) -> float:
-        return geometry.paced(rate).loss(np.zeros(4), scale)
+        return mean_loss(geometry.paced(rate), np.zeros(4), scale)
 
     tried = [
         *_pictures(plain), *_mountings(plain), *_calibrations(plain),

@@ -20,8 +20,10 @@ from automap.geolocation import limits
 from automap.interpolation import poses_at
 from automap.records import Camera, Detections, FloatArray, IntArray, Trajectory
 
-_STEPS, _STEP = 8, 2e-3
-"""Of a descent at most, for every scale; and that of its derivatives, sigmas of the prior."""
+_STEPS = 4
+"""Of Gauss-Newton at most, for every scale."""
+_TURN_STEP, _TIME_STEP = 1e-4, 1e-3
+"""Of numeric derivatives, rad and s."""
 
 
 def first_correction(
@@ -141,6 +143,7 @@ class PairGeometry:
         centre, C_cam_ref = camera_poses(poses_at(trajectory, t), camera, origin)
         first, second = self._frames
         self._way = centre[second] - centre[first]
+        self._far = np.linalg.norm(self._way, axis=1)
         self._C_first = np.swapaxes(C_cam_ref[first], 1, 2)
         self._C_second = np.swapaxes(C_cam_ref[second], 1, 2)
         self._offset_s = offset_s
@@ -154,40 +157,56 @@ class PairGeometry:
         other = np.einsum("nij,nj->ni", self._C_second, second)
         return self._way, one, other
 
-    def loss(self, x: FloatArray, scale: float) -> float:
-        """Cauchy's loss of a pair at a turn and time offset ``x`` [4], mean over all pairs, of the
-        angle of the second ray out of the plane of way and first ray, and of that by which it turns
-        towards the way."""
-        way, one, other = self.rays(x)
-        far = np.linalg.norm(way, axis=1)
+    def residuals(self, x: FloatArray) -> FloatArray:
+        """Angle [p] rad of the second ray out of the plane of way and first ray; NaN unknown."""
+        _, one, other = self.rays(x)
+        normal = np.cross(self._way, one)
+        length = np.linalg.norm(normal, axis=1)
         with np.errstate(invalid="ignore", divide="ignore"):
-            along = way / far[:, None]
-            normal = np.cross(along, one)
-            length = np.linalg.norm(normal, axis=1)
-            out = np.einsum("ni,ni->n", normal, other) / length
+            angle = np.einsum("ni,ni->n", normal, other) / length
             # near the direction of driving the plane is not determined
-            out[length < limits.FORWARD_SINE] = 0.0
-            before, after = (
-                np.arccos(np.clip(np.einsum("ni,ni->n", along, r), -1.0, 1.0)) for r in (one, other)
-            )
-            square = out**2 + np.maximum(before - after, 0.0) ** 2
-        # from one place a sign is seen in one direction
-        still = far < limits.PAIR_WAY_M
-        square[still] = np.sum((one[still] - other[still]) ** 2, axis=1)
-        # pairs without poses count as far off, else leaving the trajectory would pay
-        return float(np.log1p(np.nan_to_num(square / scale**2, nan=1e4)).mean())
+            angle[
+                ~((self._far > limits.PAIR_WAY_M) & (length > limits.FORWARD_SINE * self._far))
+            ] = np.nan
+        return np.asarray(angle)
 
 
 def descend(
     x: FloatArray, geometry: PairGeometry, prior: FloatArray, scale: float
 ) -> tuple[FloatArray, float]:
-    """The point [4] near ``x`` at which pairs of one scale and the ``prior`` [4] sigmas cost least
-    (R. H. Byrd and others, SIAM Journal on Scientific Computing 16, 1995), and that cost."""
+    """A few Gauss-Newton steps with Cauchy's weights of one scale; the point and its cost."""
+    residuals = geometry.residuals
 
-    from scipy.optimize import minimize
+    def total(r: FloatArray, at: FloatArray) -> float:
+        # pairs without a plane count as far off, else leaving the trajectory would pay
+        loss = np.log1p(np.nan_to_num((r / scale) ** 2, nan=1e4))
+        return float(loss.sum() + np.sum((at / prior) ** 2))
 
-    def cost(z: FloatArray) -> float:
-        return len(geometry) * geometry.loss(prior * z, scale) + float(z @ z)
-
-    found = minimize(cost, x / prior, method="L-BFGS-B", options={"eps": _STEP, "maxiter": _STEPS})
-    return np.asarray(prior * found.x), float(found.fun)
+    r = residuals(x)
+    cost = total(r, x)
+    for _ in range(_STEPS):
+        known = np.isfinite(r)
+        J = np.zeros((len(r), 4))
+        for k, h in enumerate((_TURN_STEP, _TURN_STEP, _TURN_STEP, _TIME_STEP)):
+            nudge = np.zeros(4)
+            nudge[k] = h
+            J[:, k] = (residuals(x + nudge) - r) / h
+        known &= np.isfinite(J).all(axis=1)
+        weight = np.where(known, 1.0 / (1.0 + np.nan_to_num(r / scale) ** 2), 0.0) / scale**2
+        J = np.where(known[:, None], J, 0.0)
+        N = (J * weight[:, None]).T @ J + np.diag(prior**-2)
+        g = -(J * weight[:, None]).T @ np.nan_to_num(r) - x / prior**2
+        step = np.asarray(np.linalg.solve(N, g), np.float64)
+        for fraction in (1.0, 0.5, 0.25):
+            trial = x + fraction * step
+            r_trial = residuals(trial)
+            cost_trial = total(r_trial, trial)
+            if cost_trial < cost:
+                break
+        else:
+            break
+        done = cost - cost_trial < 1e-3
+        x, r, cost = np.asarray(trial), r_trial, cost_trial
+        if done:
+            break
+    return x, cost

@@ -45,9 +45,7 @@ def geolocation_epipolar() -> Any:
         found[record.camera] = {
             "pairs": (_two(geometry._pairs), len(geometry), geometry.n_boxes),
             "thinned": _two(geometry.thinned(30)._pairs),
-            "loss": [
-                g.loss(at, s) for g in (geometry, fast) for at in (x, 40.0 * x) for s in (0.01, 0.1)
-            ],
+            "residuals": [g.residuals(at) for g in (geometry, fast) for at in (x, 0.0 * x)],
             "rays": fast.rays(x),
             "descend": [epipolar.descend(0.3 * x, g, prior, 0.01) for g in (geometry, fast)],
             "first": epipolar.first_correction(drive.path, record, camera, ORIGIN, 2.5e-3),
@@ -71,16 +69,19 @@ def geolocation_hypotheses() -> Any:
     from automap.geolocation import camera_doubt
     from automap.geolocation import camera_hypotheses as of
     from automap.geolocation.camera_explanation import Trial
+    from automap.geolocation.epipolar import pair_geometry
     from automap.geolocation.rules import GeolocationRules
 
     drive = rich_drive()
     record, camera = drive.detections[0], drive.cameras["front"]
     plain = of.Hypothesis("", _some(record, np.arange(9, 24)), camera)
     families = (of._pictures, of._mountings, of._calibrations)
+    geometry = pair_geometry(drive.path, record, camera, ORIGIN)
     grid = of._rates(record)
     judge = of._Judge(drive.path, ORIGIN, 1111.0)
     trial = Trial(drive.detections, drive.cameras, GeolocationRules())
     assumed = trial.assuming("left", replace(plain, camera=drive.cameras["front"]))
+    x = np.array([0.003, -0.002, 0.005, 0.02])
     statuses = ["ok"] * 6 + ["far", "single_view", "weak_geometry", "far", "doubtful"]
     signs = [_sign(k, status) for k, status in enumerate(statuses)]
     notes = np.array(
@@ -99,6 +100,7 @@ def geolocation_hypotheses() -> Any:
             "offsets": of._offsets(drive.path),
             "rates": (grid, of._rates(_some(record, np.arange(2)))),
             "best": of._best_in_time(grid, lambda v, scale: (v - 0.0123) ** 2 + scale * v),
+            "loss": [of.mean_loss(geometry, at, s) for at in (x, 40.0 * x) for s in (0.01, 0.1)],
             "scale": judge.scale(plain, 0.01),
             "judged": judge.loss(of.Hypothesis("", record, camera)),
             "few": judge.loss(of.Hypothesis("", _some(record, np.arange(3)), camera)),
