@@ -335,7 +335,8 @@ STAGE = Stage(
     # 21: stamps and pictures as the bends of the videos say, existence by frames that are due,
     # a nose off its course
     # 26: of two mirror images of a face the likelier is stated; boxes too narrow to be found
-    version=28,
+    # 29: pieces of a track are joined as passes are
+    version=29,
     run=run,
     inputs=_inputs,
     needs=(
