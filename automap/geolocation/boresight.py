@@ -158,7 +158,7 @@ def evidence_of(
     Its own unknowns are its place and size and the errors of its pass, of sigmas
     ``pass_errors`` [12], but for the attitude, which it shares with its neighbours in time.
     """
-    N, A, shared, _, _, chi2 = equations(
+    N, A, shared, _, _, chi2, _ = equations(
         views, landmark, landmark.parameters, np.zeros(N_COMMON), prior
     )
     solved = np.linalg.solve(N, np.column_stack([A, shared[N_COMMON:, -1]]))

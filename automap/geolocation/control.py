@@ -63,9 +63,9 @@ def match_control(
             square = float(offset[i] @ np.linalg.solve(total, offset[i]))
             differs = control.class_name[i] and control.class_name[i] != names[j]
             if square < limit:
-                cost[i, j] = square + (limits.CONTROL_OTHER_CLASS if differs else 0.0)
+                cost[i, j] = square + (limits.LINK_OTHER if differs else 0.0)
     result: dict[int, tuple[FloatArray, FloatArray]] = {}
-    chosen = assign(cost, limit + limits.CONTROL_OTHER_CLASS)
+    chosen = assign(cost, limit + limits.LINK_OTHER)
     elsewhere = np.linalg.norm(plan[:, None] - plan[None], axis=2) > limits.POST_REACH_M
     elsewhere[:, chosen[chosen >= 0]] = False
     for i, j in enumerate(chosen.tolist()):

@@ -75,8 +75,9 @@ class Landmark:
     Zero until ``solve_with_pass_errors``: ``pass_covariance`` [4, 4] what the errors of the pass
     add, ``pass_bias`` [12] what these were found to be and ``pass_bias_variance`` [12].
     ``position`` [3] in the local frame; ``residual`` [n, 3] in sigmas, ``weight`` [n] of the
-    direction (1 = fully used). ``chi2`` weighted sum of squares over ``dof``. ``ok`` is False when
-    no place in front of all cameras was found.
+    direction (1 = fully used). ``cost`` robust sum of squares of all that was estimated; ``chi2``
+    weighted sum of squares over ``dof``. ``ok`` is False when no place in front of all cameras was
+    found.
     """
 
     rows: IntArray
@@ -200,13 +201,13 @@ def columns_of(
 
 def sign_equations(
     parameters: FloatArray, boxes: Boxes, columns: FloatArray, bias: FloatArray, kind: int
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, float]:
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, float, float]:
     """``normal_equations`` of a sign's boxes [n] at ``parameters`` [4] seen from a view, with what
     is common to the views, of derivatives ``columns`` [n, 3, m], at ``bias`` [m]; what drifts is
     among that."""
     boxes = boxes._replace(drift=np.zeros(len(boxes.measured)))
-    *found, chi2, _ = normal_equations(parameters, boxes, columns, bias, kind)
-    return (*found, float(chi2))
+    *found, chi2, cost = normal_equations(parameters, boxes, columns, bias, kind)
+    return (*found, float(chi2), float(cost))
 
 
 def elapsed_s(views: Views, rows: IntArray, anchor: int) -> FloatArray:

@@ -38,11 +38,9 @@ LINK_SLACK_RAD = 0.003
 """What a box's expected direction may be off by beyond its covariance: mounting, attitude."""
 LINK_OTHER = 6.0
 """Squared sigmas that another class, or another track number of the detector, costs, and that an
-equal number gains. Chosen: one box in 20, exp(-6 / 2), is read or numbered wrong."""
+equal number gains. Chosen: one in 20, exp(-6 / 2), is read, numbered or surveyed wrong."""
 MISFIT_WEIGHT = 0.12
 """Cauchy weight of a direction that is 6.8 sigmas off: chance does not do that."""
-SPLIT_PROBABILITY = 0.01
-"""One sign in two tracks stays two so rarely: joining them saves three coordinates."""
 
 # sizes of classes
 
@@ -286,9 +284,6 @@ CONTROL_REACH_M = 15.0
 state some metres are off."""
 MISSED_PROBABILITY = 1e-3
 """A surveyed sign that was seen is taken for another so rarely."""
-CONTROL_OTHER_CLASS = 6.0
-"""Squared sigmas that another class costs. Chosen: one in 20, exp(-6 / 2), is surveyed or read
-wrong."""
 CONTROL_RIVAL = 6.0
 """Squared sigmas by which a neighbour must fit less for a surveyed sign to count. Chosen: it is
 taken for the neighbour one time in 20, exp(-6 / 2), and left out rather."""

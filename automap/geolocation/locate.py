@@ -36,16 +36,13 @@ from automap.geolocation.result import (
 )
 from automap.geolocation.rules import GeolocationRules
 from automap.geolocation.sightings import make_sighting
-from automap.geolocation.splitting import clean_tracks, join_pieces
+from automap.geolocation.splitting import clean_tracks
 from automap.geolocation.stamp_scatter import stamp_scatter, told, tracked_or_linked
 from automap.geolocation.supports import support_numbers
 from automap.geolocation.tracking import link_views
 from automap.geolocation.trajectory_adjustment import AdjustedTrajectory
 from automap.geolocation.views import CameraCorrection, Views, build_views
 from automap.records import Camera, Detections, IntArray, Sign, Trajectory
-
-_STAMP_ROUNDS = 4
-"""Of the errors of stamps, and of the links with them."""
 
 
 def locate_signs(
@@ -108,7 +105,9 @@ def _located(
         return replace(rules, noise=measured)
 
     if rules.estimate_noise:
-        stamp_sd, (landmarks, misfits) = _with_stamps(views_with, (landmarks, misfits), rules)
+        stamp_sd = stamp_scatter(views_with, tracked_or_linked(views, landmarks), rules.size)
+        if stamp_sd > 0.0:
+            landmarks, misfits = _find_landmarks(views_with(stamp_sd), rules, lambda done: None)
         rules = with_noise(stamp_sd, landmarks)
         views = build_views(trajectory, detections, cameras, rules.noise, corrections)
         landmarks = [fit_landmark(views, mark.rows, rules.size) for mark in landmarks]
@@ -229,26 +228,7 @@ def _find_landmarks(
     views: Views, rules: GeolocationRules, progress: Callable[[float], None]
 ) -> tuple[list[Landmark], IntArray]:
     tracks = link_views(views, rules.size, rules.max_silence_s, progress=progress)
-    landmarks, misfits = clean_tracks(views, tracks, rules.size, rules.max_silence_s)
-    return join_pieces(views, landmarks, rules.size, rules.max_silence_s), misfits
-
-
-def _with_stamps(
-    views_with: Callable[[float], Views],
-    found: tuple[list[Landmark], IntArray],
-    rules: GeolocationRules,
-) -> tuple[float, tuple[list[Landmark], IntArray]]:
-    """What stamps err by, and the landmarks and misfits ``found`` then: the better it is known, the
-    more boxes are linked that show it."""
-    known = 0.0
-    for _ in range(_STAMP_ROUNDS):
-        often = tracked_or_linked(views_with(known), found[0])
-        stamp_sd = stamp_scatter(views_with, often, rules.size)
-        if stamp_sd <= known:
-            break
-        known = stamp_sd
-        found = _find_landmarks(views_with(known), rules, lambda done: None)
-    return known, found
+    return clean_tracks(views, tracks, rules.size, rules.max_silence_s)
 
 
 def _settled(

@@ -54,7 +54,7 @@ def pass_sd(views: Views, rows: IntArray, attitude: bool = True) -> FloatArray:
 
 def equations(
     views: Views, landmark: Landmark, parameters: FloatArray, bias: FloatArray, prior: SizePrior
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, float]:
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, float, float]:
     """``normal_equations`` of a landmark's views at other parameters [4] and biases [12]."""
     rows, anchor = landmark.rows, landmark.anchor
     columns, _ = columns_of(views, rows, anchor, parameters)
@@ -74,7 +74,7 @@ def solve_with_pass_errors(views: Views, landmark: Landmark, prior: SizePrior) -
     parameters, z = landmark.parameters.copy(), np.zeros(N_COMMON)
     identity = np.eye(N_COMMON)
     for _ in range(_STEPS):
-        N, A, shared, _, _, _ = equations(views, landmark, parameters, sd * z, prior)
+        N, A, shared, *_ = equations(views, landmark, parameters, sd * z, prior)
         S, s, g = shared[:N_COMMON, :N_COMMON], shared[:N_COMMON, -1], shared[N_COMMON:, -1]
         AW, M = A * sd, identity + sd[:, None] * S * sd
         whole = np.block([[N, AW], [AW.T, M]])
@@ -88,10 +88,11 @@ def solve_with_pass_errors(views: Views, landmark: Landmark, prior: SizePrior) -
         parameters, z = parameters + limit * step[:4], z + limit * step[4:]
         if np.abs(step[4:]).max() < _SETTLED and abs(float(step[2])) < _SETTLED:
             break
-    N, A, shared, residual, weight, chi2 = equations(views, landmark, parameters, sd * z, prior)
-    if not np.isfinite(residual).all():
+    found = equations(views, landmark, parameters, sd * z, prior)
+    if not np.isfinite(found[-1]):
         parameters, z = landmark.parameters, np.zeros(N_COMMON)
-        N, A, shared, residual, weight, chi2 = equations(views, landmark, parameters, z, prior)
+        found = equations(views, landmark, parameters, z, prior)
+    N, A, shared, residual, weight, chi2, cost = found
     S = shared[:N_COMMON, :N_COMMON]
     M = identity + sd[:, None] * S * sd
     absorbed = np.linalg.solve(M, sd[:, None] * np.hstack([A.T, S]))
@@ -109,5 +110,6 @@ def solve_with_pass_errors(views: Views, landmark: Landmark, prior: SizePrior) -
         position=place(views, landmark.anchor, parameters),
         residual=residual,
         weight=weight,
+        cost=cost + float(z @ z),
         chi2=chi2,
     )

@@ -1,10 +1,9 @@
-"""Taking boxes that do not belong out of a track, and joining the pieces of a broken one."""
+"""Taking boxes that do not belong out of a track."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from automap.gates import gate
 from automap.geolocation import limits
 from automap.geolocation.landmark import Landmark, SizePrior, distances_to, fit_landmark
 from automap.geolocation.tracking import link_views
@@ -83,55 +82,3 @@ def _adopt(
         return -1
     landmarks[best] = grown
     return best
-
-
-def join_pieces(
-    views: Views, landmarks: list[Landmark], prior: SizePrior, max_silence_s: float
-) -> list[Landmark]:
-    """Join landmarks of one pass that one place explains as well as two.
-
-    Two landmarks are pieces of one when they share no frame, follow one another within the
-    tracker's silence, agree in place within their covariances, share a class, and the common
-    fit costs no more than chi-square of the three coordinates saved allows.
-    """
-    pieces = sorted(landmarks, key=lambda item: int(item.rows.min()))
-    limit_ns = int(max_silence_s * 1e9)
-    i = 0
-    while i < len(pieces):
-        j = i + 1
-        while j < len(pieces):
-            ended, begun = pieces[i].rows.max(), pieces[j].rows.min()
-            if views.t_ns[begun] - views.t_ns[ended] > limit_ns:
-                break
-            both = _joined(views, pieces[i], pieces[j], prior)
-            if both is None:
-                j += 1
-            else:
-                pieces[i] = both
-                del pieces[j]
-                j = i + 1
-        i += 1
-    return pieces
-
-
-def _joined(views: Views, a: Landmark, b: Landmark, prior: SizePrior) -> Landmark | None:
-    if not set(views.class_name[a.rows]) & set(views.class_name[b.rows]):
-        return None
-    if np.isin(views.frame[a.rows], views.frame[b.rows]).any():
-        return None
-    one, other = (a, b) if len(a.rows) >= len(b.rows) else (b, a)
-    # a cheap look first: does the longer track expect any box of the shorter one?
-    nearest = [
-        distances_to(views, [mark], mark_rows, limits.LINK_SLACK_RAD).min()
-        for mark, mark_rows in (
-            (one, other.rows[:1]),
-            (one, other.rows[-1:]),
-            (other, one.rows[:1]),
-        )
-    ]
-    if not min(nearest) < limits.LINK_GATE:
-        return None
-    both = fit_landmark(views, np.sort(np.concatenate([a.rows, b.rows])), prior)
-    if not both.ok or both.weight.min() < limits.MISFIT_WEIGHT:
-        return None
-    return both if both.cost - a.cost - b.cost < gate(limits.SPLIT_PROBABILITY, 3) else None

@@ -154,29 +154,23 @@ def _fitted(
     """Minus twice the restricted log likelihood of a sign; squared distances [n] of its boxes; sums
     [3] of the boxes' own squares, as expected.
 
-    A box's errors have the variance diag(own) + moved moved', inverted as Sherman and Morrison do.
+    A box's errors have the variance diag(own) + moved moved'.
     """
-    left = 1.0 / (1.0 + np.sum(moved**2 / own, axis=1))
-    gain = (left[:, None] * moved / own)[:, :, None]
-
-    def weigh(x: FloatArray) -> FloatArray:
-        scaled = x / own[:, None]
-        return np.asarray(scaled - gain * np.sum(moved[:, :, None] * scaled, axis=1, keepdims=True))
-
-    by_fit = weigh(sign.by_fit)
+    information = np.linalg.inv(np.diag(own) + moved[:, :, None] * moved[:, None, :])
+    by_fit = information @ sign.by_fit
     prior = np.diag(sign.prior)
     turned = np.einsum("nki,nkj->nij", by_fit, sign.by_fit)
     N = np.linalg.inv(np.einsum("n,nij->ij", weight, turned) + prior)
     x = N @ np.einsum("n,nki,nk->i", weight, by_fit, sign.value)
-    alone = (sign.value - sign.by_fit @ x)[:, :, None]
-    weighed = weigh(alone)
-    square = np.sum(alone * weighed, axis=(1, 2))
-    loss = (_FREEDOM + 3.0) * np.log1p(square / _FREEDOM) + np.log(own).sum() - np.log(left)
+    alone = sign.value - sign.by_fit @ x
+    weighed = (information @ alone[:, :, None])[:, :, 0]
+    square = np.sum(alone * weighed, axis=1)
+    loss = (_FREEDOM + 3.0) * np.log1p(square / _FREEDOM) - np.linalg.slogdet(information)[1]
     # a stray box that weighs less is no information less, else strays would pay
     determinant = np.linalg.slogdet(turned.sum(axis=0) + prior)[1]
     total = float(loss.sum() + x @ (sign.prior * x) + determinant)
     # the boxes' own errors: mean, and variance less what is known of them
-    mean = own * weighed[:, :, 0]
-    known = 1.0 / own - gain[:, :, 0] * moved / own
-    known -= weight[:, None] * np.einsum("nki,ij,nkj->nk", by_fit, N, by_fit)
+    mean = own * weighed
+    known = np.diagonal(information, axis1=1, axis2=2)
+    known = known - weight[:, None] * np.einsum("nki,ij,nkj->nk", by_fit, N, by_fit)
     return total, square, np.sum(weight[:, None] * mean**2 + own - own**2 * known, axis=0)

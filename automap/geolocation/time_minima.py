@@ -19,10 +19,9 @@ from automap.gates import gate, sigmas
 from automap.geolocation import limits
 from automap.geolocation.boresight import CameraPriors, prior_covariance
 from automap.geolocation.landmark import Landmark, SizePrior
-from automap.geolocation.pass_errors import pass_sd, solve_with_pass_errors
+from automap.geolocation.pass_errors import solve_with_pass_errors
 from automap.geolocation.views import CameraCorrection, Views
 from automap.records import Camera, FloatArray
-from automap.robust import cauchy_loss
 
 _STARTS = 3
 """On either side, a sigma apart."""
@@ -54,17 +53,8 @@ def cost_of(
     """Robust sum of squares of all signs with the errors of their passes, and of the camera."""
     values = correction.values
     total = float(np.sum(values**2 / np.diag(prior_covariance(camera, priors))))
-    for mark in landmarks:
-        if not mark.ok:
-            continue
-        settled = solve_with_pass_errors(views, mark, prior)
-        sd = np.maximum(pass_sd(views, mark.rows), 1e-12)
-        own = prior.of(views.class_name[mark.rows].tolist())
-        size = (settled.parameters[3] - np.log(own.size_m)) / own.log_sd
-        r = settled.residual
-        squares = np.concatenate([r[:, 0] ** 2 + r[:, 1] ** 2, r[:, 2] ** 2, [size**2]])
-        total += float(cauchy_loss(squares).sum() + np.sum((settled.pass_bias / sd) ** 2))
-    return total
+    settled = (solve_with_pass_errors(views, mark, prior) for mark in landmarks if mark.ok)
+    return total + sum(mark.cost for mark in settled)
 
 
 def alike(minima: Sequence[Minimum]) -> tuple[int, tuple[float, ...]]:

@@ -19,26 +19,21 @@ from __future__ import annotations
 
 import argparse
 from dataclasses import dataclass, replace
-from typing import Any
 from unittest.mock import patch
 
 import numpy as np
 from scipy.special import expit, logit
 
 from automap.geolocation import locate
-from automap.geolocation.existence import existence_odds
-from automap.geolocation.face_sizes import face_odds
-from automap.geolocation.landmark import Landmark, SizePrior
 from automap.geolocation.rules import GeolocationRules
-from automap.geolocation.views import Views
 from automap.records import BoolArray, FloatArray, IntArray, Looked
 from tests.benchmarks.geolocation_facing import ROUND
 from tests.benchmarks.geolocation_world import Difficulty, World, make_world
 
 EDGES = np.array([0.0, 0.05, 0.2, 0.4, 0.6, 0.8, 0.95, 0.99, 1.0])
-CLUTTER, SIGN, BEHIND, THING, WALL = range(5)
+CLUTTER, SIGN, BEHIND, THING, WALL, COPY = range(6)
 """What a box shows: nothing that stays, a sign, a sign that a lorry hides for a while, a thing of a
-sign's size, a wall."""
+sign's size, a wall; and a sign that stands elsewhere in the map."""
 SHARPNESS, JITTER = 1.0, 0.5
 """Sum of the beta parameters of all boxes' scores, which is the less the more a detector knows; and
 by how much the log odds of one thing's boxes differ. Chosen."""
@@ -111,33 +106,25 @@ def _scores(rng: np.random.Generator, sign: BoolArray, owner: IntArray) -> Float
     return np.asarray(expit(odds + JITTER * rng.standard_normal(len(owner))))
 
 
-def told(one: Street) -> FloatArray:
-    """Probability, and of what kind it is, of everything [n, 2] that boxes were joined to."""
-    rows: list[tuple[float, float]] = []
-    odds: tuple[FloatArray, FloatArray] = (np.zeros(0), np.zeros(0))
-
-    def boxes_tell(*given: Any) -> tuple[FloatArray, FloatArray]:
-        nonlocal odds
-        odds = existence_odds(*given)
-        return odds
-
-    def sizes_tell(views: Views, landmarks: list[Landmark], prior: SizePrior) -> FloatArray:
-        face = face_odds(views, landmarks, prior)
-        # what is asked before the camera is found does not count
-        rows.clear()
-        told = 1.0 / (1.0 + 1.0 / odds[0] + 1.0 / odds[1] + 1.0 / face)
-        for mark, p in zip(landmarks, told.tolist(), strict=True):
-            if mark.ok:
-                rows.append((p, float(np.bincount(one.kind[views.row[mark.rows]]).argmax())))
-        return face
-
-    rules, world = GeolocationRules(min_existence=0.0), one.world
-    with (
-        patch.object(locate, "existence_odds", boxes_tell),
-        patch.object(locate, "face_odds", sizes_tell),
-    ):
-        locate.locate_signs(world.trajectory, [world.detections], {"front": world.camera}, rules)
-    return np.array(rows)
+def told(one: Street) -> tuple[FloatArray, IntArray, BoolArray]:
+    """Of everything [n] that boxes were joined to, all passes of one place together: the
+    probability that it is a sign, of what kind most of its boxes are, and whether it is a copy, a
+    second place of a sign that more boxes are of."""
+    rules, world = GeolocationRules(min_existence=0.0, max_single_view_m=np.inf), one.world
+    # boxes that the map leaves out would look like a camera that is not as stated
+    with patch.object(locate, "explain_doubted", lambda path, stated, found, again: found):
+        found = locate.locate_signs(
+            world.trajectory, [world.detections], {"front": world.camera}, rules
+        )
+    p, kind = np.zeros(len(found.signs)), np.zeros(len(found.signs), np.int64)
+    copy, placed = np.zeros(len(found.signs), np.bool_), set()
+    for k in sorted(range(len(p)), key=lambda k: -found.signs[k].n_views):
+        rows = found.signs[k].detection_rows
+        p[k], kind[k] = found.signs[k].existence, np.bincount(one.kind[rows]).argmax()
+        owner = int(np.bincount(world.owner[rows] + 1).argmax()) - 1
+        copy[k] = owner in placed
+        placed |= {owner} - {-1}
+    return p, kind, copy
 
 
 def main() -> None:
@@ -151,14 +138,19 @@ def main() -> None:
     for clutter in (0.1, 0.4):
         d = Difficulty(twice=False, clutter=clutter, faces=ROUND, duration_s=arguments.seconds)
         seeds = range(arguments.first, arguments.first + arguments.drives)
-        p, kind = np.concatenate([told(street(seed, d, apart)) for seed in seeds]).T
+        drives = [told(street(seed, d, apart)) for seed in seeds]
+        p, kind, copy = (np.concatenate(column) for column in zip(*drives, strict=True))
+        kind[copy & ((kind == SIGN) | (kind == BEHIND))] = COPY
         sign = (kind == SIGN) | (kind == BEHIND)
         print(f"{clutter} false boxes a frame: {len(p)} things, {sign.mean():.3f} of them signs")
         print(f"  expected calibration error {_by_bins(p, sign):.4f}")
-        for number, name in ((THING, "things that stay"), (WALL, "walls"), (BEHIND, "lorries")):
+        for number, name in (
+            (THING, "things that stay"), (WALL, "walls"), (BEHIND, "lorries"), (COPY, "copies"),
+        ):  # fmt: skip
             here = kind == number
             kept = (p[here] >= 0.5).sum()
-            print(f"  {name}: {here.sum()}, said {p[here].mean():.3f}, {kept} kept", flush=True)
+            said = p[here].sum() / max(here.sum(), 1)
+            print(f"  {name}: {here.sum()}, said {said:.3f}, {kept} kept", flush=True)
 
 
 def _by_bins(p: FloatArray, sign: FloatArray) -> float:

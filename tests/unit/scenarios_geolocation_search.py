@@ -313,7 +313,6 @@ def geolocation_links() -> Any:
             "steps": np.array(steps),
             "cleaned": [m.rows for m in marks],
             "misfits": misfits,
-            "joined": [m.rows for m in splitting.join_pieces(views, cut, PRIOR, 6.0)],
             "costs": tracking._link_costs(views, active, frame),
             "scores": [track.class_score for track in active],
             "adopted": [

@@ -206,7 +206,7 @@ def mapping_changes() -> Any:
 def geolocation_tracks() -> Any:
     """Tracks with boxes of other signs in them, cleaned; what they leave, linked anew."""
     from automap.geolocation.landmark import SizePrior
-    from automap.geolocation.splitting import clean_tracks, join_pieces
+    from automap.geolocation.splitting import clean_tracks
     from automap.geolocation.tracking import link_views
     from automap.geolocation.views import MeasurementNoise, build_views
     from tests.unit import geolocation_scene as world
@@ -228,5 +228,5 @@ def geolocation_tracks() -> Any:
         "linked": link_views(views, prior, 20.0),
         "cleaned": marks,
         "misfits": misfits,
-        "joined": join_pieces(views, pieces, prior, 20.0),
+        "pieces": pieces,
     }

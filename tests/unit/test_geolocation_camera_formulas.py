@@ -97,7 +97,7 @@ def test_what_a_sign_says_of_a_camera_has_its_place_and_its_passs_errors_taken_o
     prior = SizePrior()
     mark = fit_landmark(views, rows, prior)
     sd = np.array([1e-3, 2e-3, 3e-3, 5e-3, 1e-2, 0.1, 0.1, 0.1, 2e-3, 0.05, 0.06, 0.07])
-    N, A, shared, _, _, chi2 = equations(views, mark, mark.parameters, np.zeros(N_COMMON), prior)
+    N, A, shared, _, _, chi2, _ = equations(views, mark, mark.parameters, np.zeros(N_COMMON), prior)
     scale = max(1.0, chi2 / mark.dof)
     assert (scale > 1.2) == (noise_px > 5.0)
     S, s, g = shared[:N_COMMON, :N_COMMON], shared[:N_COMMON, -1], shared[N_COMMON:, -1]

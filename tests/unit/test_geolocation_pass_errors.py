@@ -106,7 +106,7 @@ def test_what_scatters_more_than_stated_widens_by_the_degrees_of_freedom(approac
     few = landmark.rows[:: max(len(landmark.rows) // 4, 1)][:4]
     settled = solve_with_pass_errors(wild, fit_landmark(wild, few, PRIOR), PRIOR)
     at = settled.parameters, settled.pass_bias
-    own, _, _, _, _, chi2 = equations(wild, settled, *at, PRIOR)
+    own, _, _, _, _, chi2, _ = equations(wild, settled, *at, PRIOR)
     assert chi2 > 3 * len(few)
     expected = np.linalg.inv(own) * chi2 / (3 * len(few) - 3)
     np.testing.assert_allclose(settled.covariance, expected, rtol=1e-6)

@@ -12,7 +12,7 @@ from geolocation_scene import ORIGIN, camera, drive_path
 from automap.earth import from_local_ned, tangent_rotation
 from automap.frames import rotation_vector_to_matrix
 from automap.gates import gate
-from automap.geolocation import assembly, due_frames, facing, limits, merging, splitting
+from automap.geolocation import assembly, due_frames, facing, limits, merging
 from automap.geolocation.assembly import AssemblyRules, _status, class_beliefs
 from automap.geolocation.landmark import (
     _crossing_depth,
@@ -366,54 +366,6 @@ def test_two_passes_are_of_one_sign_by_their_distance_in_sigmas_and_their_classe
     assert merging._link_cost(b, a) == pytest.approx(wanted)
     away = one(b.position, np.array([-0.01, 1.0]), x=1.0)
     assert np.isinf(merging._link_cost(a, away))
-
-
-@pytest.mark.parametrize("factor", [0.99, 1.01])
-def test_pieces_are_one_where_the_common_fit_costs_no_more_than_three_coordinates(
-    factor: float, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    views: Any = SimpleNamespace(
-        class_name=np.array(["a", "a", "b", "a", "c"], object), frame=np.array([1, 2, 3, 4, 5]),
-        t_ns=np.array([0, 1, 2, 3, 4]) * 10**8,
-    )  # fmt: skip
-
-    def mark(*rows: int, cost: float = 5.0) -> Any:
-        return SimpleNamespace(
-            rows=np.array(rows), cost=cost, ok=True, weight=np.ones(len(rows)), anchor=rows[0]
-        )
-
-    common = mark(0, 1, 2, 3, cost=12.0 + factor * gate(limits.SPLIT_PROBABILITY, 3))
-    asked: list[list[int]] = []
-
-    def fit(views: Any, rows: Any, prior: Any) -> Any:
-        asked.append(list(rows))
-        return common
-
-    monkeypatch.setattr(splitting, "fit_landmark", fit)
-    monkeypatch.setattr(splitting, "distances_to", lambda *_: np.array([[0.99 * limits.LINK_GATE]]))
-    pieces = [mark(2, 3, cost=7.0), mark(0, 1)]
-    found = splitting.join_pieces(views, pieces, Any, 20.0)  # type: ignore[arg-type]
-    assert (found == [common]) == (factor < 1.0)
-    assert asked[0] == [0, 1, 2, 3]
-    if factor > 1.0:
-        return
-    # misfits, other classes, a common frame and distance keep them apart
-    for bad in ({"weight": np.array([1.0, 0.99 * limits.MISFIT_WEIGHT])}, {"ok": False}):
-        monkeypatch.setattr(
-            splitting, "fit_landmark", lambda *_, bad=bad: SimpleNamespace(**vars(common) | bad)
-        )
-        assert len(splitting.join_pieces(views, pieces, Any, 20.0)) == 2  # type: ignore[arg-type]
-    monkeypatch.setattr(splitting, "fit_landmark", lambda *_: common)
-    assert splitting._joined(views, mark(0, 1), mark(2, 4), Any) is None  # type: ignore[arg-type]
-    assert splitting._joined(views, mark(0, 1), mark(1, 3), Any) is None  # type: ignore[arg-type]
-    monkeypatch.setattr(splitting, "distances_to", lambda *_: np.array([[1.01 * limits.LINK_GATE]]))
-    assert splitting._joined(views, pieces[0], pieces[1], Any) is None  # type: ignore[arg-type]
-    # and a longer silence than the tracker's
-    monkeypatch.setattr(splitting, "distances_to", lambda *_: np.array([[0.0]]))
-    for silence, count in ((0.99, 1), (1.01, 2)):
-        gap = np.int64(silence * 20.0 * 1e9)
-        views.t_ns = np.array([0, 1, 1 + gap, 2 + gap, 3 + gap])
-        assert len(splitting.join_pieces(views, pieces, Any, 20.0)) == count  # type: ignore[arg-type]
 
 
 def test_a_boxs_size_is_the_mean_of_width_and_height_by_their_logarithms(

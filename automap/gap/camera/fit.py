@@ -224,7 +224,7 @@ def _evaluated(
         bias = np.concatenate([np.zeros(n_effects), common[n_effects:first], wander, local[s, 4:]])
         # errors that do not depend on what is fitted: models are compared by their likelihoods
         own_boxes = boxes_of(views, rows, anchor, SIZE)
-        N, A, S, residual[rows], _, _ = sign_equations(
+        N, A, S, residual[rows], *_ = sign_equations(
             seen[s], own_boxes, every[rows], bias, BY_HUBER
         )
         m = every.shape[2]

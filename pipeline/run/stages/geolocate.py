@@ -335,6 +335,7 @@ STAGE = Stage(
     # 21: stamps and pictures as the bends of the videos say, existence by frames that are due,
     # a nose off its course
     # 26: of two mirror images of a face the likelier is stated; boxes too narrow to be found
+    # 29: pieces of a track are joined as passes are, times are searched among many signs too
     version=29,
     run=run,
     inputs=_inputs,
