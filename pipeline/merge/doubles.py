@@ -154,7 +154,8 @@ def doubles(marks: Sequence[Marks | None]) -> list[Double]:
         found.append(
             Double(part, whole, left_out, same, float(np.median(apart)), *map(float, times))
         )
-    return found
+    # what a part has in common with others its whole has as well
+    return [d for d in found if d.left_out or not {d.part, d.whole} & out]
 
 
 def _candidates(marks: Sequence[Marks | None]) -> set[tuple[int, int]]:

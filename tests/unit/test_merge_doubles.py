@@ -36,6 +36,12 @@ def test_parts_of_parts_leave_the_whole() -> None:
     assert {d.part for d in found if d.left_out} == {0, 3}
 
 
+def test_of_a_part_nothing_is_told_but_that_it_is_one() -> None:
+    beside = marks(east_m=3.0)
+    found = doubles([marks(0, 12), beside, marks()])
+    assert [(d.part, d.whole, d.left_out) for d in found] == [(0, 2, True), (2, 1, False)]
+
+
 def test_one_receiver_with_two_cameras_is_told_and_stays() -> None:
     (found,) = doubles([marks(), replace(marks(), frame_ns=FRAMES + 13)])
     assert (found.left_out, found.same) == (False, True)
