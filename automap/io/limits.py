@@ -16,9 +16,6 @@ MAX_NUMBER = 1e12
 """Size of a number that a manifest or a setting may have. In metres, seconds, degrees and per cent
 no quantity of a drive comes near it, and its square is far from the largest a computer has."""
 
-FARTHEST_M = 100.0
-"""Of a point of the vehicle from the IMU; the longest road trains have some sixty metres."""
-
 MAX_MESSAGE = 2000
 """Characters of a sentence that is told; what is longer repeats a file, and its middle is left
 out."""

@@ -30,7 +30,7 @@ from automap.io.table_form import (
 from automap.io.table_units import Quantity, unit_named
 from automap.io.toml_file import parse_toml
 from automap.io.toml_place import keys_in_file, line_of
-from automap.records import LEVER_ARM_SD_M
+from automap.records import FARTHEST_ARM_M, LEVER_ARM_SD_M
 
 SCHEMA = "automap.drive/1"
 MINIMAL = 'schema = "automap.drive/1"'
@@ -50,7 +50,7 @@ class Section(BaseModel):
     @classmethod
     def _size_is_possible(cls, value: Any, info: ValidationInfo) -> Any:
         arm = info.field_name == "lever_arm_m"
-        most = limits.FARTHEST_M if arm else limits.MAX_NUMBER
+        most = FARTHEST_ARM_M if arm else limits.MAX_NUMBER
         for number in value if isinstance(value, tuple) else (value,):
             if isinstance(number, float) and abs(number) > most:
                 raise ValueError(f"{number:g} is more than {most:g}; correct it or its unit")

@@ -41,9 +41,11 @@ IMAGE = ("sensor_msgs/msg/CompressedImage", "sensor_msgs/msg/Image")
 INFO = ("sensor_msgs/msg/CameraInfo",)
 
 SUFFIXES = (".bag", ".mcap", ".db3")
-_STATUS = {-1: FixType.NONE, 1: FixType.DGNSS, 2: FixType.DGNSS, 18: FixType.DGNSS,
-           33: FixType.DGNSS}  # fmt: skip
-"""NO_FIX, SBAS, GBAS (which is RTK, fixed or not); of a GPSFix DGPS and WAAS as well."""
+_UNKNOWN = -2
+_NO_FIX = dict.fromkeys((_UNKNOWN, -1), FixType.NONE)
+_STATUS = _NO_FIX | dict.fromkeys((1, 2, 18, 33), FixType.DGNSS)
+"""UNKNOWN (ROS 2: nobody set it), NO_FIX, SBAS, GBAS (which is RTK, fixed or not); of a GPSFix
+DGPS and WAAS as well."""
 _LISTED = 12
 """Topics that a message names."""
 _VELOCITY_MATCH_S = 0.06
@@ -52,7 +54,7 @@ _VELOCITY_MATCH_S = 0.06
 @dataclass(frozen=True)
 class BagFixes:
     """Positions [n]: stamps of their headers, degrees, ellipsoidal height, fix, sigmas and
-    velocity [n, 3] north-east-down (NaN where unknown)."""
+    velocity [n, 3] north-east-down (NaN where unknown); ``warnings`` a sentence each."""
 
     t_ns: IntArray
     lat_deg: FloatArray
@@ -62,6 +64,7 @@ class BagFixes:
     sd_pos_ned: FloatArray
     vel_ned: FloatArray
     sd_vel_ned: FloatArray
+    warnings: tuple[str, ...] = ()
 
     def __len__(self) -> int:
         return len(self.t_ns)
@@ -149,10 +152,19 @@ def _parts(path: Path) -> list[Path]:
     return files
 
 
+def says_unmeasured(bag: Bag, topic: str) -> frozenset[str]:
+    """Which fields of the topic's Imu messages say by a covariance of -1 that nothing measured
+    them (sensor_msgs Imu), by the first one."""
+    for _, message in bag.messages(topic):
+        fields = (place.field for place in IMU_FIELDS.values())
+        return frozenset(f for f in fields if getattr(message, f"{f}_covariance")[0] == -1.0)
+    return frozenset()
+
+
 def read_fixes(bag: Bag, topic: str, velocity_topic: str | None) -> BagFixes:
     """Positions of a NavSatFix or GPSFix topic, with the velocities (x east, y north, z up) of
     another, else those of a GPSFix itself."""
-    stamps, rows, sds, kinds, own = [], [], [], [], []
+    stamps, rows, sds, status, own = [], [], [], [], []
     for stamp, message in bag.messages(topic):
         stamps.append(stamp)
         rows.append((message.latitude, message.longitude, message.altitude))
@@ -160,10 +172,23 @@ def read_fixes(bag: Bag, topic: str, velocity_topic: str | None) -> BagFixes:
         known = int(message.position_covariance_type) != 0
         variance = covariance[[4, 0, 8]] if known else np.full(3, np.nan)
         sds.append(np.sqrt(np.where(variance > 0.0, variance, np.nan)))
-        kinds.append(_STATUS.get(int(message.status.status), FixType.THREE_D))
+        status.append(int(message.status.status))
         own.append(_own_velocity(message))
     t_ns, place = np.array(stamps, np.int64), np.array(rows, np.float64).reshape(-1, 3)
     good = np.isfinite(place[:, :2]).all(axis=1)
+    said: list[str] = []
+    kinds = _kinds(topic, status, said)
+    sd = np.array(sds, np.float64).reshape(-1, 3)
+    flat = int(np.count_nonzero(good & ~np.isfinite(place[:, 2])))
+    if flat:
+        said.append(
+            f"{flat} of {len(t_ns)} messages of {topic} have no altitude; their heights are unknown"
+        )
+    if len(sd) and not np.isfinite(sd).any():
+        said.append(
+            f"no message of {topic} states an accuracy (its covariance is unknown or zero); that "
+            "of a usual receiver is assumed: record a topic that has it if there is one"
+        )
     velocity, sd_velocity = np.array(own).reshape(-1, 3), np.full((len(t_ns), 3), np.nan)
     if velocity_topic is not None:
         velocity, sd_velocity = _velocities(bag, velocity_topic, t_ns)
@@ -172,11 +197,29 @@ def read_fixes(bag: Bag, topic: str, velocity_topic: str | None) -> BagFixes:
         lat_deg=place[:, 0],
         lon_deg=place[:, 1],
         height_m=place[:, 2],
-        fix_type=np.where(good, np.array(kinds, np.int64), 0),
-        sd_pos_ned=np.array(sds, np.float64).reshape(-1, 3),
+        fix_type=np.where(good, kinds, FixType.NONE),
+        sd_pos_ned=sd,
         vel_ned=velocity,
         sd_vel_ned=sd_velocity,
+        warnings=tuple(said),
     )
+
+
+def _kinds(topic: str, status: list[int], said: list[str]) -> IntArray:
+    """Types [n] of fixes by their status. Where no message has one, all are taken as fixes."""
+    unknown = status.count(_UNKNOWN)
+    if unknown and unknown == len(status):
+        said.append(
+            f"no message of {topic} says whether it is a fix (status -2, unknown); all are taken "
+            "as fixes: see that none was recorded before the receiver had one"
+        )
+        return np.full(len(status), FixType.THREE_D, np.int64)
+    if unknown:
+        said.append(
+            f"{unknown} of {len(status)} messages of {topic} do not say whether they are fixes "
+            "(status -2, unknown) and are taken as none"
+        )
+    return np.array([_STATUS.get(code, FixType.THREE_D) for code in status], np.int64)
 
 
 def _own_velocity(message: Any) -> tuple[float, float, float]:

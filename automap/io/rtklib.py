@@ -158,7 +158,12 @@ def decode_pos(data: bytes, name: str) -> tuple[Fixes, list[str], str | None, in
     time_tokens = 6 if form.calendar else 2
     position_tokens = 7 if form.position == "dms" else 3
     least = time_tokens + position_tokens
-    good = (count >= least) & np.isfinite(values[:, :least]).all(axis=1)
+    needed = np.isfinite(values[:, :least])
+    if form.position in ("llh", "dms"):
+        # a receiver without a height says nan there, which is no damage
+        for row in np.flatnonzero(~needed[:, -1] & (count >= least)).tolist():
+            needed[row, -1] = _nth(data, int(offset[row]), least - 1) == b"nan"
+    good = (count >= least) & needed.all(axis=1)
     truncated = None
     usual = int(np.median(count))
     if not data.endswith(b"\n") and count[-1] < usual:
@@ -183,6 +188,12 @@ def decode_pos(data: bytes, name: str) -> tuple[Fixes, list[str], str | None, in
             "ellipsoidal (write the solution with ellipsoidal heights instead)"
         )
     return fixes, warnings, truncated, len(bad)
+
+
+def _nth(data: bytes, start: int, place: int) -> bytes:
+    """What stands in place ``place`` of the row that begins at ``start``, in small letters."""
+    row = data[start : data.find(b"\n", start) + 1 or None]
+    return re.split(rb"[\s,;/:]+", row.strip())[place].lower()
 
 
 def _header(data: bytes) -> list[str]:
@@ -295,6 +306,7 @@ def _fixes(
     fix = QUALITY[np.clip(quality, 0, len(QUALITY) - 1)]
     good = (np.abs(lat) <= np.pi / 2) & (np.abs(lon) <= np.pi) & (fix != FixType.NONE)
     fix = np.where(good, fix, FixType.NONE)
+    fix = np.where(np.isnan(height) & (fix > FixType.TWO_D), FixType.TWO_D, fix)
     sd_pos = _sd_ned(columns(2, 3), columns(5, 3), lat, lon, form.position)
     velocity = _vector_ned(columns(10, 3), lat, lon, form.position)
     sd_vel = _sd_ned(columns(13, 3), columns(16, 3), lat, lon, form.position)

@@ -10,6 +10,7 @@ from automap.records.arrays import NO_TIME, BoolArray, FloatArray, Image, IntArr
 from automap.records.clocks import ClockModel, DriveClocks
 from automap.records.motion import DrivePath, Trajectory, along_course
 from automap.records.pictures import (
+    FARTHEST_ARM_M,
     LEVER_ARM_SD_M,
     TRACK_PROBABILITIES,
     Camera,
@@ -44,6 +45,7 @@ from automap.records.signs import (
 )
 
 __all__ = [
+    "FARTHEST_ARM_M",
     "LEVER_ARM_SD_M",
     "NO_TIME",
     "TRACK_PROBABILITIES",

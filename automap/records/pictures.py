@@ -11,6 +11,8 @@ from automap.records.arrays import FloatArray, Image, IntArray
 
 TRACK_PROBABILITIES = ("class_probability", "group_probability")
 """Columns of detections that tell how sure a track's class is, and its shape and colour."""
+FARTHEST_ARM_M = 100.0
+"""Of a point of the vehicle from the IMU; the longest road trains have some sixty metres."""
 LEVER_ARM_SD_M = 0.3
 """Of a camera's place on the vehicle of which nobody says how well it is known: by eye."""
 

@@ -7,47 +7,51 @@ errors carry the names and units of the effects (errors of the reading).
 from __future__ import annotations
 
 import difflib
+import math
 from collections.abc import Mapping
-from datetime import datetime
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic_core import ErrorDetails
 
 from automap.effects.limits import WARM_UP_S
 from automap.errors import ConfigError
 from automap.records import LEVER_ARM_SD_M
-
-Positive = Annotated[float, Field(gt=0)]
-NonNegative = Annotated[float, Field(ge=0)]
-Vector = tuple[float, float, float]
+from automap.simulation import quantities as q
 
 
 class _Part(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
+_SHORTEST_M, _LONGEST_M = 1.0, 400e3
+"""Of a route; the longest is that of its legs."""
+_AUSTRALIA = (-44.0, -9.0), (112.0, 154.5)
+"""Latitudes and longitudes, deg."""
+
+
 class Start(_Part):
     """Where and when the drive begins, heading clockwise from north."""
 
-    utc: datetime
-    lat_deg: Annotated[float, Field(ge=-89, le=89)]
-    lon_deg: Annotated[float, Field(ge=-180, le=180)]
-    height_m: float = 0.0
-    heading_deg: float = 0.0
-    standstill_s: NonNegative = 5.0
+    utc: q.Utc
+    lat_deg: q.Latitude
+    lon_deg: q.Longitude
+    height_m: q.Height = 0.0
+    heading_deg: q.Angle = 0.0
+    standstill_s: q.LongTime = 5.0
 
 
 class Vehicle(_Part):
     """How the vehicle moves; suspension angles are per m/s^2 of acceleration."""
 
-    accel: Positive = 1.6
-    brake: Positive = 2.0
-    lateral_accel: Positive = 2.2
-    roll_per_accel_deg: float = 0.45
-    pitch_per_accel_deg: float = 0.4
-    road_roughness_deg: NonNegative = 0.12
-    imu_height_m: Positive = 0.5
+    accel: q.Acceleration = 1.6
+    brake: q.Acceleration = 2.0
+    lateral_accel: q.Acceleration = 2.2
+    roll_per_accel_deg: q.SmallAngle = 0.45
+    pitch_per_accel_deg: q.SmallAngle = 0.4
+    road_roughness_deg: q.Roughness = 0.12
+    imu_height_m: q.ImuHeight = 0.5
 
 
 class Leg(_Part):
@@ -56,12 +60,17 @@ class Leg(_Part):
     Adjoining curvatures are joined by smooth transitions of some ``transition_m``.
     """
 
-    length_m: Annotated[float, Field(ge=0)] = 0.0
-    turn_deg: float = 0.0
-    radius_m: Positive | None = None
-    grade_percent: Annotated[float, Field(gt=-30, lt=30)] = 0.0
-    bank_deg: Annotated[float, Field(gt=-30, lt=30)] = 0.0
-    speed_m_s: Positive = 12.0
+    length_m: q.Length = 0.0
+    turn_deg: q.Turn = 0.0
+    radius_m: q.Radius | None = None
+    grade_percent: q.Slope = 0.0
+    bank_deg: q.Slope = 0.0
+    speed_m_s: q.Speed = 12.0
+
+    @property
+    def way_m(self) -> float:
+        """How long it is, an arc along its circle."""
+        return self.length_m + (self.radius_m or 0.0) * math.radians(abs(self.turn_deg))
 
     @model_validator(mode="after")
     def _straight_or_arc(self) -> Leg:
@@ -75,8 +84,8 @@ class Leg(_Part):
 class Stop(_Part):
     """A halt at a distance along the route."""
 
-    at_m: NonNegative
-    hold_s: Positive
+    at_m: q.Length
+    hold_s: q.Hold
 
 
 class Route(_Part):
@@ -84,23 +93,35 @@ class Route(_Part):
 
     legs: Annotated[list[Leg], Field(min_length=1)]
     stops: list[Stop] = []
-    transition_m: Positive = 14.0
-    end_standstill_s: NonNegative = 3.0
+    transition_m: q.Transition = 14.0
+    end_standstill_s: q.LongTime = 3.0
+
+    @model_validator(mode="after")
+    def _goes_somewhere(self) -> Route:
+        way = sum(leg.way_m for leg in self.legs)
+        if not _SHORTEST_M <= way <= _LONGEST_M:
+            raise ValueError(
+                f"its legs are {way:g} m long; give {_SHORTEST_M:g} m to {_LONGEST_M:g} m"
+            )
+        for stop in self.stops:
+            if stop.at_m > way:
+                raise ValueError(f"a stop at {stop.at_m:g} m is beyond its {way:.0f} m")
+        return self
 
 
 class Clock(_Part):
     """Host clock against GPS: stamp of the drive's begin, and its rate error."""
 
     start_ns: Annotated[int, Field(ge=0)] = 1_000_000_000_000
-    drift_ppm: float = 8.0
+    drift_ppm: q.DriftPpm = 8.0
 
 
 class WarmUp(_Part):
     """The IMU's temperature after switching on: from ``start_c`` up by ``rise_k`` in the end."""
 
-    start_c: float = 20.0
-    rise_k: float = 15.0
-    time_constant_s: Positive = WARM_UP_S
+    start_c: q.Celsius = 20.0
+    rise_k: q.Kelvin = 15.0
+    time_constant_s: q.LastingTime = WARM_UP_S
 
 
 class Imu(_Part):
@@ -109,10 +130,10 @@ class Imu(_Part):
     With ``warm_up`` the recording has a temperature; an effect that follows it brings it too.
     """
 
-    rate_hz: Positive = 100.0
-    gyro_noise: NonNegative = 1.0e-4
-    accel_noise: NonNegative = 1.5e-3
-    stamp_jitter_s: NonNegative = 2.0e-5
+    rate_hz: q.ImuRate = 100.0
+    gyro_noise: q.GyroNoise = 1.0e-4
+    accel_noise: q.AccelNoise = 1.5e-3
+    stamp_jitter_s: q.Delay = 2.0e-5
     warm_up: WarmUp | None = None
 
 
@@ -125,12 +146,12 @@ class Solution(_Part):
     """
 
     fix: Literal["none", "3d", "dgnss", "float", "fixed"] = "3d"
-    mean_s: Positive = 60.0
-    sigma_correlated_m: Vector = (0.8, 0.8, 1.4)
-    correlation_s: Positive = 60.0
-    sigma_white_m: Vector = (0.25, 0.25, 0.5)
-    stated_sd_m: Vector | None = None
-    then: dict[str, NonNegative] = {}
+    mean_s: q.LastingTime = 60.0
+    sigma_correlated_m: q.PositionSd = (0.8, 0.8, 1.4)
+    correlation_s: q.LastingTime = 60.0
+    sigma_white_m: q.PositionSd = (0.25, 0.25, 0.5)
+    stated_sd_m: q.StatedSd | None = None
+    then: dict[str, q.Weight] = {}
 
 
 class Replay(_Part):
@@ -142,7 +163,7 @@ class Replay(_Part):
     """
 
     errors: str
-    start_s: NonNegative | None = None
+    start_s: q.LongTime | None = None
     wrap: bool = False
 
 
@@ -159,23 +180,23 @@ class Gnss(_Part):
 
     receiver: str = ""
     format: Literal["ubx", "nmea"] = "ubx"
-    rate_hz: Positive = 5.0
-    lever_arm_m: Vector = (0.0, 0.0, 0.0)
-    sigma_correlated_m: Vector = (0.8, 0.8, 1.4)
-    correlation_s: Positive = 60.0
-    sigma_white_m: Vector = (0.25, 0.25, 0.5)
-    sigma_velocity: Vector = (0.06, 0.06, 0.09)
-    stated_sd_m: Vector | None = None
-    stated_sd_velocity: Vector | None = None
+    rate_hz: q.FixRate = 5.0
+    lever_arm_m: q.Arm = (0.0, 0.0, 0.0)
+    sigma_correlated_m: q.PositionSd = (0.8, 0.8, 1.4)
+    correlation_s: q.LastingTime = 60.0
+    sigma_white_m: q.PositionSd = (0.25, 0.25, 0.5)
+    sigma_velocity: q.VelocitySd = (0.06, 0.06, 0.09)
+    stated_sd_m: q.StatedSd | None = None
+    stated_sd_velocity: q.StatedVelocitySd | None = None
     solutions: dict[str, Solution] = {}
     replay: Replay | None = None
-    dropouts: list[tuple[NonNegative, NonNegative]] = []
-    geoid_separation_m: float = 0.0
-    output_delay_s: NonNegative = 0.07
+    dropouts: list[tuple[q.LongTime, q.LongTime]] = []
+    geoid_separation_m: q.Geoid = 0.0
+    output_delay_s: q.Delay = 0.07
     output_delay_known: bool = True
-    arrival_jitter_s: NonNegative = 0.008
-    burst_probability: Annotated[float, Field(ge=0, le=1)] = 0.02
-    burst_s: NonNegative = 0.12
+    arrival_jitter_s: q.Delay = 0.008
+    burst_probability: q.Share = 0.02
+    burst_s: q.Delay = 0.12
 
     @model_validator(mode="after")
     def _solutions_follow(self) -> Gnss:
@@ -191,9 +212,9 @@ class Gnss(_Part):
 class Odometer(_Part):
     """Wheel speed in ``odometer.csv``: rate, white noise and resolution in m/s."""
 
-    rate_hz: Positive = 20.0
-    noise: NonNegative = 0.02
-    resolution: NonNegative = 0.0
+    rate_hz: q.ImuRate = 20.0
+    noise: q.SpeedNoise = 0.02
+    resolution: q.SpeedNoise = 0.0
 
 
 class CameraSetup(_Part):
@@ -203,53 +224,53 @@ class CameraSetup(_Part):
     edges with so much noise. Only such a camera can have effects under ``errors``.
     """
 
-    width: Annotated[int, Field(ge=64, le=4096)] = 1280
-    height: Annotated[int, Field(ge=64, le=4096)] = 720
-    focal_px: Positive = 1000.0
-    frame_rate_hz: Positive = 10.0
-    lever_arm_m: Vector = (1.2, 0.0, -0.9)
-    lever_arm_sigma_m: NonNegative = LEVER_ARM_SD_M
-    mount_rpy_deg: Vector = (0.0, 0.0, 0.0)
-    mount_error_deg: Vector = (0.0, 0.0, 0.0)
-    mount_rpy_sigma_deg: Positive = 1.0
-    frame_jitter_s: NonNegative = 0.004
-    stamp_noise_s: NonNegative = 0.001
-    time_offset_sigma_s: Positive = 0.02
-    image_noise: NonNegative = 2.5
-    blur_px: NonNegative = 0.6
-    quality: Annotated[int, Field(ge=0, le=51)] = 27
-    box_sd_px: Positive | None = None
+    width: q.Pixels = 1280
+    height: q.Pixels = 720
+    focal_px: q.Focal = 1000.0
+    frame_rate_hz: q.FrameRate = 10.0
+    lever_arm_m: q.Arm = (1.2, 0.0, -0.9)
+    lever_arm_sigma_m: q.ArmSd = LEVER_ARM_SD_M
+    mount_rpy_deg: q.Angles = (0.0, 0.0, 0.0)
+    mount_error_deg: q.Angles = (0.0, 0.0, 0.0)
+    mount_rpy_sigma_deg: q.AngleSd = 1.0
+    frame_jitter_s: q.Delay = 0.004
+    stamp_noise_s: q.Delay = 0.001
+    time_offset_sigma_s: q.DelaySd = 0.02
+    image_noise: q.GreyNoise = 2.5
+    blur_px: q.Blur = 0.6
+    quality: q.Quality = 27
+    box_sd_px: q.BoxSd | None = None
 
 
 class SignPlacement(_Part):
     """A sign by the road: ``offset_m`` from the path, right positive; ``height_m`` of its centre
     above the road; ``turned_deg`` away from facing the oncoming driver squarely."""
 
-    at_m: float
+    at_m: q.Length
     sign: str
-    offset_m: float
-    height_m: Positive = 2.2
-    size_m: Positive | None = None
-    turned_deg: Annotated[float, Field(ge=-75, le=75)] = 0.0
+    offset_m: q.Aside
+    height_m: q.SignHeight = 2.2
+    size_m: q.SignSize | None = None
+    turned_deg: q.Turned = 0.0
 
 
 class Scenery(_Part):
     """What stands along the road besides signs, and the light."""
 
-    road_half_width_m: Positive = 4.0
-    lane_centre_m: float = 2.0
+    road_half_width_m: q.RoadWidth = 4.0
+    lane_centre_m: q.Aside = 2.0
     buildings: bool = True
     trees: bool = True
     parked_cars: bool = True
     billboards: bool = True
-    brightness: Positive = 1.0
+    brightness: q.Brightness = 1.0
 
 
 class Site(_Part):
-    """Where the drive takes place, for the manifest."""
+    """Where the drive takes place, for the manifest, which has what is said here."""
 
-    country: str = "AU"
-    traffic_side: Literal["left", "right"] = "left"
+    country: q.Country | None = None
+    traffic_side: Literal["left", "right"] | None = None
 
 
 class Scenario(_Part):
@@ -276,6 +297,15 @@ class Scenario(_Part):
     scenery: Scenery = Scenery()
     site: Site = Site()
 
+    @property
+    def place(self) -> Site:
+        """The site; of a drive in Australia that says nothing of it Australia's."""
+        (south, north), (west, east) = _AUSTRALIA
+        there = south < self.start.lat_deg < north and west < self.start.lon_deg < east
+        if self.site.country is None and there:
+            return Site(country="AU", traffic_side=self.site.traffic_side or "left")
+        return self.site
+
 
 def parse_scenario(data: Mapping[str, Any], path: Path) -> Scenario:
     """Check the content of a scenario file.
@@ -289,8 +319,10 @@ def parse_scenario(data: Mapping[str, Any], path: Path) -> Scenario:
 
 
 def _first_reason(error: ValidationError) -> str:
-    first = error.errors(include_url=False)[0]
-    place = ".".join(str(part) for part in first["loc"])
+    found = error.errors(include_url=False)
+    # of the ways in which a value may be written the one that it came nearest to
+    first = max((e for e in found if e["loc"][:2] == found[0]["loc"][:2]), key=_depth)
+    place = ".".join(str(part) for part in first["loc"] if "[" not in str(part))
     if first["type"] == "extra_forbidden":
         word = str(first["loc"][-1])
         near = difflib.get_close_matches(word, sorted(_all_keys(Scenario)), n=1, cutoff=0.6)
@@ -299,7 +331,11 @@ def _first_reason(error: ValidationError) -> str:
     if first["type"] == "missing":
         return f"the key {place} is missing; add it"
     reason = first["msg"].removeprefix("Value error, ")
-    return f"{place} is not accepted: {reason}"
+    return f"{place} is not accepted: {reason}" if place else reason
+
+
+def _depth(error: ErrorDetails) -> int:
+    return len(error["loc"])
 
 
 def _all_keys(model: type[BaseModel]) -> set[str]:

@@ -151,7 +151,7 @@ def _road_line(scenario: Scenario, drive: DriveMotion, ref: tuple[float, float, 
 
 def _road_centre(scenario: Scenario) -> float:
     """Offset of the road's middle from the driven line, right positive."""
-    side = 1.0 if scenario.site.traffic_side == "left" else -1.0
+    side = 1.0 if scenario.place.traffic_side == "left" else -1.0
     return side * scenario.scenery.lane_centre_m
 
 

@@ -10,8 +10,8 @@ import numpy as np
 
 from automap.errors import AutoMapError, ConfigError, InputError
 from automap.export.trajectory_point import at_instants, moved_to
-from automap.io import limits, names
-from automap.records import FloatArray, IntArray, Trajectory
+from automap.io import names
+from automap.records import FARTHEST_ARM_M, FloatArray, IntArray, Trajectory
 from pipeline.shared.run_record import drive_of
 
 
@@ -96,10 +96,10 @@ def lever_arm(out: Path, point: str) -> FloatArray:
         arm = np.full(3, np.nan)
     if arm.shape != (3,) or not np.isfinite(arm).all():
         raise ConfigError(f"--point {point}: write three numbers, as 0.4,0.1,-1.2 (metres).")
-    if np.abs(arm).max() > limits.FARTHEST_M:
+    if np.abs(arm).max() > FARTHEST_ARM_M:
         raise ConfigError(
             f"--point {point} is no point of a vehicle: it lies farther than "
-            f"{limits.FARTHEST_M:g} m from the IMU; the numbers are metres forward, right, down."
+            f"{FARTHEST_ARM_M:g} m from the IMU; the numbers are metres forward, right, down."
         )
     return arm
 

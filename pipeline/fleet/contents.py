@@ -17,6 +17,7 @@ from automap.io.atomic import write_json
 from automap.mapping.sightings import DriveSigns
 from pipeline.fleet.store import DONE, Entry, Store
 from pipeline.merge.cell_store import DRIVES, PATHS, SIGHTINGS, add_drives, read_drives
+from pipeline.merge.doubles import doubles, marks_told, sentence
 from pipeline.merge.inputs import read_run
 from pipeline.shared.beside import ahead, beside
 from pipeline.shared.values import json_object, mapping
@@ -32,7 +33,8 @@ _READ = (
 
 
 def wanted(entries: Sequence[Entry], warnings: list[str]) -> dict[str, Entry]:
-    """Drives that are done by the names of their recordings; one recording counts once."""
+    """Drives that are done by the names of their recordings; one recording counts once, and so do
+    its parts."""
     found: dict[str, Entry] = {}
     for entry in entries:
         if entry.state() == "done":
@@ -44,6 +46,12 @@ def wanted(entries: Sequence[Entry], warnings: list[str]) -> dict[str, Entry]:
                 )
             else:
                 found[key] = entry
+    keys = list(found)
+    pairs = doubles([marks_told(found[key].done.get("marks")) for key in keys])
+    warnings += [sentence(d, found[keys[d.part]].path, found[keys[d.whole]].path) for d in pairs]
+    for pair in pairs:
+        if pair.left_out:
+            del found[keys[pair.part]]
     return found
 
 

@@ -35,6 +35,9 @@ from pipeline.importers.target import Import, new_drive
 if TYPE_CHECKING:
     from automap.io.rosbag import Bag
 
+_SOME_GRAVITY = 0.5 * 9.81
+"""m/s^2; a mean of less is no gravity: a car's own accelerations are less, and so is any bias."""
+
 _NOTES = (
     "Stamps are those of the message headers (of the recording where a header has none), taken",
     "as UNIX time of one clock.",
@@ -155,16 +158,43 @@ def _write_imu(run: Import, bag: Bag, topics: Topics, axes: str | None) -> str:
         )
         return ""
     t_ns, gyro, accel = read_imu_columns(bag, fields)
+    if standard is not None and not _measured(run, bag, standard, gyro, accel):
+        return ""
     write_imu(run, t_ns, gyro, accel)
     if axes is None:
         axes = _usual_axes(run, fields.topic, standard is not None, accel)
     return imu_section(axes, "unix_ns")
 
 
+def _measured(run: Import, bag: Bag, topic: str, gyro: FloatArray, accel: FloatArray) -> bool:
+    """Whether Imu messages have readings of both kinds: those of some devices have one alone."""
+    from automap.io import rosbag
+
+    unmeasured = rosbag.says_unmeasured(bag, topic)
+    readings = {"angular_velocity": gyro, "linear_acceleration": accel}
+    for name, values in readings.items():
+        if len(values) > 1 and not np.any(values != values[0]):
+            run.warn(
+                f"{run.source}: {topic} measures no {name}, which is the same in all its messages, "
+                "and is left out; name a topic that has both with --imu-topic, or record one "
+                "(RealSense: unite_imu_method)"
+            )
+            return False
+        if name in unmeasured:
+            run.warn(
+                f"{run.source}: {topic} says that {name} was not measured (covariance -1), but its "
+                "numbers vary and are taken; if they are not readings, name another topic with "
+                "--imu-topic"
+            )
+    return True
+
+
 def _usual_axes(run: Import, topic: str, standard: bool, accel: FloatArray) -> str:
     """FLU as REP-103 has it, unknown where gravity or another type says that it may not be."""
-    upward = float(np.mean(accel[:, 2])) > 0.0
-    if standard and upward:
+    mean = np.mean(accel, axis=0)
+    upward = bool(mean[2] > 0.0)
+    if standard and (upward or float(np.linalg.norm(mean)) < _SOME_GRAVITY):
+        # where gravity was taken out it tells no axes; the check of the drive tells that it was
         return "FLU"
     why = "its type is no standard one" if upward else "gravity is on its z axis upside down"
     run.warn(
@@ -246,6 +276,8 @@ def _write_solution(run: Import, bag: Bag, chosen: str, velocity: str | None) ->
         )
         speeds = None
     fixes = rosbag.read_fixes(bag, chosen, speeds)
+    for text in fixes.warnings:
+        run.warn(f"{run.source}: {text}")
     order = np.argsort(fixes.t_ns, kind="stable")
     log, _ = pos_log(
         unix_to_gps(fixes.t_ns[order] * 1e-9),

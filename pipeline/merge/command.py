@@ -12,6 +12,7 @@ import numpy as np
 
 from automap.errors import ConfigError, InputError, closed
 from automap.io import names
+from pipeline.merge.doubles import doubles, sentence
 from pipeline.merge.inputs import RunSigns, read_run
 from pipeline.merge.outcome import MergeOutcome
 from pipeline.shared.progress import Progress
@@ -131,15 +132,14 @@ def _read(folder: Path) -> RunSigns:
 def _distinct(runs: list[RunSigns], warnings: list[str]) -> list[RunSigns]:
     """Runs of different drives, each under a name of its own.
 
-    Two runs of one recording see the same twice and are no two passes.
+    Two runs of one recording, or of parts of it, see the same twice and are no two passes.
     """
     from automap.mapping.sightings import canonical_order
 
     order = canonical_order([run.signs for run in runs])
     runs = [runs[k] for k in order]
-    kept: list[RunSigns] = []
     by_key: dict[str, RunSigns] = {}
-    used: set[str] = set()
+    single: list[RunSigns] = []
     for run in runs:
         key = run.signs.key
         if key and key in by_key:
@@ -149,6 +149,15 @@ def _distinct(runs: list[RunSigns], warnings: list[str]) -> list[RunSigns]:
             )
             continue
         by_key[key] = run
+        single.append(run)
+    found = doubles([run.marks for run in single])
+    warnings += [
+        sentence(d, str(single[d.part].folder), str(single[d.whole].folder)) for d in found
+    ]
+    parts = {d.part for d in found if d.left_out}
+    kept: list[RunSigns] = []
+    used: set[str] = set()
+    for run in (run for k, run in enumerate(single) if k not in parts):
         name, number = run.signs.name, 1
         while name in used:
             number += 1

@@ -16,6 +16,7 @@ from automap.io import names
 from automap.mapping.sightings import DriveSigns
 from automap.records import ClockModel, DrivePath, FloatArray, IntArray, Trajectory
 from pipeline.merge.cameras import cameras_of_run
+from pipeline.merge.doubles import Marks, marks_of
 from pipeline.merge.signs import sign_columns
 from pipeline.shared.run_record import country_of, drive_of, unlike_record, written_results
 from pipeline.shared.values import json_object
@@ -34,13 +35,14 @@ _NO_RECORDINGS = (".onnx", ".toml")
 
 @dataclass(frozen=True)
 class RunSigns:
-    """A run ready to be merged: its ``folder``, ``signs``, sentences about what is missing, and the
-    country that its drive names (None unknown)."""
+    """A run ready to be merged: its ``folder``, ``signs``, sentences about what is missing, the
+    country that its drive names (None unknown), and where its receiver was when (None unknown)."""
 
     folder: Path
     signs: DriveSigns
     warnings: tuple[str, ...]
     country: str | None = None
+    marks: Marks | None = None
 
 
 def read_run(folder: Path) -> RunSigns:
@@ -74,8 +76,9 @@ def read_run(folder: Path) -> RunSigns:
         )
     if not len(columns["ids"]) and not cameras:
         warnings.append(f"{folder}: it has neither signs nor a camera, and says nothing of signs.")
+    stamps = _detection_stamps(folder)
     if path is not None:
-        path = _while_filmed(folder, path, clock)
+        path = _while_filmed(folder, path, clock, stamps)
     start = _start(path, columns)
     if not np.isfinite(start):
         warnings.append(f"{folder}: its clock is not tied to GPS time, so its signs have no date.")
@@ -87,7 +90,8 @@ def read_run(folder: Path) -> RunSigns:
         key=_recording_key(record),
         **columns,
     )
-    return RunSigns(folder, signs, tuple(warnings), country_of(record))
+    marks = marks_of(folder, clock, stamps)
+    return RunSigns(folder, signs, tuple(warnings), country_of(record), marks)
 
 
 def _recording_key(record: dict[str, Any]) -> str:
@@ -200,13 +204,14 @@ def even_path(track: Trajectory) -> DrivePath:
     return DrivePath(np.zeros(len(at)), lat, lon, yaw, np.zeros((len(at), 3)))
 
 
-def _while_filmed(folder: Path, path: DrivePath, clock: ClockModel | None) -> DrivePath:
+def _while_filmed(
+    folder: Path, path: DrivePath, clock: ClockModel | None, stamps: IntArray | None
+) -> DrivePath:
     """The path while the cameras saw anything at all, by the first and last detection.
 
     Its sds are kept for all times: only the heading is struck out, so that nothing is in view
     from there.
     """
-    stamps = _detection_stamps(folder)
     if stamps is not None and len(stamps) == 0 and _searched_nothing(folder):
         # a video that could not be read
         yaw = np.full_like(path.yaw_rad, np.nan)

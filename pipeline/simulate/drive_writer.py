@@ -285,8 +285,7 @@ def _manifest(scenario: Scenario) -> str:
     lines += [
         "",
         "[site]",
-        f'country = "{scenario.site.country}"',
-        f'traffic_side = "{scenario.site.traffic_side}"',
+        *(f'{key} = "{value}"' for key, value in scenario.place if value is not None),
         "",
         "[vehicle]",
         f"imu_above_road_m = {scenario.vehicle.imu_height_m!r}",

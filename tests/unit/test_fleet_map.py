@@ -293,6 +293,19 @@ def test_a_copy_of_a_recording_counts_once(tmp_path: Path) -> None:
     assert any("is another copy of" in text for text in made.warnings)
 
 
+def test_a_part_of_a_recording_is_left_out(tmp_path: Path) -> None:
+    store = make_store(tmp_path, range(2))
+    run_all(store)
+    rows = [[48_000_000 + k, 0.87 + 1e-5 * k, 0.15, 0] for k in range(8)]
+    for entry, n in zip(store.entries(), (8, 5), strict=True):
+        store.mark(entry.digest, DONE, {**entry.done, "marks": rows[:n]})
+    first, second = store.entries()
+    told: list[str] = []
+    assert [entry.path for entry in wanted(store.entries(), told).values()] == [first.path]
+    assert len(told) == 1
+    assert f"{second.path} is part of the recording of {first.path}" in told[0]
+
+
 def test_one_merge_at_a_time(tmp_path: Path) -> None:
     from pipeline.shared.lock import locked
 

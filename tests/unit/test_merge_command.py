@@ -342,6 +342,24 @@ def test_a_run_with_another_model_is_of_the_same_recording(tmp_path: Path) -> No
     assert len(merge_runs(runs, tmp_path / "map").merged.drives) == 1
 
 
+def test_a_log_cut_short_beside_its_whole_counts_once(tmp_path: Path) -> None:
+    import pandas as pd
+
+    drives = passes(2)
+    gps_s = 1.46e9 + np.arange(0.0, 300.0, 1.0)
+    fixes = pd.DataFrame(
+        {"gps_s": gps_s, "lat_rad": 0.87 + 1e-9 * gps_s, "lon_rad": 0.15, "fix_type": 3}
+    )
+    runs = [
+        write_run(tmp_path / name, drive, name) for name, drive in zip("ab", drives, strict=True)
+    ]
+    for run, share in zip(runs, (1.0, 0.6), strict=True):
+        fixes[: int(share * len(fixes))].to_parquet(run / "fixes.parquet")
+    outcome = merge_runs(runs, tmp_path / "map")
+    assert [drive.name for drive in outcome.merged.drives] == [drives[0].name]
+    assert any(f"{runs[1]} is part of the recording" in text for text in outcome.warnings)
+
+
 def test_drives_of_one_name_are_told_apart(tmp_path: Path) -> None:
     first, second = passes(2)
     runs = [

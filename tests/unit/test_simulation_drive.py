@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import tomllib
+from datetime import timedelta
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +16,7 @@ from automap.io.drive import load_drive
 from automap.io.ubx_writer import nav_pvt
 from automap.records import NO_TIME, Fixes, FixType
 from automap.simulation.gnss import arrivals
-from automap.simulation.scenario import Gnss
+from automap.simulation.scenario import Gnss, parse_scenario
 from pipeline.simulate.command import load_scenario, simulate
 
 SMALL = """
@@ -149,6 +151,63 @@ def test_mistakes_in_a_scenario_are_named(tmp_path: Path, old: str, new: str, sa
     scenario.write_text(SMALL.replace(old, new))
     with pytest.raises(ConfigError, match=said):
         load_scenario(scenario)
+
+
+@pytest.mark.parametrize(
+    ("section", "said"),
+    [
+        ("[gnss]\nsigma_white_m = [0.2, -1.0, 0.2]", r"gnss.sigma_white_m.1 is not accepted"),
+        ("[gnss]\nstated_sd_m = [0.0, 1.0, 1.0]", r"gnss.stated_sd_m.0"),
+        ("[gnss]\nrate_hz = 1e-9", "gnss.rate_hz"),
+        ("[gnss]\nlever_arm_m = [400, 0, -1200]", r"gnss.lever_arm_m.0"),
+        ("[imu]\nrate_hz = 1e9", "imu.rate_hz"),
+        ("[imu]\ngyro_noise = 1e9", "imu.gyro_noise"),
+        ("[clock]\ndrift_ppm = -1e6", "clock.drift_ppm"),
+        ("[start]\nheight_m = 1e7", "start.height_m"),
+        ("[start]\nutc = 1850-05-11T09:20:00Z", "the year 1850"),
+        ("[site]\ncountry = 'Deutschland'", "site.country"),
+        ("[route]\ntransition_m = 1e6", "route.transition_m"),
+        ("[route]\nlegs = []", "route.legs"),
+        ("[route]\nlegs = [{ length_m = 1e-9 }]", "its legs are 1e-09 m long"),
+        ("[route]\nlegs = [{ turn_deg = 3e4, radius_m = 1e6 }]", "its legs are"),
+        ("[route]\nstops = [{ at_m = 3e4, hold_s = 5 }]", "is beyond its"),
+        ("[errors]\naccel_bias = { x = nan }", r"errors.accel_bias.x is not accepted"),
+    ],
+)
+def test_values_that_nothing_has_are_refused_with_their_place(section: str, said: str) -> None:
+    content = tomllib.loads(SMALL)
+    for key, values in tomllib.loads(section).items():
+        content[key] = {**content.get(key, {}), **values}
+    with pytest.raises(ConfigError, match=said) as told:
+        parse_scenario(content, Path("small.toml"))
+    assert str(told.value).startswith("small.toml: ")
+
+
+@pytest.mark.parametrize(
+    ("section", "country", "side"),
+    [
+        ("", "AU", "left"),
+        ("[start]\nlat_deg = 48.0", None, None),
+        ("[start]\nlat_deg = 48.0\n[site]\ncountry = 'FR'\ntraffic_side = 'right'", "FR", "right"),
+        ("[site]\ncountry = 'NZ'", "NZ", None),
+    ],
+)
+def test_a_drive_has_the_country_that_is_said(
+    section: str, country: str | None, side: str | None
+) -> None:
+    content = tomllib.loads(SMALL)
+    for key, values in tomllib.loads(section).items():
+        content[key] = {**content.get(key, {}), **values}
+    place = parse_scenario(content, Path("small.toml")).place
+    assert (place.country, place.traffic_side) == (country, side)
+
+
+def test_a_time_without_a_zone_is_utc() -> None:
+    content = tomllib.loads(SMALL)
+    stated = parse_scenario(content, Path("small.toml")).start.utc
+    content["start"]["utc"] = stated.replace(tzinfo=None)
+    assert parse_scenario(content, Path("small.toml")).start.utc == stated
+    assert stated.utcoffset() == timedelta(0)
 
 
 def test_a_scenario_that_does_not_exist_is_named() -> None:
