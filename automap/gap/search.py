@@ -18,11 +18,11 @@ from automap.gap.candidates import is_course
 from automap.gap.confirm import Confirmed, confirmed
 from automap.gap.drive import OpenDrive
 from automap.gap.fit import Fit
-from automap.gap.noise import Fitted, Log, fitted_about, with_noise
+from automap.gap.noise import Fitted, Log, fitted_about, noise_score, with_noise
 from automap.gap.scoring import fit_held_out, likelier
 from automap.gap.screening import Found, Screening, in_layout
 from automap.gap.selection import Chosen, Key, Selection
-from automap.gap.stepwise import pruned, select
+from automap.gap.stepwise import pruned, select, swallowed
 from automap.gap.whitening import LOOSE
 
 WALKS = tuple(bias_walks())
@@ -45,6 +45,7 @@ class Search:
         self.screening = Screening(base, exclude, log)
         self.close: dict[str, tuple[str, ...]] = {}
         self.borne_out: dict[str, float] = {}
+        self.swallowed: set[str] = set()
         self.tried: dict[Key, int] = {}
         self.challenged: set[frozenset[str]] = set()
         self.outdone: set[tuple[str, str]] = set()
@@ -178,6 +179,9 @@ class Search:
         if fewer != found:
             self._bar(selection.keys(found) - selection.keys(fewer))
             return fewer
+        fewer = self._beyond_drift(here, selection, found)
+        if fewer != found:
+            return fewer
         rival = self._decided(here, selection, found)
         if rival is not None and frozenset(rival.names) not in self.challenged:
             self.challenged |= {frozenset(found.names), frozenset(rival.names)}
@@ -194,6 +198,30 @@ class Search:
         for name in gone:
             self._bar(selection.key(name, part) for part in selection.candidates[name].parts)
             found = found.without(name)
+        return found
+
+    def _beyond_drift(self, here: Fitted, selection: Selection, found: Chosen) -> Chosen:
+        """The set less what was proposed in the place of drift, where drift says as much: beside
+        biases that are steady because of it, it always seems needed. So the set is asked without
+        it, with the drift fitted anew, on fitted and on held-out drives. Where drift is free to
+        follow, stretches differ either way; held-out drives alone may speak, for they were given
+        the values."""
+        for name in found.names:
+            if name not in self.swallowed or name in self.borne_out:
+                continue
+            self.log(f"checking whether drift says what {name} does")
+            fewer = found.without(name)
+            other = self._fit(here, selection, fewer)
+            ahead, sigmas = self._ahead(here, other, selection.of_vehicle(found, {name}))
+            ahead += selection.log_prior(found) - selection.log_prior(fewer)
+            if self.held_out:
+                held = likelier(self._held_out(here), self._held_out(other))[1]
+                sigmas = max(sigmas, held)
+            if ahead < limits.LEAST_ODDS or sigmas < limits.APART:
+                self._bar(selection.keys(found) - selection.keys(fewer))
+                return fewer
+            self.borne_out[name] = ahead
+        selection.needed = frozenset(self.borne_out)
         return found
 
     def _confirmed(self, here: Fitted, selection: Selection, chosen: Chosen) -> Confirmed:
@@ -347,9 +375,28 @@ class Search:
     ) -> Chosen:
         """The choice with what is proposed under other noise beside it."""
         model = replace(here.model, factors=dict(factors))
-        loud = self.screening.selection(fitted_about(model, here.estimate, here.fits), slow)
+        about = fitted_about(model, here.estimate, here.fits)
+        loud = self.screening.selection(about, slow)
         loud.refused = selection.refused
-        more = select(loud, in_layout(found, selection.linear.layout, loud), limits.MAX_FINDINGS)
+        known = in_layout(found, selection.linear.layout, loud)
+        if slow:
+            known = self._swallowed(here, about, loud, known)
+        more = select(loud, known, limits.MAX_FINDINGS)
         new = Chosen(tuple(p for p in more.parts if p[0] not in found.names))
         new = in_layout(new, loud.linear.layout, selection)
         return Chosen((*found.parts, *new.parts))
+
+    def _swallowed(self, here: Fitted, steady: Fitted, loud: Selection, known: Chosen) -> Chosen:
+        """What is known with what drift has taken: an effect with which drives are likelier
+        beside ``steady`` biases, by the filter too, than without it beside the drift as fitted."""
+        as_fitted = noise_score(here.fits, here.model.factors)
+        least = as_fitted - noise_score(here.fits, steady.model.factors)
+        more = swallowed(loud, known, least)
+        if more == known:
+            return known
+        fitted = self.screening.states(steady, loud, more)
+        ahead = noise_score(fitted.fits, fitted.model.factors) - as_fitted
+        if ahead + loud.log_prior(more) - loud.log_prior(known) <= 0.0:
+            return known
+        self.swallowed |= set(more.names) - set(known.names)
+        return more

@@ -4,8 +4,13 @@ dropping while the posterior odds rise.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+import numpy as np
+
 from automap.gap import limits
-from automap.gap.selection import Chosen, Selection
+from automap.gap.evidence import nats_of_parts, plain_nats
+from automap.gap.selection import Chosen, Selection, twins_of
 
 TRIES = 40
 """Moves of one selection at most: each raises the odds, so this bounds the time only."""
@@ -71,3 +76,42 @@ def pruned(selection: Selection, chosen: Chosen) -> Chosen:
             if found.nats + selection.candidates[name].log_choice < 0.0:
                 return rest
     return chosen
+
+
+def swallowed(selection: Selection, chosen: Chosen, least: float) -> Chosen:
+    """The choice with the effect whose axes together have the highest odds under steadier biases,
+    if these are above ``least``, by how many nats drives are less likely with such biases.
+
+    Each axis alone scatters there with what the others do, so no part need hold by itself.
+    """
+    known, barred = selection.given(chosen), twins_of(chosen.names)
+    open_to, prior = [], []
+    for c in selection.candidates.values():
+        # a delay is no drift, and what must be alike on all axes is asked one by one
+        if c.name in chosen.names or c.name in barred or c.positive or c.isotropic or c.beside:
+            continue
+        parts = [
+            part
+            for part in c.parts
+            if known.shows(part) and selection.key(c.name, part) not in selection.refused
+        ]
+        if len(parts) > 1:
+            open_to.append((c.name, parts))
+            prior.append(c.log_prior + len(parts) * c.log_choice)
+    if not open_to:
+        return chosen
+    wholes = [tuple(i for part in parts for i in part) for _, parts in open_to]
+    odds = nats_of_parts(known, wholes) + prior
+    at = int(np.argmax(odds))
+    if odds[at] <= least:
+        return chosen
+    name, parts = open_to[at]
+    scale = plain_nats(known, wholes[at])[1]
+    more = chosen
+    for part in parts:
+        more = more.joined(name, part, scale)
+    # less the axes that are not needed beside the others
+    own = replace(selection, needed=frozenset(chosen.names))
+    while (fewer := pruned(own, more)) != more:
+        more = fewer
+    return more

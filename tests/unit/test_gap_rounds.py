@@ -27,6 +27,7 @@ SELECTION = cast(
         },
         log_prior=lambda chosen: 0.0,
         of_vehicle=lambda chosen, names: False,
+        keys=lambda chosen: frozenset((name, part) for name, part, _ in chosen.parts),
     ),
 )
 HERE: Any = SimpleNamespace(fits=())
@@ -37,7 +38,7 @@ class Asked(Search):
 
     def __init__(self) -> None:
         self.log, self.outdone, self.borne_out = print, set(), {}
-        self.held_out = []
+        self.held_out, self.swallowed, self.tried = [], set(), {}
         self.sets: list[tuple[str, ...]] = []
 
     def _fit(self, here: Any, selection: Selection, chosen: Chosen) -> Any:
@@ -106,6 +107,25 @@ def test_what_only_the_vehicle_constraint_bears_out_is_not_kept(
     assert (fitted is None) == stays
     assert asked.sets == [(LATE,)]
     assert asked._kept(HERE, SELECTION, only(LATE), both) == (both, None)
+
+
+@pytest.mark.parametrize(
+    ("all_sigmas", "held_sigmas", "stays"), [(2.0, 0.0, True), (1.0, 3.0, True), (1.0, 1.0, False)]
+)
+def test_what_came_in_the_place_of_drift_must_say_more_than_drift(
+    monkeypatch: pytest.MonkeyPatch, all_sigmas: float, held_sigmas: float, stays: bool
+) -> None:
+    asked = Asked()
+    asked.swallowed = {LOW_PASSED}
+    asked.held_out = cast("Any", ["a drive"])
+    says(monkeypatch, held_sigmas)
+    monkeypatch.setattr(asked, "_ahead", lambda *about: (20.0, all_sigmas))
+    both = Chosen((*only(LATE).parts, (LOW_PASSED, (1,), 1.0)))
+    assert asked._beyond_drift(HERE, SELECTION, both) == (both if stays else only(LATE))
+    # asked without it, and of the other, which was proposed beside the drift as fitted, nothing
+    assert asked.sets == [(LATE,)]
+    assert (asked.borne_out == {LOW_PASSED: 20.0}) is stays
+    assert bool(asked.tried) is not stays
 
 
 @pytest.mark.parametrize("of_vehicle", [False, True])
