@@ -13,6 +13,7 @@ from dataclasses import replace
 
 from automap.effects import CATALOGUE
 from automap.effects.catalogue import bias_walks, pairs_of_sign
+from automap.effects.imu import imu_terms
 from automap.gap import limits
 from automap.gap.candidates import is_course
 from automap.gap.confirm import Confirmed, confirmed
@@ -25,7 +26,9 @@ from automap.gap.selection import Chosen, Key, Selection
 from automap.gap.stepwise import pruned, select, swallowed
 from automap.gap.whitening import LOOSE
 
-WALKS = tuple(bias_walks())
+WALK_OF = {term.sensor: w for w, e in bias_walks().items() for term in imu_terms([e.name])}
+WALKS = tuple(WALK_OF.values())
+"""The drift of each sensor's biases."""
 WHOLE_DELAYS = frozenset(pair for pairs in pairs_of_sign(-1.0) for pair in pairs)
 
 
@@ -375,27 +378,31 @@ class Search:
     ) -> Chosen:
         """The choice with what is proposed under other noise beside it."""
         model = replace(here.model, factors=dict(factors))
-        about = fitted_about(model, here.estimate, here.fits)
-        loud = self.screening.selection(about, slow)
+        loud = self.screening.selection(fitted_about(model, here.estimate, here.fits), slow)
         loud.refused = selection.refused
         known = in_layout(found, selection.linear.layout, loud)
         if slow:
-            known = self._swallowed(here, about, loud, known)
+            known = self._swallowed(here, loud, known)
         more = select(loud, known, limits.MAX_FINDINGS)
         new = Chosen(tuple(p for p in more.parts if p[0] not in found.names))
         new = in_layout(new, loud.linear.layout, selection)
         return Chosen((*found.parts, *new.parts))
 
-    def _swallowed(self, here: Fitted, steady: Fitted, loud: Selection, known: Chosen) -> Chosen:
-        """What is known with what drift has taken: an effect with which drives are likelier
-        beside ``steady`` biases, by the filter too, than without it beside the drift as fitted."""
-        as_fitted = noise_score(here.fits, here.model.factors)
-        least = as_fitted - noise_score(here.fits, steady.model.factors)
+    def _swallowed(self, here: Fitted, loud: Selection, known: Chosen) -> Chosen:
+        """What is known with what drift has taken: an effect with which drives are likelier, the
+        biases of its sensor steady, by the filter too, than without it and the drift as fitted."""
+        factors = here.model.factors
+        as_fitted = noise_score(here.fits, factors)
+        steady = {s: {**factors, w: limits.STEADY * factors[w]} for s, w in WALK_OF.items()}
+        least = {s: as_fitted - noise_score(here.fits, its) for s, its in steady.items()}
         more = swallowed(loud, known, least)
-        if more == known:
+        new = more.parts[len(known.parts) :]
+        if not new:
             return known
-        fitted = self.screening.states(steady, loud, more)
-        ahead = noise_score(fitted.fits, fitted.model.factors) - as_fitted
+        (sensor,) = loud.linear.layout[new[0][1][0]].sensors
+        model = replace(here.model, factors=steady[sensor])
+        fitted = self.screening.states(replace(here, model=model), loud, more)
+        ahead = noise_score(fitted.fits, steady[sensor]) - as_fitted
         if ahead + loud.log_prior(more) - loud.log_prior(known) <= 0.0:
             return known
         self.swallowed |= set(more.names) - set(known.names)

@@ -4,6 +4,7 @@ dropping while the posterior odds rise.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -78,17 +79,19 @@ def pruned(selection: Selection, chosen: Chosen) -> Chosen:
     return chosen
 
 
-def swallowed(selection: Selection, chosen: Chosen, least: float) -> Chosen:
-    """The choice with the effect whose axes together have the highest odds under steadier biases,
-    if these are above ``least``, by how many nats drives are less likely with such biases.
+def swallowed(selection: Selection, chosen: Chosen, least: Mapping[int, float]) -> Chosen:
+    """The choice with the effect on one sensor whose axes together have the highest odds under
+    steadier biases beyond ``least``, sensor -> by how many nats drives are less likely where its
+    biases are so steady; none where there is no such.
 
     Each axis alone scatters there with what the others do, so no part need hold by itself.
     """
     known, barred = selection.given(chosen), twins_of(chosen.names)
     open_to, prior = [], []
     for c in selection.candidates.values():
-        # a delay is no drift, and what must be alike on all axes is asked one by one
-        if c.name in chosen.names or c.name in barred or c.positive or c.isotropic or c.beside:
+        sensors = {s for part in c.parts for i in part for s in selection.linear.layout[i].sensors}
+        # what must be alike on all axes is no drift
+        if c.name in chosen.names or c.name in barred or c.isotropic or len(sensors) != 1:
             continue
         parts = [
             part
@@ -97,13 +100,13 @@ def swallowed(selection: Selection, chosen: Chosen, least: float) -> Chosen:
         ]
         if len(parts) > 1:
             open_to.append((c.name, parts))
-            prior.append(c.log_prior + len(parts) * c.log_choice)
+            prior.append(c.log_prior + len(parts) * c.log_choice - least[sensors.pop()])
     if not open_to:
         return chosen
     wholes = [tuple(i for part in parts for i in part) for _, parts in open_to]
     odds = nats_of_parts(known, wholes) + prior
     at = int(np.argmax(odds))
-    if odds[at] <= least:
+    if odds[at] <= 0.0:
         return chosen
     name, parts = open_to[at]
     scale = plain_nats(known, wholes[at])[1]

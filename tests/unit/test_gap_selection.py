@@ -69,24 +69,28 @@ def test_noise_has_nothing_selected() -> None:
 
 
 @pytest.mark.parametrize(
-    ("least", "refused", "axes"), [(5.0, (), 3), (5.0, ("p5",), 2), (60.0, (), 0)]
+    ("least", "refused", "beyond", "axes"),
+    [(5.0, (), 0, 3), (5.0, ("p5",), 0, 2), (60.0, (), 0, 0), (5.0, (), 1, 0)],
 )
 def test_axes_that_are_weak_alone_are_proposed_together(
-    least: float, refused: tuple[str, ...], axes: int
+    least: float, refused: tuple[str, ...], beyond: int, axes: int
 ) -> None:
+    """``beyond``: the third axis is another sensor's, which does not drift with the first."""
     phi, w = noise(1)
     # each axis speaks for itself by some nats, less than a name takes
     linear = linear_with(
         phi, w - phi @ np.linalg.lstsq(phi, w)[0] + phi[:, 4:7] @ np.full(3, 0.105)
     )
-    selection = alone(linear)
+    layout = tuple(
+        replace(c, sensors=frozenset((int(i == 6) * beyond,))) for i, c in enumerate(linear.layout)
+    )
+    selection = alone(replace(linear, layout=layout))
     for i in (4, 5, 6):
         del selection.candidates[f"e{i}"]
     selection.candidates["warm"] = Candidate("warm", ((4,), (5,), (6,)), math.log(1e-2), -1.1)
-    selection.candidates["late"] = Candidate("late", ((7,), (8,)), 0.0, positive=True)
     selection.refused = frozenset(("warm", (p,)) for p in refused)
     assert select(selection, Chosen(), limits.MAX_FINDINGS).names == ()
-    proposed = swallowed(selection, Chosen(), least)
+    proposed = swallowed(selection, Chosen(), {0: least, 1: 0.0})
     assert proposed.names == (("warm",) if axes else ())
     assert len(proposed.parts) == axes
 
