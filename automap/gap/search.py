@@ -18,13 +18,12 @@ from automap.gap import limits
 from automap.gap.candidates import is_course
 from automap.gap.confirm import Confirmed, confirmed
 from automap.gap.drive import OpenDrive
-from automap.gap.fit import Fit
+from automap.gap.judge import Judge
 from automap.gap.noise import Fitted, Log, fitted_about, noise_score, with_noise
-from automap.gap.scoring import fit_held_out, likelier
+from automap.gap.scoring import likelier
 from automap.gap.screening import Found, Screening, in_layout
 from automap.gap.selection import Chosen, Key, Selection
 from automap.gap.stepwise import pruned, select, swallowed
-from automap.gap.whitening import LOOSE
 
 WALK_OF = {term.sensor: w for w, e in bias_walks().items() for term in imu_terms([e.name])}
 WALKS = tuple(WALK_OF.values())
@@ -45,6 +44,7 @@ class Search:
         log: Log,
     ) -> None:
         self.base, self.held_out, self.stated, self.log = base, held_out, dict(stated), log
+        self.judge = Judge(held_out)
         self.screening = Screening(base, exclude, log)
         self.close: dict[str, tuple[str, ...]] = {}
         self.borne_out: dict[str, float] = {}
@@ -53,7 +53,6 @@ class Search:
         self.challenged: set[frozenset[str]] = set()
         self.outdone: set[tuple[str, str]] = set()
         self.spoken_against: list[Confirmed] = []
-        self.held: list[tuple[Fitted, list[Fit]]] = []
         self.each_drive: list[str] = []
         self.before: tuple[Fitted, Selection, Chosen] | None = None
 
@@ -135,9 +134,9 @@ class Search:
             return found, None
         fewer = self._fit(here, selection, found)
         of_vehicle = selection.of_vehicle(chosen, gone)
-        ahead, sigmas = self._ahead(here, fewer, of_vehicle)
+        ahead, sigmas = self.judge.ahead(here, fewer, of_vehicle)
         if not of_vehicle:
-            sigmas = min(sigmas, self._by_receiver(here, fewer)[1])
+            sigmas = min(sigmas, self.judge.by_receiver(here, fewer)[1])
         ahead += selection.log_prior(chosen) - selection.log_prior(found)
         if ahead < limits.LEAST_ODDS or sigmas < limits.APART:
             return found, fewer
@@ -171,7 +170,7 @@ class Search:
             earlier, its_selection, without = self.before
             self.before = None
             of_vehicle = selection.of_vehicle(found, set(found.names) - set(without.names))
-            ahead, _ = self._ahead(here, earlier, of_vehicle)
+            ahead, _ = self.judge.ahead(here, earlier, of_vehicle)
             ahead += selection.log_prior(found) - its_selection.log_prior(without)
             if without.names != found.names and ahead < 0.0:
                 # courses of time follow what a name says better
@@ -190,8 +189,7 @@ class Search:
             self.challenged |= {frozenset(found.names), frozenset(rival.names)}
             return rival
         self.log("checking on held-out data")
-        # fits are large, and of these seldom one is asked for again
-        self.held = []
+        self.judge.forget()
         stands = self._confirmed(here, selection, found)
         gone = [n for n in found.names if self.screening.effects[n] not in stands.values]
         if not gone:
@@ -215,11 +213,9 @@ class Search:
             self.log(f"checking whether drift says what {name} does")
             fewer = found.without(name)
             other = self._fit(here, selection, fewer)
-            ahead, sigmas = self._ahead(here, other, selection.of_vehicle(found, {name}))
+            ahead, sigmas = self.judge.ahead(here, other, selection.of_vehicle(found, {name}))
             ahead += selection.log_prior(found) - selection.log_prior(fewer)
-            if self.held_out:
-                held = likelier(self._held_out(here), self._held_out(other))[1]
-                sigmas = max(sigmas, held)
+            sigmas = max(sigmas, self.judge.by_held_out(here, other)[1])
             if ahead < limits.LEAST_ODDS or sigmas < limits.APART:
                 self._bar(selection.keys(found) - selection.keys(fewer))
                 return fewer
@@ -317,7 +313,7 @@ class Search:
                     continue
                 of_vehicle = selection.of_vehicle(chosen, {name})
                 of_vehicle |= selection.of_vehicle(rival.chosen, {other})
-                ahead, sigmas = self._ahead(fitted, here, of_vehicle)
+                ahead, sigmas = self.judge.ahead(fitted, here, of_vehicle)
                 ahead += self._log_prior(selection, rival.chosen)
                 ahead -= self._log_prior(selection, chosen)
                 rival_formula = bool(selection.candidates[other].terms)
@@ -335,31 +331,6 @@ class Search:
             if instead is not None:
                 return instead
         return None
-
-    def _ahead(self, one: Fitted, other: Fitted, of_vehicle: bool) -> tuple[float, float]:
-        """Nats by which fitted and held-out drives are likelier with one set than with another, and
-        the sigmas of that: nothing where the sets differ by nothing ``of_vehicle`` and the receiver
-        alone says the opposite. A body that sways against its path turns the gyro with it, and
-        what is made of small turn rates follows that."""
-        sides = [(*fitted.fits, *self._held_out(fitted)) for fitted in (other, one)]
-        nats, sigmas = likelier(sides[1], sides[0])
-        if not of_vehicle and self._by_receiver(one, other)[0] * nats < 0.0:
-            return 0.0, 0.0
-        return nats, sigmas
-
-    def _by_receiver(self, one: Fitted, other: Fitted) -> tuple[float, float]:
-        """The same without what the vehicle constraint says."""
-        sides = [(*fitted.fits, *self._held_out(fitted)) for fitted in (other, one)]
-        return likelier(sides[1], sides[0], LOOSE)
-
-    def _held_out(self, fitted: Fitted) -> list[Fit]:
-        """Held-out drives under a fitted set; those of the last set but one are kept."""
-        for known, fits in self.held:
-            if known is fitted:
-                return fits
-        fits = fit_held_out(self.held_out, fitted.model, fitted.values())
-        self.held = [*self.held[-1:], (fitted, fits)]
-        return fits
 
     @staticmethod
     def _log_prior(selection: Selection, chosen: Chosen) -> float:
