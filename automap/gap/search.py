@@ -11,6 +11,8 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from automap.effects import CATALOGUE
 from automap.effects.catalogue import bias_walks, pairs_of_sign
 from automap.effects.imu import imu_terms
@@ -357,11 +359,14 @@ class Search:
         more = select(loud, known, limits.MAX_FINDINGS)
         new = Chosen(tuple(p for p in more.parts if p[0] not in found.names))
         new = in_layout(new, loud.linear.layout, selection)
+        if slow:
+            layout = selection.linear.layout
+            self.swallowed |= {n for n, part, _ in new.parts if layout[part[0]].sensors}
         return Chosen((*found.parts, *new.parts))
 
     def _swallowed(self, here: Fitted, loud: Selection, known: Chosen) -> Chosen:
         """What is known with what drift has taken: an effect with which drives are likelier, the
-        biases of its sensor steady, by the filter too, than without it and the drift as fitted."""
+        biases of its sensor steadier, by the filter too, than without it and drift as fitted."""
         factors = here.model.factors
         as_fitted = noise_score(here.fits, factors)
         steady = {s: {**factors, w: limits.STEADY * factors[w]} for s, w in WALK_OF.items()}
@@ -371,10 +376,11 @@ class Search:
         if not new:
             return known
         (sensor,) = loud.linear.layout[new[0][1][0]].sensors
-        model = replace(here.model, factors=steady[sensor])
-        fitted = self.screening.states(replace(here, model=model), loud, more)
-        ahead = noise_score(fitted.fits, steady[sensor]) - as_fitted
-        if ahead + loud.log_prior(more) - loud.log_prior(known) <= 0.0:
-            return known
-        self.swallowed |= set(more.names) - set(known.names)
-        return more
+        best = -np.inf
+        # drift that ends in between is told by none of the ends
+        for share in (1.0, limits.STEADY**0.5, limits.STEADY):
+            its = {**factors, WALK_OF[sensor]: share * factors[WALK_OF[sensor]]}
+            begin = replace(here, model=replace(here.model, factors=its))
+            best = max(best, noise_score(self.screening.states(begin, loud, more).fits, its))
+        odds = best - as_fitted + loud.log_prior(more) - loud.log_prior(known)
+        return more if odds > 0.0 else known
