@@ -32,6 +32,7 @@ from automap.gap.naming import (
 )
 from automap.gap.noise import Log, open_fits
 from automap.gap.reading_steps import coarse_readings
+from automap.gap.receivers import BEHIND, USUAL, outliers_finding, usual_finding
 from automap.gap.responses import responses
 from automap.gap.result import (
     ChannelGap,
@@ -54,14 +55,7 @@ from automap.gap.scoring import (
 )
 from automap.gap.screening import Found, Screening
 from automap.gap.search import Search
-from automap.gap.stochastic import (
-    BEHIND,
-    USUAL,
-    noise_claims,
-    noise_levels,
-    stochastic_findings,
-    usual_finding,
-)
+from automap.gap.stochastic import noise_claims, noise_levels, stochastic_findings
 
 
 @dataclass(frozen=True)
@@ -200,6 +194,9 @@ def _result(
     findings += usual
     with_states = found.fitted.fits
     noise = stochastic_findings(with_states, stated.factors, rest, frozenset(exclude))
+    wild = outliers_finding(with_states, rest)
+    if wild is not None and wild.effect not in exclude:
+        noise.append(wild)
     findings += noise
     claims = noise_claims(with_states, stated.factors, final)
     refused = strongest_refused(found)

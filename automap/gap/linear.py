@@ -55,7 +55,8 @@ class Direct:
 class Column:
     """One parameter of a candidate: how it acts, and its prior sd; channel and text of a formula's
     ``term``, out of how many ``choices`` it was the likeliest, whether it acts on the vehicle
-    constraint itself, ``of_vehicle``, and what its axis mostly measures, ``mean_input``."""
+    constraint itself, ``of_vehicle``, what its axis mostly measures, ``mean_input``, and on the
+    readings of which ``sensors`` it acts."""
 
     effect: str
     parameter: str
@@ -66,11 +67,13 @@ class Column:
     choices: float = 1.0
     of_vehicle: bool = False
     mean_input: float = 0.0
+    sensors: frozenset[int] = frozenset()
 
     def in_layout(self) -> Column:
         """The same without how it acts, which is as long as the drive."""
         loose = self.direct is not None and bool(self.direct.by_channel[:, LOOSE].any())
-        return replace(self, inertial=(), direct=None, of_vehicle=loose)
+        sensors = frozenset(acts.sensor for acts in self.inertial)
+        return replace(self, inertial=(), direct=None, of_vehicle=loose, sensors=sensors)
 
 
 @dataclass(frozen=True)

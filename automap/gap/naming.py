@@ -60,7 +60,8 @@ def describe(
             places = _in_place(selection, chosen, name, names, move.odds, move.part)
             close += [r.name for r, apart in places if not apart]
         close += found.not_told_apart.get(name, ())
-        nats = max(sum(m.evidence.nats for m in moves), found.borne_out.get(name, 0.0))
+        # a noise that was fitted beside an effect does not know what it would say without it
+        nats = found.borne_out.get(name, sum(m.evidence.nats for m in moves))
         p = p_value(nats - np.log(selection.candidates[name].choices), maxima)
         if selection.candidates[name].terms:
             nearest = rivals[0][0].name if rivals else None

@@ -11,21 +11,25 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from automap.effects import CATALOGUE
 from automap.effects.catalogue import bias_walks, pairs_of_sign
+from automap.effects.imu import imu_terms
 from automap.gap import limits
 from automap.gap.candidates import is_course
 from automap.gap.confirm import Confirmed, confirmed
 from automap.gap.drive import OpenDrive
-from automap.gap.fit import Fit
-from automap.gap.noise import Fitted, Log, fitted_about, with_noise
-from automap.gap.scoring import fit_held_out, likelier
+from automap.gap.judge import Judge
+from automap.gap.noise import Fitted, Log, fitted_about, noise_score, with_noise
+from automap.gap.scoring import likelier
 from automap.gap.screening import Found, Screening, in_layout
 from automap.gap.selection import Chosen, Key, Selection
-from automap.gap.stepwise import pruned, select
-from automap.gap.whitening import LOOSE
+from automap.gap.stepwise import pruned, select, swallowed
 
-WALKS = tuple(bias_walks())
+WALK_OF = {term.sensor: w for w, e in bias_walks().items() for term in imu_terms([e.name])}
+WALKS = tuple(WALK_OF.values())
+"""The drift of each sensor's biases."""
 WHOLE_DELAYS = frozenset(pair for pairs in pairs_of_sign(-1.0) for pair in pairs)
 
 
@@ -42,14 +46,15 @@ class Search:
         log: Log,
     ) -> None:
         self.base, self.held_out, self.stated, self.log = base, held_out, dict(stated), log
+        self.judge = Judge(held_out)
         self.screening = Screening(base, exclude, log)
         self.close: dict[str, tuple[str, ...]] = {}
         self.borne_out: dict[str, float] = {}
+        self.swallowed: set[str] = set()
         self.tried: dict[Key, int] = {}
         self.challenged: set[frozenset[str]] = set()
         self.outdone: set[tuple[str, str]] = set()
         self.spoken_against: list[Confirmed] = []
-        self.held: list[tuple[Fitted, list[Fit]]] = []
         self.each_drive: list[str] = []
         self.before: tuple[Fitted, Selection, Chosen] | None = None
 
@@ -131,9 +136,9 @@ class Search:
             return found, None
         fewer = self._fit(here, selection, found)
         of_vehicle = selection.of_vehicle(chosen, gone)
-        ahead, sigmas = self._ahead(here, fewer, of_vehicle)
+        ahead, sigmas = self.judge.ahead(here, fewer, of_vehicle)
         if not of_vehicle:
-            sigmas = min(sigmas, self._by_receiver(here, fewer)[1])
+            sigmas = min(sigmas, self.judge.by_receiver(here, fewer)[1])
         ahead += selection.log_prior(chosen) - selection.log_prior(found)
         if ahead < limits.LEAST_ODDS or sigmas < limits.APART:
             return found, fewer
@@ -167,7 +172,7 @@ class Search:
             earlier, its_selection, without = self.before
             self.before = None
             of_vehicle = selection.of_vehicle(found, set(found.names) - set(without.names))
-            ahead, _ = self._ahead(here, earlier, of_vehicle)
+            ahead, _ = self.judge.ahead(here, earlier, of_vehicle)
             ahead += selection.log_prior(found) - its_selection.log_prior(without)
             if without.names != found.names and ahead < 0.0:
                 # courses of time follow what a name says better
@@ -178,13 +183,15 @@ class Search:
         if fewer != found:
             self._bar(selection.keys(found) - selection.keys(fewer))
             return fewer
+        fewer = self._beyond_drift(here, selection, found)
+        if fewer != found:
+            return fewer
         rival = self._decided(here, selection, found)
         if rival is not None and frozenset(rival.names) not in self.challenged:
             self.challenged |= {frozenset(found.names), frozenset(rival.names)}
             return rival
         self.log("checking on held-out data")
-        # fits are large, and of these seldom one is asked for again
-        self.held = []
+        self.judge.forget()
         stands = self._confirmed(here, selection, found)
         gone = [n for n in found.names if self.screening.effects[n] not in stands.values]
         if not gone:
@@ -194,6 +201,28 @@ class Search:
         for name in gone:
             self._bar(selection.key(name, part) for part in selection.candidates[name].parts)
             found = found.without(name)
+        return found
+
+    def _beyond_drift(self, here: Fitted, selection: Selection, found: Chosen) -> Chosen:
+        """The set less what was proposed in the place of drift, where drift says as much: beside
+        biases that are steady because of it, it always seems needed. So the set is asked without
+        it, with the drift fitted anew, on fitted and on held-out drives. Where drift is free to
+        follow, stretches differ either way; held-out drives alone may speak, for they were given
+        the values."""
+        for name in found.names:
+            if name not in self.swallowed or name in self.borne_out:
+                continue
+            self.log(f"checking whether drift says what {name} does")
+            fewer = found.without(name)
+            other = self._fit(here, selection, fewer)
+            ahead, sigmas = self.judge.ahead(here, other, selection.of_vehicle(found, {name}))
+            ahead += selection.log_prior(found) - selection.log_prior(fewer)
+            sigmas = max(sigmas, self.judge.by_held_out(here, other)[1])
+            if ahead < limits.LEAST_ODDS or sigmas < limits.APART:
+                self._bar(selection.keys(found) - selection.keys(fewer))
+                return fewer
+            self.borne_out[name] = ahead
+        selection.needed = frozenset(self.borne_out)
         return found
 
     def _confirmed(self, here: Fitted, selection: Selection, chosen: Chosen) -> Confirmed:
@@ -286,7 +315,7 @@ class Search:
                     continue
                 of_vehicle = selection.of_vehicle(chosen, {name})
                 of_vehicle |= selection.of_vehicle(rival.chosen, {other})
-                ahead, sigmas = self._ahead(fitted, here, of_vehicle)
+                ahead, sigmas = self.judge.ahead(fitted, here, of_vehicle)
                 ahead += self._log_prior(selection, rival.chosen)
                 ahead -= self._log_prior(selection, chosen)
                 rival_formula = bool(selection.candidates[other].terms)
@@ -304,31 +333,6 @@ class Search:
             if instead is not None:
                 return instead
         return None
-
-    def _ahead(self, one: Fitted, other: Fitted, of_vehicle: bool) -> tuple[float, float]:
-        """Nats by which fitted and held-out drives are likelier with one set than with another, and
-        the sigmas of that: nothing where the sets differ by nothing ``of_vehicle`` and the receiver
-        alone says the opposite. A body that sways against its path turns the gyro with it, and
-        what is made of small turn rates follows that."""
-        sides = [(*fitted.fits, *self._held_out(fitted)) for fitted in (other, one)]
-        nats, sigmas = likelier(sides[1], sides[0])
-        if not of_vehicle and self._by_receiver(one, other)[0] * nats < 0.0:
-            return 0.0, 0.0
-        return nats, sigmas
-
-    def _by_receiver(self, one: Fitted, other: Fitted) -> tuple[float, float]:
-        """The same without what the vehicle constraint says."""
-        sides = [(*fitted.fits, *self._held_out(fitted)) for fitted in (other, one)]
-        return likelier(sides[1], sides[0], LOOSE)
-
-    def _held_out(self, fitted: Fitted) -> list[Fit]:
-        """Held-out drives under a fitted set; those of the last set but one are kept."""
-        for known, fits in self.held:
-            if known is fitted:
-                return fits
-        fits = fit_held_out(self.held_out, fitted.model, fitted.values())
-        self.held = [*self.held[-1:], (fitted, fits)]
-        return fits
 
     @staticmethod
     def _log_prior(selection: Selection, chosen: Chosen) -> float:
@@ -349,7 +353,34 @@ class Search:
         model = replace(here.model, factors=dict(factors))
         loud = self.screening.selection(fitted_about(model, here.estimate, here.fits), slow)
         loud.refused = selection.refused
-        more = select(loud, in_layout(found, selection.linear.layout, loud), limits.MAX_FINDINGS)
+        known = in_layout(found, selection.linear.layout, loud)
+        if slow:
+            known = self._swallowed(here, loud, known)
+        more = select(loud, known, limits.MAX_FINDINGS)
         new = Chosen(tuple(p for p in more.parts if p[0] not in found.names))
         new = in_layout(new, loud.linear.layout, selection)
+        if slow:
+            layout = selection.linear.layout
+            self.swallowed |= {n for n, part, _ in new.parts if layout[part[0]].sensors}
         return Chosen((*found.parts, *new.parts))
+
+    def _swallowed(self, here: Fitted, loud: Selection, known: Chosen) -> Chosen:
+        """What is known with what drift has taken: an effect with which drives are likelier, the
+        biases of its sensor steadier, by the filter too, than without it and drift as fitted."""
+        factors = here.model.factors
+        as_fitted = noise_score(here.fits, factors)
+        steady = {s: {**factors, w: limits.STEADY * factors[w]} for s, w in WALK_OF.items()}
+        least = {s: as_fitted - noise_score(here.fits, its) for s, its in steady.items()}
+        more = swallowed(loud, known, least)
+        new = more.parts[len(known.parts) :]
+        if not new:
+            return known
+        (sensor,) = loud.linear.layout[new[0][1][0]].sensors
+        best = -np.inf
+        # drift that ends in between is told by none of the ends
+        for share in (1.0, limits.STEADY**0.5, limits.STEADY):
+            its = {**factors, WALK_OF[sensor]: share * factors[WALK_OF[sensor]]}
+            begin = replace(here, model=replace(here.model, factors=its))
+            best = max(best, noise_score(self.screening.states(begin, loud, more).fits, its))
+        odds = best - as_fitted + loud.log_prior(more) - loud.log_prior(known)
+        return more if odds > 0.0 else known

@@ -4,8 +4,14 @@ dropping while the posterior odds rise.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
 from automap.gap import limits
-from automap.gap.selection import Chosen, Selection
+from automap.gap.evidence import nats_of_parts, plain_nats
+from automap.gap.selection import Chosen, Selection, twins_of
 
 TRIES = 40
 """Moves of one selection at most: each raises the odds, so this bounds the time only."""
@@ -71,3 +77,44 @@ def pruned(selection: Selection, chosen: Chosen) -> Chosen:
             if found.nats + selection.candidates[name].log_choice < 0.0:
                 return rest
     return chosen
+
+
+def swallowed(selection: Selection, chosen: Chosen, least: Mapping[int, float]) -> Chosen:
+    """The choice with the effect on one sensor whose axes together have the highest odds under
+    steadier biases beyond ``least``, sensor -> by how many nats drives are less likely where its
+    biases are so steady; none where there is no such.
+
+    Each axis alone scatters there with what the others do, so no part need hold by itself.
+    """
+    known, barred = selection.given(chosen), twins_of(chosen.names)
+    open_to, prior = [], []
+    for c in selection.candidates.values():
+        sensors = {s for part in c.parts for i in part for s in selection.linear.layout[i].sensors}
+        # what must be alike on all axes is no drift
+        if c.name in chosen.names or c.name in barred or c.isotropic or len(sensors) != 1:
+            continue
+        parts = [
+            part
+            for part in c.parts
+            if known.shows(part) and selection.key(c.name, part) not in selection.refused
+        ]
+        if len(parts) > 1:
+            open_to.append((c.name, parts))
+            prior.append(c.log_prior + len(parts) * c.log_choice - least[sensors.pop()])
+    if not open_to:
+        return chosen
+    wholes = [tuple(i for part in parts for i in part) for _, parts in open_to]
+    odds = nats_of_parts(known, wholes) + prior
+    at = int(np.argmax(odds))
+    if odds[at] <= 0.0:
+        return chosen
+    name, parts = open_to[at]
+    scale = plain_nats(known, wholes[at])[1]
+    more = chosen
+    for part in parts:
+        more = more.joined(name, part, scale)
+    # less the axes that are not needed beside the others
+    own = replace(selection, needed=frozenset(chosen.names))
+    while (fewer := pruned(own, more)) != more:
+        more = fewer
+    return more

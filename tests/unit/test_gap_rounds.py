@@ -10,8 +10,9 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from automap.gap import search
+from automap.gap import judge, search
 from automap.gap.candidates import Candidate
+from automap.gap.judge import Judge
 from automap.gap.linear import Column
 from automap.gap.noise import Fitted, Joint
 from automap.gap.screening import Screening
@@ -27,9 +28,17 @@ SELECTION = cast(
         },
         log_prior=lambda chosen: 0.0,
         of_vehicle=lambda chosen, names: False,
+        keys=lambda chosen: frozenset((name, part) for name, part, _ in chosen.parts),
     ),
 )
 HERE: Any = SimpleNamespace(fits=())
+
+
+class Heard(Judge):
+    """A judge of drives that nobody fits."""
+
+    def _held_out(self, fitted: Any) -> Any:
+        return []
 
 
 class Asked(Search):
@@ -37,15 +46,12 @@ class Asked(Search):
 
     def __init__(self) -> None:
         self.log, self.outdone, self.borne_out = print, set(), {}
-        self.held_out = []
+        self.judge, self.swallowed, self.tried = Heard(cast("Any", ["a drive"])), set(), {}
         self.sets: list[tuple[str, ...]] = []
 
     def _fit(self, here: Any, selection: Selection, chosen: Chosen) -> Any:
         self.sets.append(chosen.names)
         return SimpleNamespace(fits=())
-
-    def _held_out(self, fitted: Any) -> Any:
-        return []
 
 
 def says(monkeypatch: pytest.MonkeyPatch, all_sigmas: float, received: float = 0.0) -> None:
@@ -56,7 +62,8 @@ def says(monkeypatch: pytest.MonkeyPatch, all_sigmas: float, received: float = 0
         sigmas = received if but else all_sigmas
         return 20.0 * sigmas, sigmas
 
-    monkeypatch.setattr(search, "likelier", likelier)
+    for module in (search, judge):
+        monkeypatch.setattr(module, "likelier", likelier)
 
 
 def only(name: str) -> Chosen:
@@ -108,14 +115,32 @@ def test_what_only_the_vehicle_constraint_bears_out_is_not_kept(
     assert asked._kept(HERE, SELECTION, only(LATE), both) == (both, None)
 
 
+@pytest.mark.parametrize(
+    ("all_sigmas", "held_sigmas", "stays"), [(2.0, 0.0, True), (1.0, 3.0, True), (1.0, 1.0, False)]
+)
+def test_what_came_in_the_place_of_drift_must_say_more_than_drift(
+    monkeypatch: pytest.MonkeyPatch, all_sigmas: float, held_sigmas: float, stays: bool
+) -> None:
+    asked = Asked()
+    asked.swallowed = {LOW_PASSED}
+    says(monkeypatch, held_sigmas)
+    monkeypatch.setattr(asked.judge, "ahead", lambda *about: (20.0, all_sigmas))
+    both = Chosen((*only(LATE).parts, (LOW_PASSED, (1,), 1.0)))
+    assert asked._beyond_drift(HERE, SELECTION, both) == (both if stays else only(LATE))
+    # asked without it, and of the other, which was proposed beside the drift as fitted, nothing
+    assert asked.sets == [(LATE,)]
+    assert (asked.borne_out == {LOW_PASSED: 20.0}) is stays
+    assert bool(asked.tried) is not stays
+
+
 @pytest.mark.parametrize("of_vehicle", [False, True])
 def test_where_constraint_and_receiver_differ_no_sensor_is_told_apart(
     monkeypatch: pytest.MonkeyPatch, of_vehicle: bool
 ) -> None:
     says(monkeypatch, 4.0, -2.0)
-    assert Asked()._ahead(HERE, HERE, of_vehicle)[1] == (4.0 if of_vehicle else 0.0)
+    assert Asked().judge.ahead(HERE, HERE, of_vehicle)[1] == (4.0 if of_vehicle else 0.0)
     says(monkeypatch, 4.0, 0.5)
-    assert Asked()._ahead(HERE, HERE, of_vehicle)[1] == 4.0
+    assert Asked().judge.ahead(HERE, HERE, of_vehicle)[1] == 4.0
 
 
 @pytest.mark.parametrize("strength", [8.0, 1.0])

@@ -14,7 +14,7 @@ from automap.gap.candidates import Candidate
 from automap.gap.linear import Given, Linear
 from automap.gap.search import Search
 from automap.gap.selection import Chosen, Selection, twins_of
-from automap.gap.stepwise import select
+from automap.gap.stepwise import select, swallowed
 from automap.records import FloatArray
 from tests.unit.gap_linear import columns_named, linear_of
 
@@ -66,6 +66,33 @@ def test_noise_has_nothing_selected() -> None:
     for seed in range(12):
         phi, w = noise(seed)
         assert selected(alone(linear_with(phi, w))) == set()
+
+
+@pytest.mark.parametrize(
+    ("least", "refused", "beyond", "axes"),
+    [(5.0, (), 0, 3), (5.0, ("p5",), 0, 2), (60.0, (), 0, 0), (5.0, (), 1, 0)],
+)
+def test_axes_that_are_weak_alone_are_proposed_together(
+    least: float, refused: tuple[str, ...], beyond: int, axes: int
+) -> None:
+    """``beyond``: the third axis is another sensor's, which does not drift with the first."""
+    phi, w = noise(1)
+    # each axis speaks for itself by some nats, less than a name takes
+    linear = linear_with(
+        phi, w - phi @ np.linalg.lstsq(phi, w)[0] + phi[:, 4:7] @ np.full(3, 0.105)
+    )
+    layout = tuple(
+        replace(c, sensors=frozenset((int(i == 6) * beyond,))) for i, c in enumerate(linear.layout)
+    )
+    selection = alone(replace(linear, layout=layout))
+    for i in (4, 5, 6):
+        del selection.candidates[f"e{i}"]
+    selection.candidates["warm"] = Candidate("warm", ((4,), (5,), (6,)), math.log(1e-2), -1.1)
+    selection.refused = frozenset(("warm", (p,)) for p in refused)
+    assert select(selection, Chosen(), limits.MAX_FINDINGS).names == ()
+    proposed = swallowed(selection, Chosen(), {0: least, 1: 0.0})
+    assert proposed.names == (("warm",) if axes else ())
+    assert len(proposed.parts) == axes
 
 
 def test_what_is_not_needed_is_dropped() -> None:
