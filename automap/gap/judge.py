@@ -32,12 +32,6 @@ class Judge:
         """The same without what the vehicle constraint says."""
         return likelier(self._fits(one), self._fits(other), LOOSE)
 
-    def by_held_out(self, one: Fitted, other: Fitted) -> tuple[float, float]:
-        """By held-out drives alone, which were given the values; nothing where there are none."""
-        if not self.held_out:
-            return 0.0, 0.0
-        return likelier(self._held_out(one), self._held_out(other))
-
     def forget(self) -> None:
         """Forget fits: they are large, and seldom one is asked for again."""
         self._known = []

@@ -206,9 +206,7 @@ class Search:
     def _beyond_drift(self, here: Fitted, selection: Selection, found: Chosen) -> Chosen:
         """The set less what was proposed in the place of drift, where drift says as much: beside
         biases that are steady because of it, it always seems needed. So the set is asked without
-        it, with the drift fitted anew, on fitted and on held-out drives. Where drift is free to
-        follow, stretches differ either way; held-out drives alone may speak, for they were given
-        the values."""
+        it, with the drift fitted anew, on fitted and on held-out drives."""
         for name in found.names:
             if name not in self.swallowed or name in self.borne_out:
                 continue
@@ -217,7 +215,6 @@ class Search:
             other = self._fit(here, selection, fewer)
             ahead, sigmas = self.judge.ahead(here, other, selection.of_vehicle(found, {name}))
             ahead += selection.log_prior(found) - selection.log_prior(fewer)
-            sigmas = max(sigmas, self.judge.by_held_out(here, other)[1])
             if ahead < limits.LEAST_ODDS or sigmas < limits.APART:
                 self._bar(selection.keys(found) - selection.keys(fewer))
                 return fewer
