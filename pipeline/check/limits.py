@@ -91,6 +91,8 @@ BORDER_DEG = 1.0
 0.3 deg, and leave out small islands."""
 AHEAD_S = 2 * 86400.0
 """A log cannot be of a time after it was written, but for time zones and a recorder's clock."""
+COPIED_S = 30 * 86400.0
+"""A log is copied from its recorder within a month: one of 1024 weeks before is of another era."""
 LOWEST_LAND_M = -10.0
 """Roads lie no lower but about a few inland seas; Dutch polders come to -7 m."""
 WRONG_GEOID_M, GEOID_OFF_M = 28.0, 12.0

@@ -18,7 +18,7 @@ import numpy as np
 from automap.earth import MEAN_RADIUS
 from automap.evaluation.plausibility import Finding
 from automap.records import Fixes, FixType, FloatArray
-from automap.timebase import gps_to_iso, unix_to_gps
+from automap.timebase import ROLLOVER_S, gps_to_iso, unix_to_gps
 from pipeline.check import limits
 
 Box = tuple[float, float, float, float]
@@ -87,8 +87,16 @@ def _dates(fixes: Fixes, written_s: float | None) -> list[Finding]:
         return []
     first = float(np.median(dated))
     ahead_s = first - float(unix_to_gps(written_s))
-    if ahead_s <= limits.AHEAD_S:
+    early = abs(ahead_s + ROLLOVER_S) < limits.COPIED_S
+    if ahead_s <= limits.AHEAD_S and not early:
         return []
+    if early:
+        text = (
+            f"the fixes are of {gps_to_iso(first)[:10]}, 1024 weeks before the log was written, as "
+            "of receivers that are older than that"
+        )
+        advice = "write the dates of the drive into the log, or update the receiver"
+        return [Finding("warning", text, advice + "; signs get that date", "date_rolled_over")]
     text = (
         f"the fixes are of {gps_to_iso(first)[:10]}, {ahead_s / 86400.0:.0f} days after the log "
         "was written"

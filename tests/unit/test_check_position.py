@@ -81,6 +81,16 @@ def test_a_log_of_the_future_is_told() -> None:
     assert "7168 days after" in finding.text
 
 
+def test_dates_of_a_past_era_are_told() -> None:
+    fixes = at(49.0, 8.4)
+    written = float(gps_to_unix(np.median(fixes.gps_s))) + 1024 * 7 * 86400.0
+    (finding,) = check(fixes, None, written + 3 * 86400.0)
+    assert (finding.severity, finding.code) == ("warning", "date_rolled_over")
+    # a log of years ago is one
+    for years in (-1, 1):
+        assert check(fixes, None, written + years * 365 * 86400.0) == []
+
+
 @pytest.mark.parametrize("place", [(0.0, 0.0), (90.0, 11.0), (-90.0, 0.0)])
 def test_placeholders_are_no_fixes(place: tuple[float, float]) -> None:
     fixes = simulated_fixes(1, seconds=20.0)
