@@ -21,14 +21,13 @@ _FALSE_SHARE = (1.0 - CLASS_RIGHT) / ALTERNATIVES
 @dataclass(frozen=True, kw_only=True)
 class Attributes(Told):
     """Columns [m] of map signs; ``class_share`` the part of the sightings' belief that is for
-    the class, ``class_changed`` [m] whether the drives saw it change on the way, ``drives``
-    the numbers of those that saw it, ``confidence`` that any sighting is right;
-    ``class_probability`` and ``group_probability`` by all drives that tell them, since a change
-    only those after it (NaN: none does); ``existence`` and what is by size are told later."""
+    the class, ``drives`` the numbers of those that saw it, ``confidence`` that any sighting is
+    right; ``class_probability`` and ``group_probability`` by all drives that tell them, since a
+    change only those after it (NaN: none does); ``existence`` and what is by size are told later.
+    """
 
     code: IntArray
     class_share: FloatArray
-    class_changed: npt.NDArray[np.bool_]
     facing_rad: FloatArray
     drives: list[tuple[int, ...]]
 
@@ -42,7 +41,7 @@ def combine_attributes(sightings: Sightings, sign: IntArray) -> Attributes:
     views = sightings.n_views
     weight = np.maximum(views, 1).astype(np.float64)
     doubt = 1.0 - np.clip(sightings.confidence, 0.0, 0.999)
-    code, share, changed, before = _classes(sightings, sign, order, edges)
+    code, share, before = _classes(sightings, sign, order, edges)
     # what was read before a sign became another one tells nothing of what it is
     holds = np.where(before, -1, sign)
     facing = sightings.facing
@@ -63,7 +62,6 @@ def combine_attributes(sightings: Sightings, sign: IntArray) -> Attributes:
     return Attributes(
         code=code,
         class_share=share,
-        class_changed=changed,
         n_views=np.bincount(sign, views, m).astype(np.int64),
         first_gps_s=np.fmin.reduceat(sightings.first_gps_s[order], edges[:-1]),
         last_gps_s=np.fmax.reduceat(sightings.last_gps_s[order], edges[:-1]),
@@ -131,12 +129,12 @@ def _status(states: npt.NDArray[np.generic], drives: IntArray) -> str:
 
 def _classes(
     sightings: Sightings, sign: IntArray, order: IntArray, edges: IntArray
-) -> tuple[IntArray, FloatArray, BoolArray, BoolArray]:
-    """Class of each sign, its share of the belief, whether it changed between drives, and which
-    sightings [n] are from before that."""
+) -> tuple[IntArray, FloatArray, BoolArray]:
+    """Class of each sign, its share of the belief, and which sightings [n] are from before its
+    class became another one between drives."""
     m = len(edges) - 1
     code, share = np.zeros(m, np.int64), np.ones(m)
-    changed, before = np.zeros(m, np.bool_), np.zeros(len(sign), np.bool_)
+    before = np.zeros(len(sign), np.bool_)
     codes = sightings.code[order]
     weights = np.maximum(sightings.confidence[order], LEAST_CONFIDENCE)
     lowest = np.minimum.reduceat(codes, edges[:-1])
@@ -146,13 +144,12 @@ def _classes(
         a, b = int(edges[k]), int(edges[k + 1])
         own, small = np.unique(codes[a:b], return_inverse=True)
         start = _change_point(small, len(own))
-        changed[k] = start > 0
         before[order[a : a + start]] = True
         now, belief = codes[a + start : b], weights[a + start : b]
         total = np.bincount(now, belief)
         code[k] = int(np.argmax(total))
         share[k] = float(total[code[k]] / total.sum())
-    return code, share, changed, before
+    return code, share, before
 
 
 @kernel

@@ -12,7 +12,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from automap.mapping.grid import RADIUS_M
-from automap.records import BoolArray, FloatArray, IntArray
+from automap.records import FloatArray, IntArray
 
 LEVEL = 14
 """Of the tiles: 2.4 km at the equator, 1.5 km at 50 deg. Chosen: some 100,000 sightings of a town
@@ -67,14 +67,6 @@ def touched(lat: FloatArray, lon: FloatArray, margin_m: float) -> tuple[IntArray
     return key % width, key // width
 
 
-def touches(lat: FloatArray, lon: FloatArray, margin_m: float, cell: int) -> BoolArray:
-    """Which of the positions [n] have one ``cell`` within ``margin_m``."""
-    first_x, columns, first_y, rows, pole = _boxes(lat, lon, margin_m)
-    y, x = divmod(cell, _SIDE)
-    beside = (x - first_x) % _SIDE < columns
-    return np.asarray(((y >= first_y) & (y < first_y + rows) & beside) | (pole == cell), np.bool_)
-
-
 def _boxes(
     lat: FloatArray, lon: FloatArray, margin_m: float
 ) -> tuple[IntArray, IntArray, IntArray, IntArray, IntArray]:
@@ -94,22 +86,9 @@ def _boxes(
     return first_x, columns, first_y, _row(low) - first_y + 1, pole
 
 
-def around(cell: int, margin_m: float, occupied: IntArray) -> IntArray:
-    """Those of the cells ``occupied`` [k] that may reach within ``margin_m`` of ``cell``, itself
-    among them."""
-    y, x = np.divmod(occupied, _SIDE)
-    own_y, own_x = divmod(cell, _SIDE)
-    reach = _reach(own_y, margin_m)
-    beside = np.abs(x - own_x)
-    near = (np.abs(y - own_y) <= reach) & (np.minimum(beside, _SIDE - beside) <= reach)
-    for pole in (0, _SIDE - 1):
-        caps = (x == 0) & (y == pole) | (own_x == 0 and own_y == pole)
-        near |= caps & (np.abs(y - pole) <= reach) & (abs(own_y - pole) <= reach)
-    return np.asarray(occupied[near], np.int64)
-
-
 def beside(cell: int, margin_m: float) -> list[int] | None:
-    """All cells, ascending, that ``around`` may find; None near a pole, where they are many."""
+    """All cells, ascending, that may reach within ``margin_m`` of ``cell``, itself among them; None
+    near a pole, where they are many."""
     own_y, own_x = divmod(cell, _SIDE)
     reach = _reach(own_y, margin_m)
     if not reach < own_y < _SIDE - 1 - reach:

@@ -153,7 +153,7 @@ def place(folder: Path, cell: int, levels: ErrorLevels, factors: FloatArray) -> 
         member_place=np.column_stack([s.lat, s.lon, s.height]), member_offset=b.offset,
         lat=b.lat, lon=b.lon, height=b.height, cov_enu=b.cov_enu,
         class_name=_texts(np.array(s.classes, object)[a.code]),
-        class_share=a.class_share, class_changed=a.class_changed, n_views=a.n_views,
+        class_share=a.class_share, n_views=a.n_views,
         first_gps_s=a.first_gps_s, last_gps_s=a.last_gps_s,
         height_above_road_m=a.height_above_road_m, sd_above_road_m=a.sd_above_road_m,
         facing_rad=a.facing_rad, facing_sd_rad=a.facing_sd_rad, size_m=a.size_m,

@@ -15,7 +15,7 @@ import numpy as np
 from automap.io.atomic import atomic_path
 from automap.io.cell_tables import read_points, write_points
 from automap.io.tables import read_table
-from automap.mapping.cells import around, beside, cell_named, cell_of, groups, quadkey, touches
+from automap.mapping.cells import beside, cell_named, cell_of, groups, quadkey, touched
 from automap.mapping.identity import drive_key
 from automap.mapping.sightings import UNTOLD, CameraView, DriveSigns, Sightings, stack_sightings
 from automap.mapping.visibility import STRIDE
@@ -200,10 +200,10 @@ def occupied(folder: Path) -> IntArray:
 
 def near_cells(folder: Path, cell: int, margin_m: float) -> IntArray:
     """Cells that hold something and may reach within a margin of one, itself among them; those of
-    all the world are not listed for it."""
+    all the world are listed near a pole alone, where all of them may."""
     candidates = beside(cell, margin_m)
     if candidates is None:
-        return around(cell, margin_m, occupied(folder))
+        return occupied(folder)
     there = [
         k
         for k in candidates
@@ -279,7 +279,8 @@ def _cut(
     """The rows within the margin of the cell, by the drives' ranks and along each drive."""
     if not columns:
         return {}
-    rows = np.flatnonzero(touches(columns[lat], columns[lon], margin_m, cell))
+    number, cells = touched(columns[lat], columns[lon], margin_m)
+    rows = number[cells == cell]
     rows = rows[columns["drive"][rows] < len(drives)]
     order = np.lexsort((columns["place"][rows], drives.rank[columns["drive"][rows]]))
     return {name: values[rows[order]] for name, values in columns.items()}

@@ -77,7 +77,7 @@ def mapping_roads() -> Any:
 @scenario
 def mapping_cells() -> Any:
     """Cells of the world, who touches them, and tiles."""
-    from automap.mapping.cells import around, cell_of, colour_of, quadkey, touched, touches
+    from automap.mapping.cells import cell_of, colour_of, quadkey, touched
     from automap.mapping.tiles import cut_tiles
 
     rng = np.random.default_rng(6)
@@ -88,8 +88,6 @@ def mapping_cells() -> Any:
         "colour": [colour_of(int(c)) for c in cell],
         "key": [quadkey(int(c)) for c in cell[:5]],
         "touched": touched(lat, lon, 300.0),
-        "touches": [touches(lat, lon, 500.0, int(c)) for c in cell[:6]],
-        "around": [around(int(c), 400.0, np.unique(cell)) for c in cell[:6]],
         "tiles": list(cut_tiles(lat, lon, 7, 150.0)),
     }
 

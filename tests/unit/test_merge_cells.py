@@ -15,14 +15,12 @@ from automap.mapping.association import associate
 from automap.mapping.by_cells import associate_by_cells
 from automap.mapping.cells import (
     LEVEL,
-    around,
     beside,
     cell_named,
     cell_of,
     colour_of,
     quadkey,
     touched,
-    touches,
 )
 from automap.mapping.duplicates import join_duplicates
 from automap.mapping.grid import RADIUS_M
@@ -88,9 +86,6 @@ def test_what_is_within_the_margin_of_a_cell_touches_it(
     assert len(set(found.tolist())) == len(found)
     assert int(cell_of(np.array([there]), np.array([lon + aside]))[0]) in found
     assert len(found) < 64
-    for cell in {*found.tolist(), int(found[0]) + 1}:
-        one = touches(np.array([lat]), np.array([lon]), 400.0, cell)
-        assert one.tolist() == [cell in found]
 
 
 def test_cells_have_the_names_of_web_map_tiles() -> None:
@@ -187,11 +182,13 @@ def test_the_cells_beside_one_are_all_that_may_be_around_it(
     """Also across 180 degrees, and up to where all of a pole is one cell."""
     north, east = np.meshgrid(np.linspace(-0.4, 0.4, 81), np.linspace(179.4, 180.6, 81))
     lat = np.radians(np.clip(latitude + north.ravel(), -90.0, 90.0))
-    occupied = np.unique(cell_of(lat, np.radians(east.ravel())))
+    lon = np.radians(east.ravel())
     middle = int(cell_of(np.radians([latitude]), np.array([np.pi]))[0])
     found = beside(middle, margin_m)
     if found is None:
         assert abs(latitude) > 85.0
     else:
-        wanted = around(middle, margin_m, occupied).tolist()
-        assert [k for k in found if k in occupied] == wanted
+        number, cells = touched(lat, lon, margin_m)
+        near = cell_of(lat, lon)[number[cells == middle]]
+        assert len(near)
+        assert set(near.tolist()) <= set(found)
