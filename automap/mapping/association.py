@@ -14,13 +14,14 @@ from automap.mapping.candidates import (
     Columns,
     MapSigns,
     add_member,
+    agreement,
     columns_of,
     empty_map,
     find_candidates,
     found_sign,
 )
 from automap.mapping.classes import class_evidence
-from automap.mapping.offset_kernels import agreement, smooth, vote
+from automap.mapping.offset_kernels import smooth, vote
 from automap.mapping.sightings import Sightings
 from automap.records import BoolArray, FloatArray, IntArray
 

@@ -32,6 +32,8 @@ D_E, D_N, D_U, V_EE, V_EN, V_NN, V_U, EVIDENCE = 0, 1, 2, 3, 4, 5, 6, 7
 
 CELL_M = 16.0
 """Of the table of map signs; founding and mean place of a sign differ by little."""
+_NEAR = 1024
+"""Map signs that are looked at round a place, at most."""
 _LEAST_INFORMATION = 1e-9
 """On the place of a sign without members, 1/m^2."""
 
@@ -196,6 +198,19 @@ def match_gain(v_ee: float, v_en: float, v_nn: float, v_u: float) -> float:
 
 
 @kernel
+def agreement(values: FloatArray, e: float, n: float, u: float, p_e: float, p_n: float) -> float:
+    """Evidence in nats for one candidate when the drive's offset is (e, n, u), variances p."""
+    v_ee, v_en, v_nn = values[V_EE] + p_e, values[V_EN], values[V_NN] + p_n
+    de, dn = values[D_E] - e, values[D_N] - n
+    det = v_ee * v_nn - v_en * v_en
+    square = (v_nn * de * de - 2.0 * v_en * de * dn + v_ee * dn * dn) / det
+    if values[V_U] == values[V_U]:
+        square += (values[D_U] - u) ** 2 / values[V_U]
+    gain = match_gain(v_ee, v_en, v_nn, values[V_U])
+    return float(values[EVIDENCE] + gain - 0.5 * square)
+
+
+@kernel
 def find_candidates(
     lo: int,
     hi: int,
@@ -208,17 +223,19 @@ def find_candidates(
     """Fill ``index`` [n, MOST] (-1 none) and ``values`` [n, MOST, PLACES] for rows lo to hi of the
     sightings ``seen``; ``evidence`` [k, k] of their classes.
 
-    The nearest are kept: within the gate of everything including the offset, at most MAX_M;
-    faces that look away from one another are never one sign.
+    The likeliest are kept: within the gate of everything including the offset, at most MAX_M or as
+    far as the sighting itself may be off; faces that look away from one another are never one sign.
     """
     state, slot_class, slot_weight, active, table = signs
     lat, lon, own, shared_sd, facing = seen.lat, seen.lon, seen.own, seen.shared_sd, seen.facing
-    near, kept = np.empty(256, np.int64), np.empty(256, np.int64)
-    distance, found_values = np.empty(256), np.empty((256, PLACES))
+    near, kept = np.empty(_NEAR, np.int64), np.empty(_NEAR, np.int64)
+    against, found_values = np.empty(_NEAR), np.empty((_NEAR, PLACES))
     slack = limits.SLACK_M * limits.SLACK_M
     for i in range(lo, hi):
         count = 0
-        found = neighbours(table, lat[i], lon[i], near)
+        reach_m = math.sqrt(limits.SAME_GATE * (own[i, 0] + own[i, 2]))
+        reach_m = min(max(reach_m, limits.MAX_M), limits.FAR_M)
+        found = neighbours(table, lat[i], lon[i], math.ceil(reach_m / CELL_M), near)
         for place in range(found):
             k = near[place]
             if not active[k]:
@@ -228,7 +245,7 @@ def find_candidates(
             de, dn = delta(lat[i], lon[i], state[k, LAT], state[k, LON], per_lat, per_lon)
             de, dn = de - e, dn - n
             square = de * de + dn * dn
-            if square > limits.MAX_M * limits.MAX_M:
+            if square > reach_m * reach_m:
                 continue
             v_ee, v_en, v_nn, v_u = variances_of(state[k])
             v_ee, v_en, v_nn = own[i, 0] + v_ee + slack, own[i, 1] + v_en, own[i, 2] + v_nn + slack
@@ -253,10 +270,13 @@ def find_candidates(
                     total += slot_weight[k, slot] * evidence[seen.code[i], slot_class[k, slot]]
             if weight > 0.0:
                 told += total / weight
-            distance[count], kept[count] = square, k
+            kept[count] = k
             found_values[count] = np.array([de, dn, du, v_ee, v_en, v_nn, v_u, told])
+            # where drives are as far off as they usually are
+            p_e, p_n = 2.0 * shared_sd[i, 0] ** 2, 2.0 * shared_sd[i, 1] ** 2
+            against[count] = -agreement(found_values[count], 0.0, 0.0, 0.0, p_e, p_n)
             count += 1
-        nearest = np.argsort(distance[:count])[: limits.MOST]
+        likeliest = np.argsort(against[:count])[: limits.MOST]
         index[i - lo] = -1
-        index[i - lo, : len(nearest)] = kept[nearest]
-        values[i - lo, : len(nearest)] = found_values[nearest]
+        index[i - lo, : len(likeliest)] = kept[likeliest]
+        values[i - lo, : len(likeliest)] = found_values[likeliest]

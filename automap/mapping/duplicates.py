@@ -24,6 +24,7 @@ from automap.mapping.candidates import (
     Columns,
     MapSigns,
     add_member,
+    agreement,
     columns_of,
     empty_map,
     face_of,
@@ -34,7 +35,6 @@ from automap.mapping.candidates import (
 )
 from automap.mapping.classes import class_evidence
 from automap.mapping.grid import delta, neighbours
-from automap.mapping.offset_kernels import agreement
 from automap.mapping.sightings import Sightings
 from automap.records import FloatArray, IntArray
 
@@ -102,7 +102,7 @@ def _gains(
     for a in range(len(edges) - 1):
         of_a, founder = signs.state[a], rows[edges[a]]
         per_lat, per_lon = seen.per_lat[founder], seen.per_lon[founder]
-        for place in range(neighbours(signs.table, of_a[LAT], of_a[LON], near)):
+        for place in range(neighbours(signs.table, of_a[LAT], of_a[LON], 1, near)):
             b = near[place]
             of_b = signs.state[b]
             de, dn = delta(of_b[LAT], of_b[LON], of_a[LAT], of_a[LON], per_lat, per_lon)

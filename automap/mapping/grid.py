@@ -64,23 +64,21 @@ def insert(table: Table, number: int, lat: float, lon: float) -> None:
 
 
 @kernel
-def neighbours(table: Table, lat: float, lon: float, found: IntArray) -> int:
-    """Numbers in the cell of a position and the eight around it into ``found``.
+def neighbours(table: Table, lat: float, lon: float, reach: int, found: IntArray) -> int:
+    """Numbers in the cells up to ``reach`` cells from that of a position into ``found``.
 
-    All that are nearer than ``cell_m`` are among them. Returns how many, at most the length
-    of ``found``.
+    All that are nearer than ``reach`` times ``cell_m`` are among them. Returns how many, at most
+    the length of ``found``.
     """
     head, following, cells, cell_m = table
     count = 0
     middle = cell_row(lat, cell_m)
-    for row in range(middle - 1, middle + 2):
+    for row in range(middle - reach, middle + reach + 1):
         around = cells_around(row, cell_m)
         column = cell_column(lon, around)
-        for step in range(-1, 2):
-            # of two columns the other lies on both sides
-            if (step < 0 and around < 3) or (step > 0 and around < 2):
-                continue
-            beside = (column + step) % around
+        # near a pole a row has few cells
+        for step in range(min(2 * reach + 1, around)):
+            beside = (column + step - reach) % around
             number = head[bucket(row, beside, len(head) - 1)]
             while number >= 0:
                 if cells[number, 0] == row and cells[number, 1] == beside:

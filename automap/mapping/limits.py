@@ -22,11 +22,12 @@ SAME_PROBABILITY = math.exp(-8.0)
 plane."""
 SAME_GATE = gate_in_plane(SAME_PROBABILITY)
 """The squared sigmas that go with it."""
-MAX_M, LARGEST_UP_M = 15.0, 12.0
+MAX_M, FAR_M, LARGEST_UP_M = 15.0, 80.0, 12.0
 """Sightings further apart in plan, or in height, are no candidates for one sign, whatever the
-sigmas. Chosen: more than trajectories that state some metres are off."""
+sigmas. Chosen: more than trajectories that state some metres are off. A sign that was seen from far
+away only may lie four of its own sigmas off, at most ``FAR_M``: from further no camera reads it."""
 MOST = 8
-"""Candidates kept per sighting, the nearest. Chosen: more signs than that do not stand where one
+"""Candidates kept per sighting, the likeliest. Chosen: more signs than that do not stand where one
 drive may be off."""
 SLACK_M = 0.15
 """What places of one sign may differ by beyond the stated errors: frames of reference that

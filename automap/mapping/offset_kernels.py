@@ -12,21 +12,13 @@ import numpy as np
 
 from automap.jit import kernel
 from automap.mapping import limits
-from automap.mapping.candidates import D_E, D_N, D_U, EVIDENCE, V_EE, V_EN, V_NN, V_U, match_gain
+from automap.mapping.candidates import (
+    V_EE,
+    V_NN,
+    V_U,
+    agreement,
+)
 from automap.records import FloatArray, IntArray
-
-
-@kernel
-def agreement(values: FloatArray, e: float, n: float, u: float, p_e: float, p_n: float) -> float:
-    """Evidence in nats for one candidate when the drive's offset is (e, n, u), variances p."""
-    v_ee, v_en, v_nn = values[V_EE] + p_e, values[V_EN], values[V_NN] + p_n
-    de, dn = values[D_E] - e, values[D_N] - n
-    det = v_ee * v_nn - v_en * v_en
-    square = (v_nn * de * de - 2.0 * v_en * de * dn + v_ee * dn * dn) / det
-    if values[V_U] == values[V_U]:
-        square += (values[D_U] - u) ** 2 / values[V_U]
-    gain = match_gain(v_ee, v_en, v_nn, values[V_U])
-    return float(values[EVIDENCE] + gain - 0.5 * square)
 
 
 @kernel

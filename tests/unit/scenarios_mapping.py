@@ -258,7 +258,7 @@ def mapping_kernels() -> Any:
     near = [
         (int(count), np.sort(found[:count]))
         for a, b in zip(lat, lon, strict=True)
-        for count in [grid.neighbours(filled, a, b, found)]
+        for count in [grid.neighbours(filled, a, b, 1, found)]
     ]
     state = rng.uniform(0.5, 2.0, 13)
     empty = state.copy()

@@ -199,7 +199,7 @@ def test_the_grid_finds_all_neighbours_also_at_the_date_line(lat: float, lon: fl
     table = filled_table(lats, lons, cell)
     found = np.empty(n, np.int64)
     for k in range(n):
-        count = neighbours(table, lats[k], lons[k], found)
+        count = neighbours(table, lats[k], lons[k], 1, found)
         near = np.flatnonzero(np.hypot(north - north[k], east - east[k]) < 0.99 * cell)
         assert set(near.tolist()) <= set(found[:count].tolist())
         assert len(set(found[:count].tolist())) == count

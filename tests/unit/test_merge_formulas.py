@@ -104,13 +104,13 @@ def test_all_neighbours_are_found_wherever_they_are(lat: float, lon: float) -> N
     )
     found = np.empty(n, np.int64)
     for k in range(0, n, 7):
-        count = neighbours(table, lat_rad[k], lon_rad[k], found)
+        count = neighbours(table, lat_rad[k], lon_rad[k], 1, found)
         near = np.flatnonzero(np.linalg.norm(place - place[k], axis=1) < cell_m)
         assert set(near) <= set(found[:count].tolist())
         assert len(set(found[:count].tolist())) == count
         # no more than nine cells, of which a pole's may be wide
         assert lat > 89.0 or count < n // 2
-    assert neighbours(table, lat_rad[0], lon_rad[0], found[:1]) == 1
+    assert neighbours(table, lat_rad[0], lon_rad[0], 1, found[:1]) == 1
 
 
 @pytest.mark.parametrize(("a", "b"), [(0.2, 0.1), (np.pi - 1e-6, -np.pi + 1e-6)])
