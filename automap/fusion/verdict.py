@@ -15,7 +15,7 @@ import numpy as np
 
 from automap.errors import InputError
 from automap.fusion.aside import Aside, whole_trajectory
-from automap.fusion.consistency import channel_consistency, innovation_doubts
+from automap.fusion.consistency import channel_consistency, innovation_doubts, slides
 from automap.fusion.delay_states import LATENCY_STATE, SKEW_STATE
 from automap.fusion.doubts import limits, outcome
 from automap.fusion.doubts.constancy import constancy_doubts
@@ -60,7 +60,7 @@ from automap.fusion.fix_levels import fix_levels
 from automap.fusion.free_inertial import FreeInertial, free_inertial
 from automap.fusion.gnss_only import smooth_fixes, unaveraged, uncorrected
 from automap.fusion.levels import VELOCITY_WANDER
-from automap.fusion.limits import STATED_ARM_SD_M
+from automap.fusion.limits import STATED_ARM_SD_M, UNKNOWN_HEADING_SD
 from automap.fusion.measurements.position import age_sd_of, by_carrier
 from automap.fusion.nodes import as_shown, model_fixes
 from automap.fusion.options import FusionOptions
@@ -170,6 +170,8 @@ def weigh(
     # a delay that is the clock's is minus the receiver's, and of any sign
     clock_only = delay_is_clock or LATENCY_STATE in found
     age_sd = math.inf if clock_only else age_sd_of(fixes, clock, options)
+    channels = channel_consistency(result.innovations)
+    sliding = slides(channels)
     reasons = [
         *of_receiver,
         *jump_doubts(position_jumps(places), path),
@@ -189,7 +191,8 @@ def weigh(
         *at_bound,
         *sideways((stretch for _, stretch in fused.stretches()), options),
         *outcome.refused(result.innovations),
-        *innovation_doubts(channel_consistency(result.innovations)),
+        *innovation_doubts(channels),
+        *sliding,
     ]
     stated = model_fixes(fixes, fixes.gps_s, options)
     model = as_shown(stated, options, result.noise_factors)
@@ -209,6 +212,7 @@ def weigh(
             # what speaks against the IMU's path leaves that of the fixes as it is
             path = uncorrected(unaveraged(alone, fixes, options, levels), fixes, options)
             path = widen(path, [*of_receiver, *own], beside, None)
+            path = _off_nose(path, sliding)
             return _alone(drifting(path, drifts), reasons)
     widened = widening(path, reasons, misses, alone)
 
@@ -217,6 +221,12 @@ def weigh(
             yield drifting(widened(stretch, rows), drifts)
 
     return _weighed(run, reasons, False)
+
+
+def _off_nose(path: Trajectory, sliding: Sequence[Reason]) -> Trajectory:
+    """A path with courses for headings, which are no better than the nose of one that slides."""
+    factor = max((reason.factor for reason in sliding), default=1.0)
+    return replace(path, sd_rpy=np.minimum(path.sd_rpy * factor, UNKNOWN_HEADING_SD))
 
 
 def _weighed(

@@ -5,12 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from automap.fusion.consistency import channel_consistency, innovation_doubts
+from automap.fusion.consistency import channel_consistency, innovation_doubts, slides
 from automap.fusion.output import Innovations
 
 
-def _table(size: float = 1.0, memory: float = 0.0, n: int = 600) -> Innovations:
-    """Innovations of three channels; position's are ``size`` times their sd, and remember."""
+def _table(size: float = 1.0, memory: float = 0.0, n: int = 600, slip: float = 0.0) -> Innovations:
+    """Innovations of three channels; position's are ``size`` times their sd, and remember; the
+    vehicle slides by ``slip`` sds all the time."""
     rng = np.random.default_rng(4)
     parts = []
     for name in ("position_n", "velocity_e", "nhc_y"):
@@ -20,7 +21,7 @@ def _table(size: float = 1.0, memory: float = 0.0, n: int = 600) -> Innovations:
                 noise[i] = memory * noise[i - 1] + np.sqrt(1.0 - memory**2) * noise[i]
             noise *= size
         if name == "nhc_y":
-            noise *= 0.1
+            noise = 0.1 * noise + slip
         parts.append((name, 2.0 * noise))
     return Innovations(
         np.tile(np.arange(n), 3),
@@ -49,6 +50,13 @@ def test_sigmas_too_small_are_told_and_where() -> None:
     assert "velocity" not in reason.text
     assert "nhc" not in reason.text
     assert reason.factor == pytest.approx(2.5, rel=0.1)
+
+
+@pytest.mark.parametrize(("slip", "told"), [(0.0, False), (0.05, False), (0.5, True)])
+def test_a_slip_that_lasts_is_told_though_each_innovation_is_small(slip: float, told: bool) -> None:
+    reasons = slides(channel_consistency(_table(slip=slip)))
+    assert [reason.code for reason in reasons] == ["vehicle_slides"] * told
+    assert all(reason.factor > 2.0 for reason in reasons)
 
 
 def test_errors_that_resemble_their_neighbours_count_for_fewer() -> None:
