@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -21,6 +22,7 @@ from automap.io import names
 from automap.io.map_tables import TRACKS, read_tracks
 from automap.io.review_json import append_action
 from automap.io.signs_table import read_signs
+from automap.io.tables import read_fixes, write_fixes
 from automap.records import ReviewAction
 from pipeline.cli.root import run_command
 from pipeline.merge import whole
@@ -44,6 +46,9 @@ def with_picture(out: Path, height_px: float, shade: int) -> None:
 def merged(tmp_path_factory: pytest.TempPathFactory) -> Path:
     root = tmp_path_factory.mktemp("whole")
     runs = [write_run(root / name, name=name) for name in ("monday", HOSTILE.replace("/", ""))]
+    # the other is of a week later: fixes of one time would be those of one recording
+    fixes = read_fixes(runs[1] / names.FIXES)
+    write_fixes(runs[1] / names.FIXES, replace(fixes, gps_s=fixes.gps_s + 7 * 86400.0))
     for run, size, shade in zip(runs, (40.0, 80.0), (50, 200), strict=True):
         with_picture(run, size, shade)
     sign = read_signs(runs[0] / names.SIGNS_RAW)[0]
