@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
-from pydantic_core import ErrorDetails
 
 from automap.effects.limits import WARM_UP_S
 from automap.errors import ConfigError
@@ -321,7 +320,8 @@ def parse_scenario(data: Mapping[str, Any], path: Path) -> Scenario:
 def _first_reason(error: ValidationError) -> str:
     found = error.errors(include_url=False)
     # of the ways in which a value may be written the one that it came nearest to
-    first = max((e for e in found if e["loc"][:2] == found[0]["loc"][:2]), key=_depth)
+    ways = (e for e in found if e["loc"][:2] == found[0]["loc"][:2])
+    first = max(ways, key=lambda e: len(e["loc"]))
     place = ".".join(str(part) for part in first["loc"] if "[" not in str(part))
     if first["type"] == "extra_forbidden":
         word = str(first["loc"][-1])
@@ -332,10 +332,6 @@ def _first_reason(error: ValidationError) -> str:
         return f"the key {place} is missing; add it"
     reason = first["msg"].removeprefix("Value error, ")
     return f"{place} is not accepted: {reason}" if place else reason
-
-
-def _depth(error: ErrorDetails) -> int:
-    return len(error["loc"])
 
 
 def _all_keys(model: type[BaseModel]) -> set[str]:
