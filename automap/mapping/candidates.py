@@ -33,7 +33,7 @@ D_E, D_N, D_U, V_EE, V_EN, V_NN, V_U, EVIDENCE = 0, 1, 2, 3, 4, 5, 6, 7
 CELL_M = 16.0
 """Of the table of map signs; founding and mean place of a sign differ by little."""
 _NEAR = 1024
-"""Map signs that are looked at round a place, at most."""
+"""Map signs that are looked at round a place, at most: one on 30 m^2 of what ``FAR_M`` asks for."""
 _LEAST_INFORMATION = 1e-9
 """On the place of a sign without members, 1/m^2."""
 

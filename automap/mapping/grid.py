@@ -7,13 +7,13 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from automap.earth import metres_per_radian
+from automap.earth import MEAN_RADIUS, metres_per_radian
 from automap.frames import wrap_pi
 from automap.jit import kernel
 from automap.records import FloatArray, IntArray
 
-RADIUS_M = 6371000.0
-"""Of a sphere like the Earth: good for cells and for searches near by."""
+RADIUS_M = MEAN_RADIUS
+"""Of a sphere: good for cells and for searches near by."""
 
 
 class Table(NamedTuple):

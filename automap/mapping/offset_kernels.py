@@ -12,12 +12,7 @@ import numpy as np
 
 from automap.jit import kernel
 from automap.mapping import limits
-from automap.mapping.candidates import (
-    V_EE,
-    V_NN,
-    V_U,
-    agreement,
-)
+from automap.mapping.candidates import V_EE, V_NN, V_U, agreement
 from automap.records import FloatArray, IntArray
 
 

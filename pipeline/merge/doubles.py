@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from automap.earth import MEAN_RADIUS
 from automap.io import names
 from automap.records import ClockModel, FloatArray, IntArray
 from pipeline.shared.values import number
@@ -38,7 +39,6 @@ _WAY_M = 100.0
 _SAME_FRAMES = 0.2
 """Of a video some frames are searched, in towns every sixth, along two paths of one drive mostly
 the same. Stamps of two cameras that are rounded to ms agree once in 33."""
-_EARTH_M = 6.371e6
 
 
 @dataclass(frozen=True)
@@ -143,10 +143,13 @@ def doubles(marks: Sequence[Marks | None]) -> list[Double]:
             continue
         _, at, there = np.intersect1d(first.count, second.count, return_indices=True)
         apart = _apart_m(first, at, second, there)
-        same = bool(np.all(apart <= _SAME_RAD * _EARTH_M))
+        same = bool(np.all(apart <= _SAME_RAD * MEAN_RADIUS))
         if not (same or _together(first, at, apart)):
             continue
         part, whole = (a, b) if len(first.count) < len(second.count) else (b, a)
+        if _sees(marks[part]) and not _sees(marks[whole]):
+            # what has no boxes counts nothing twice, and does not hold those of another
+            continue
         left_out = same and _holds(marks[part], len(at)) and _same_frames(first, at, second, there)
         if left_out:
             out.add(part)
@@ -170,16 +173,16 @@ def _candidates(marks: Sequence[Marks | None]) -> set[tuple[int, int]]:
 def _cells(mark: Marks | None) -> Iterator[tuple[int, int, int]]:
     if mark is None:
         return
-    row = np.floor(mark.lat_rad * _EARTH_M / _CELL_M).astype(np.int64)
-    along = np.cos(row * _CELL_M / _EARTH_M)
-    column = np.floor(mark.lon_rad * along * _EARTH_M / _CELL_M).astype(np.int64)
+    row = np.floor(mark.lat_rad * MEAN_RADIUS / _CELL_M).astype(np.int64)
+    along = np.cos(row * _CELL_M / MEAN_RADIUS)
+    column = np.floor(mark.lon_rad * along * MEAN_RADIUS / _CELL_M).astype(np.int64)
     yield from zip(mark.count.tolist(), row.tolist(), column.tolist(), strict=True)
 
 
 def _apart_m(first: Marks, at: IntArray, second: Marks, there: IntArray) -> FloatArray:
     north = second.lat_rad[there] - first.lat_rad[at]
     east = (second.lon_rad[there] - first.lon_rad[at]) * np.cos(first.lat_rad[at])
-    return np.asarray(np.hypot(north, east) * _EARTH_M, np.float64)
+    return np.asarray(np.hypot(north, east) * MEAN_RADIUS, np.float64)
 
 
 def _together(first: Marks, at: IntArray, apart: FloatArray) -> bool:
@@ -187,12 +190,17 @@ def _together(first: Marks, at: IntArray, apart: FloatArray) -> bool:
     if len(at) < _LEAST_MARKS or np.median(apart) > _TOGETHER_M:
         return False
     lat, lon = first.lat_rad[at], first.lon_rad[at]
-    return bool(np.hypot(np.ptp(lat), np.ptp(lon) * np.cos(lat[0])) * _EARTH_M > _WAY_M)
+    return bool(np.hypot(np.ptp(lat), np.ptp(lon) * np.cos(lat[0])) * MEAN_RADIUS > _WAY_M)
 
 
 def _holds(part: Marks | None, common: int) -> bool:
     """Whether all marks of a part are the whole's, but for one where it was cut."""
     return part is not None and common >= len(part.count) - 1
+
+
+def _sees(mark: Marks | None) -> bool:
+    """Whether a run has boxes."""
+    return mark is not None and bool(np.any(mark.frame_ns))
 
 
 def _same_frames(first: Marks, at: IntArray, second: Marks, there: IntArray) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -133,6 +134,36 @@ def test_faces_that_look_away_from_one_another_are_two_signs() -> None:
     sign, truth = groups(scene)
     assert sorted(truth.tolist()) == [0, 1]
     assert sign[0] != sign[1]
+
+
+@pytest.mark.parametrize(("same_class", "signs"), [(True, 3), (False, 4)])
+def test_a_sign_seen_from_far_away_only_is_the_one_that_the_map_has(
+    same_class: bool, signs: int
+) -> None:
+    """Its place is 25 m off along the view, with a sigma of 12 m."""
+    rng = np.random.default_rng(4)
+    names = ("regulatory--stop--g1", "warning--children--g1", "information--hospital--g1")
+    along = np.array([100.0, 160.0, 220.0])
+    place = np.column_stack([np.full(3, -5.0), along, np.full(3, 2.5)])
+    town = Town(place, np.full(3, np.pi), np.array(names, object))
+    path = np.array([[-1.5, 0.0], [-1.5, 260.0]])
+    plain = Errors(missed=0.0, clutter=0.0, wrong_class=0.0)
+    scene = Scene(town)
+    for number in range(4):
+        drive, truth = drive_through(
+            rng, town, path, 12.0, f"d{number}", 1.4e9 + 1e5 * number, plain
+        )
+        if number == 3:
+            (far,) = np.flatnonzero(truth == 2)
+            lat, cov, name = drive.lat_rad.copy(), drive.cov_enu.copy(), drive.class_name.copy()
+            lat[far] += 25.0 / 6.36e6
+            cov[far, 1, 1] += 12.0**2
+            name[far] = names[2] if same_class else "warning--road-bump--g1"
+            drive = replace(drive, lat_rad=lat, cov_enu=cov, class_name=name)
+        scene.drives.append(drive)
+        scene.truth.append(truth)
+    sign, _ = groups(scene)
+    assert len(np.unique(sign)) == signs
 
 
 def test_the_order_of_the_drives_is_by_time_and_name() -> None:

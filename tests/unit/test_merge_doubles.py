@@ -48,6 +48,13 @@ def test_one_receiver_with_two_cameras_is_told_and_stays() -> None:
     assert "same fixes" in sentence(found, "a", "b")
 
 
+def test_boxes_are_not_left_out_for_a_longer_log_without_any() -> None:
+    blind = replace(marks(), frame_ns=np.zeros(20, np.int64))
+    assert doubles([blind, marks(0, 12)]) == []
+    (found,) = doubles([replace(marks(0, 12), frame_ns=np.zeros(12, np.int64)), marks()])
+    assert (found.part, found.left_out) == (0, True)
+
+
 def test_a_log_with_half_of_anothers_is_told_and_stays() -> None:
     own = marks(0, 20, east_m=900.0, later=2880)
     half = marks(10, 20)
