@@ -78,7 +78,11 @@ def assemble_sign(
     wrong = 1.0 - limits.VIEW_EVIDENCE * np.clip(views.score[rows], 0.0, 1.0)
     believed = of_class if np.isfinite(of_class) else float(1.0 - np.prod(wrong))
     if status == "implausible":
-        believed *= limits.IMPLAUSIBLE_CONFIDENCE
+        # several boxes that fit one place are of something, and its heights may all be off
+        if len(rows) == 1:
+            existence *= limits.IMPLAUSIBLE_CONFIDENCE
+        else:
+            believed *= limits.IMPLAUSIBLE_CONFIDENCE
     return Sign(
         id=f"s{number:04d}",
         class_name=class_name,

@@ -87,7 +87,7 @@ def looks_at(inventory: Inventory, drives: Sequence[DriveSigns]) -> tuple[Opport
     best look."""
     facing = np.asarray(inventory.facing_rad, np.float64)
     views = opportunities(drives, inventory.lat_rad, inventory.lon_rad, facing)
-    views = head_on(views, facing)
+    views = views.at(head_on(views, facing))
     rows = np.zeros(len(inventory), np.int64)
     np.maximum.at(rows, views.sign, views.rows)
     return views, rows

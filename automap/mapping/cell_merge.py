@@ -76,6 +76,6 @@ def place_signs(
     return PlacedSigns(
         sightings=own, sign=place, founder=np.unique(place, return_index=True)[1],
         adjusted=adjusted, attributes=attributes,
-        pairs=chances(place, own.drive, views, own.existence),
+        pairs=chances(place, own.drive, views, attributes.facing_rad, own.existence),
         own_variance=own_variance(own, place),
     )  # fmt: skip

@@ -134,7 +134,8 @@ def _still_there(
     if not signs or not merged.fresh:
         return visited, start.tolist()
     lat, lon, facing = numbers_of(signs, "lat_rad", "lon_rad", "facing_rad")
-    views = head_on(opportunities([drive for _, drive in merged.fresh], lat, lon, facing), facing)
+    views = opportunities([drive for _, drive in merged.fresh], lat, lon, facing)
+    views = views.at(head_on(views, facing))
     visited[views.sign] = True
     weight = merged.rates.miss_weight(np.array([k for k, _ in merged.fresh], np.int64)[views.drive])
     left = still_there(views.sign, weight, merged.rates, start, hits)

@@ -24,7 +24,7 @@ from automap.geolocation.existence import Looks, mean_odds, probability, share_o
 from automap.jit import kernel
 from automap.mapping import limits
 from automap.mapping.sureness import SUREST
-from automap.mapping.visibility import Opportunities, alike
+from automap.mapping.visibility import Opportunities, alike, head_on
 from automap.records import BoolArray, FloatArray, IntArray
 
 _ROUNDS, _TURNS = 12, 3
@@ -72,13 +72,21 @@ class DetectionRates:
 
 
 def chances(
-    sign: IntArray, drive: IntArray, views: Opportunities, told: FloatArray | None = None
+    sign: IntArray,
+    drive: IntArray,
+    views: Opportunities,
+    facing: FloatArray,
+    told: FloatArray | None = None,
 ) -> Chances:
     """Put together what was seen, by sightings' ``sign``, ``drive`` and ``told`` existence [n], and
-    what should have been: in view, and approached as by a drive that saw it."""
+    what should have been: in view, and approached as by a drive that saw it. What was seen from
+    further off or at the edge of the picture only, others should have seen that came straight at
+    its face, of signs' ``facing`` [m]."""
     width = int(max(drive.max(initial=-1), views.drive.max(initial=-1))) + 1
     seen_key = np.unique(sign * width + drive)
-    views = views.at(alike(views, np.isin(views.sign * width + views.drive, seen_key)))
+    seen = np.isin(views.sign * width + views.drive, seen_key)
+    approached = np.isin(views.sign, views.sign[seen])
+    views = views.at(np.where(approached, alike(views, seen), head_on(views, facing)))
     keys = np.union1d(seen_key, views.sign * width + views.drive)
     by_pair = np.full(len(keys), np.nan)
     if told is not None:

@@ -196,10 +196,10 @@ def _alike(sign: IntArray, heading: FloatArray, offset: FloatArray, seen: BoolAr
     return result
 
 
-def head_on(views: Opportunities, facing: FloatArray) -> Opportunities:
-    """The pairs that came straight at the face of their sign along its own road.
+def head_on(views: Opportunities, facing: FloatArray) -> BoolArray:
+    """Which pairs [p] came straight at the face of their sign along its own road.
 
     For signs [m] of which nobody knows any more from where they were seen.
     """
     turn = np.abs(wrap_pi(views.heading + np.pi - facing[views.sign]))
-    return views.at(~(turn > limits.HEAD_ON) & (np.abs(views.offset) < limits.HEAD_ON_M))
+    return np.asarray(~(turn > limits.HEAD_ON) & (np.abs(views.offset) < limits.HEAD_ON_M))

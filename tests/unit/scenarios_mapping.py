@@ -184,8 +184,8 @@ def mapping_existence() -> Any:
     finer = visibility.opportunities(drives, lat, lon, facing, 3)
     rng = np.random.default_rng(6)
     seen = rng.random(len(views)) < 0.5
-    pairs = of.chances(sign, stacked.drive, views, stacked.existence)
-    plain = of.chances(sign, stacked.drive, views)
+    pairs = of.chances(sign, stacked.drive, views, facing, stacked.existence)
+    plain = of.chances(sign, stacked.drive, views, facing)
     rates = of.detection_rates(pairs, m, 4)
     other = of.DetectionRates(0.7, np.array([0.6, 0.8, 0.3, 0.995]), 0.8, 4.0)
     belief = rng.uniform(0.1, 0.9, m)
@@ -194,7 +194,7 @@ def mapping_existence() -> Any:
         {
             "views": (views, finer),
             "alike": visibility.alike(views, seen),
-            "head on": visibility.head_on(views, facing),
+            "head on": views.at(visibility.head_on(views, facing)),
             "pairs": (pairs, plain),
             "rates": [rates, of.detection_rates(plain, m, 4), rates.beta, other.beta],
             "weight": other.miss_weight(np.array([0, 1, 2, 3, 3])),

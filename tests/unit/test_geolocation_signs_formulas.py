@@ -308,6 +308,14 @@ def test_a_sign_of_the_map_has_place_and_covariance_where_it_stands(
     above = found.height_above_road_m - 1.2
     nearest = path.position[np.argmin(np.linalg.norm(path.position[:, :2] - position[:2], axis=1))]
     assert above == pytest.approx(nearest[2] - position[2], abs=0.5)
+    monkeypatch.setattr(limits, "HEIGHT_LIMITS_M", (1e4, 2e4))
+    for some, sure in ((seen, 0.8), (seen[1:], 0.8 * limits.IMPLAUSIBLE_CONFIDENCE)):
+        off = assembly.assemble_sign(
+            views, some, (position, covariance), path, facing, 7, rules, 0.8
+        )
+        right = 1.0 - (1.0 - 0.4 * limits.VIEW_EVIDENCE) ** off.n_views
+        assert (off.status, off.existence) == ("implausible", pytest.approx(sure))
+        assert off.confidence == pytest.approx(0.8 * limits.IMPLAUSIBLE_CONFIDENCE * right)
 
 
 @pytest.mark.parametrize("factor", [0.98, 1.02])

@@ -123,7 +123,7 @@ def test_of_two_sightings_of_one_drive_the_surer_counts() -> None:
     none, zero = np.zeros(0, np.int64), np.zeros(0)
     views = Opportunities(none, none, zero, zero, none)
     sign = np.zeros(3, np.int64)
-    pairs = chances(sign, np.array([0, 0, 1]), views, np.array([0.7, 0.9, np.nan]))
+    pairs = chances(sign, np.array([0, 0, 1]), views, zero, np.array([0.7, 0.9, np.nan]))
     assert pairs.told is not None
     assert pairs.told == pytest.approx([0.9, np.nan], nan_ok=True)
 
@@ -221,9 +221,21 @@ def test_only_drives_that_came_the_same_way_should_have_seen_it() -> None:
     )  # fmt: skip
     seen = np.array([True, False, False, False])
     assert alike(views, seen).tolist() == [True, True, False, False]
-    pairs = chances(np.zeros(1, np.int64), np.zeros(1, np.int64), views)
+    facing = np.array([np.pi])
+    pairs = chances(np.zeros(1, np.int64), np.zeros(1, np.int64), views, facing)
     assert pairs.drive.tolist() == [0, 1]
-    assert head_on(views, np.array([np.pi])).drive.tolist() == [0, 1]
+    assert views.drive[head_on(views, facing)].tolist() == [0, 1]
+
+
+def test_what_was_seen_from_afar_those_should_have_seen_that_came_at_its_face() -> None:
+    zero = np.zeros(3, np.int64)
+    views = Opportunities(
+        zero, np.arange(3), np.array([0.1, 1.6, 0.0]), np.array([-4.0, -5.0, 20.0]), zero + 5
+    )
+    # the drive that saw it, number 3, was never near
+    pairs = chances(np.zeros(1, np.int64), np.array([3]), views, np.array([np.pi]))
+    assert pairs.drive.tolist() == [0, 3]
+    assert pairs.seen.tolist() == [False, True]
 
 
 def test_clutter_of_one_drive_is_unlikely_when_others_passed() -> None:
