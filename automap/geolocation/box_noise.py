@@ -19,6 +19,7 @@ from automap.geolocation import limits
 from automap.geolocation.landmark import Landmark, SizePrior
 from automap.geolocation.landmark_kernels import MARGIN
 from automap.geolocation.pass_errors import solve_with_pass_errors
+from automap.geolocation.view_errors import crowd
 from automap.geolocation.views import MeasurementNoise, Views
 from automap.records import FloatArray
 
@@ -36,8 +37,10 @@ def measured_noise(
     often = [mark for mark in landmarks if mark.ok and len(mark.rows) >= limits.SCATTER_VIEWS]
     step = max(1, -(-len(often) // limits.SCATTER_SIGNS))
     settled = [solve_with_pass_errors(views, mark, prior) for mark in often[::step]]
+    crowds = [crowd(views, mark.rows) for mark in settled]
     right, down, height = (
-        noise.scales[k] * scatter([mark.residual[:, k] for mark in settled]) for k in range(3)
+        noise.scales[k] * scatter([mark.residual[:, k] for mark in settled], crowds)
+        for k in range(3)
     )
     measured = replace(noise, scales=(right, down, height))
     step = max(1, -(-len(often) // limits.MARGIN_SIGNS))
@@ -69,8 +72,13 @@ def margin_scatter(views: Views, landmarks: Sequence[Landmark], prior: SizePrior
     return share
 
 
-def scatter(residuals: Sequence[FloatArray], absorbed: float = limits.ABSORBED) -> float:
-    """Factor on the one-sigma errors from residuals [n] in sigmas, one array a sign, n >= 2;
+def scatter(
+    residuals: Sequence[FloatArray],
+    crowds: Sequence[FloatArray],
+    absorbed: float = limits.ABSORBED,
+) -> float:
+    """Factor on the one-sigma errors from residuals [n] in sigmas, one array a sign, n >= 2, and
+    how many views [n] from one place each is among, whose sigmas have grown by the root of that;
     ``absorbed`` degrees of freedom that the fit of a sign took.
 
     Root mean square without outliers, regarding the degrees of freedom that the fits took,
@@ -78,14 +86,18 @@ def scatter(residuals: Sequence[FloatArray], absorbed: float = limits.ABSORBED) 
     """
     if not residuals:
         return 1.0
-    joined = np.concatenate(residuals)
-    limit = sigmas(limits.STRAY_PROBABILITY) * sd_by_median(joined)
-    kept = [np.where(np.abs(values) <= limit, values, 0.0) for values in residuals]
-    count = float(np.sum(np.abs(joined) <= limit))
+    joined, number = np.concatenate(residuals), np.concatenate(crowds)
+    alone = np.abs(joined) * np.sqrt(number)
+    limit = sigmas(limits.STRAY_PROBABILITY) * sd_by_median(alone)
+    kept = [
+        np.where(np.abs(values) * np.sqrt(of) <= limit, values, 0.0)
+        for values, of in zip(residuals, crowds, strict=True)
+    ]
+    count = float(np.sum((1.0 / number)[alone <= limit]))
     freedom = max(count - absorbed * len(residuals), 1.0)
     square = float(sum(np.sum(values**2) for values in kept))
     variance = (square + limits.SCATTER_FREEDOM) / (freedom + limits.SCATTER_FREEDOM)
-    pairs = float(sum(len(values) - 1 for values in kept))
+    pairs = float(sum(np.sum(1.0 / np.sqrt(of[1:] * of[:-1])) for of in crowds))
     neighbours = float(sum(np.sum(values[1:] * values[:-1]) for values in kept))
     # what the fits took makes the residuals look less alike than the errors are
     alike = neighbours / pairs / max(square / count, 1e-12) + (1.0 - freedom / count)

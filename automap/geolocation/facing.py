@@ -28,7 +28,7 @@ from automap.geolocation import limits
 from automap.geolocation.box_noise import scatter
 from automap.geolocation.path_relation import Path, roads_at
 from automap.geolocation.sightings import Sighting
-from automap.geolocation.view_errors import view_sd
+from automap.geolocation.view_errors import crowd, view_sd
 from automap.geolocation.views import Views
 from automap.records import FloatArray, IntArray
 from automap.robust import cauchy_weight
@@ -76,7 +76,8 @@ class Faces:
 class _Seen:
     """One sign: ``grid`` [g] rad its normals; ``centres`` [c] rad the prior's and ``beside`` [c] by
     how much less a sign that far from such a road is for it than one at its side; ``measured`` [n]
-    log aspects of its boxes, ``expected`` [n, g] those of the bare face; ``sd`` [n]; ``columns``
+    log aspects of its boxes, ``expected`` [n, g] those of the bare face; ``sd`` [n]; ``crowd``
+    [n] how many of them are from one place each; ``columns``
     [n, 1 + k] of what its boxes share: the aspect, and what those of each octave of size err by in
     common, stated sigmas; ``least`` [n] log aspect below which no box is found; ``octave`` [n] of
     each box and ``octaves`` [k] of the columns; ``sure`` whether the face's shape is known;
@@ -88,6 +89,7 @@ class _Seen:
     measured: FloatArray
     expected: FloatArray
     sd: FloatArray
+    crowd: FloatArray
     columns: FloatArray
     least: FloatArray
     octave: IntArray
@@ -145,6 +147,7 @@ def _observed(
 ) -> _Seen:
     rows = np.concatenate([s.landmark.rows for s in sightings])
     sd = np.concatenate([view_sd(views, s.landmark.rows)[:, 2] for s in sightings])
+    crowds = np.concatenate([crowd(views, s.landmark.rows) for s in sightings])
     weight = np.concatenate([s.landmark.weight for s in sightings])
     towards = np.sum([s.facing for s in sightings], axis=0)
     grid = np.arctan2(towards[1], towards[0]) + _GRID
@@ -167,6 +170,7 @@ def _observed(
         measured=measured,
         expected=expected_aspect(views, rows, grid, shape),
         sd=sd,
+        crowd=crowds[told],
         columns=np.column_stack(
             [np.ones(len(rows))] + [np.where(octave == one, alike, 0.0) for one in octaves]
         ),
@@ -273,7 +277,9 @@ def _common(seen: Sequence[_Seen]) -> Faces:
         if not believed:
             break
         absorbed = float(np.mean([b.absorbed for b in believed]))
-        scale = faces.scale * scatter([b.residual for b in believed], absorbed)
+        scale = faces.scale * scatter(
+            [b.residual for b in believed], [one.crowd for one in seen], absorbed
+        )
         share = np.array([b.core.sum() for b in believed])
         square = sum(
             float((b.core * wrap_pi(one.grid - one.centres[:, None]) ** 2).sum())

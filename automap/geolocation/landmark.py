@@ -32,6 +32,7 @@ from automap.geolocation.landmark_kernels import (
 )
 from automap.geolocation.view_errors import (
     by_expected_heights,
+    crowd,
     expected_heights,
     view_drift,
     view_sd,
@@ -93,7 +94,7 @@ class Landmark:
     weight: FloatArray
     cost: float
     chi2: float
-    dof: int
+    dof: float
     ok: bool
 
     @property
@@ -150,7 +151,7 @@ def fit_landmark(views: Views, rows: IntArray, prior: SizePrior, robust: bool = 
     # of what no start explains nothing is known: a radian, a factor of e
     covariance = np.linalg.inv(information if best is not None else np.eye(4))
     # the residuals, the size prior's among them, say whether the sigmas were too small
-    dof = max(3 * len(rows) + 1 - 4, 1)
+    dof = max(3.0 * float(np.sum(1.0 / crowd(views, rows))) + 1.0 - 4.0, 1.0)
     covariance *= max(1.0, chi2 / dof)
     return Landmark(
         rows=rows,

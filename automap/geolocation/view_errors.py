@@ -13,19 +13,22 @@ _MOST_OFF = float(np.log(2.0))
 """A box of more than twice its sign's height, or less than half, is no noise."""
 
 
-def view_sd(views: Views, rows: IntArray) -> FloatArray:
-    """One-sigma errors [n, 3] of views of one sign.
-
-    Views from one place (at a standstill) repeat one another's errors: n of them count as one.
-    """
+def crowd(views: Views, rows: IntArray) -> FloatArray:
+    """How many views [n] of one sign are from one place, each, as at a standstill."""
     order = np.argsort(views.t_ns[rows], kind="stable")
     centre = views.centre[rows[order]]
     step = np.linalg.norm(np.diff(centre, axis=0, prepend=centre[:1]), axis=1)
     cell = np.floor(np.cumsum(step) / limits.SAME_PLACE_M).astype(np.int64)
     _, member, count = np.unique(cell, return_inverse=True, return_counts=True)
-    crowd = np.empty(len(rows))
-    crowd[order] = np.sqrt(count[member])
-    return np.asarray(views.sd[rows] * crowd[:, None])
+    result = np.empty(len(rows))
+    result[order] = count[member]
+    return result
+
+
+def view_sd(views: Views, rows: IntArray) -> FloatArray:
+    """One-sigma errors [n, 3] of views of one sign. Those from one place repeat one another's
+    errors: n of them count as one."""
+    return np.asarray(views.sd[rows] * np.sqrt(crowd(views, rows))[:, None])
 
 
 def expected_heights(M: FloatArray, b: FloatArray, parameters: FloatArray) -> FloatArray:

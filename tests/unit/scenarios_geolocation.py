@@ -135,6 +135,7 @@ def geolocation_passes() -> Any:
     ]
     walk = [np.cumsum(rng.normal(size=n)) * 0.4 + rng.normal(size=n) for n in (9, 14, 11, 30)]
     walk[2][3] = 40.0
+    each = [np.ones(len(w)) for w in walk]
     return levelled(
         {
             "marks": table(marks),
@@ -167,7 +168,11 @@ def geolocation_passes() -> Any:
             "sizes": class_sizes.sizes_of_others(views, marks, PRIOR),
             "noise": measured_noise(views, _landmarks(views), PRIOR, NOISE),
             "margin": margin_scatter(views, _landmarks(views, (1, 7, 9)), PRIOR),
-            "scatter": [scatter(walk), scatter(walk[:1], 2.0), scatter([0.01 * w for w in walk])],
+            "scatter": [
+                scatter(walk, each),
+                scatter(walk[:1], each[:1], 2.0),
+                scatter([0.01 * w for w in walk], each),
+            ],
         }
     )
 

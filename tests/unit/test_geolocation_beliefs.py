@@ -55,6 +55,7 @@ def face_of(
         measured=measured + own * rng.standard_normal(n),
         expected=np.log(np.maximum(np.cos(0.3 + _GRID - view[:, None]), 0.02)),
         sd=own,
+        crowd=np.ones(n),
         columns=columns,
         least=np.full(n, -np.inf),
         octave=octave,
@@ -180,7 +181,9 @@ def test_what_faces_have_in_common_is_what_is_expected_of_each(
         max(1.0, np.sqrt((freedom + sum(alike)) / (freedom + len(alike))))
     )
     took = sum(b.absorbed for b in believed) / 5.0
-    assert found.scale == pytest.approx(scatter([b.residual for b in believed], took))
+    assert found.scale == pytest.approx(
+        scatter([b.residual for b in believed], [one.crowd for one in seen], took)
+    )
     assert found.scale > 1.05
     # none tell nothing
     none = _common([])

@@ -180,7 +180,7 @@ def _believed(least: float, told: float, draws: int = 150) -> float:
             continue
         one = _Seen(
             grid=grid, centres=np.array([np.pi]), beside=np.zeros(1), measured=measured[kept],
-            expected=expected[kept], sd=np.full(n, sd),
+            expected=expected[kept], sd=np.full(n, sd), crowd=np.ones(n),
             columns=np.column_stack([np.ones(n), np.full(n, 0.02)]),
             least=(told - height)[kept], octave=np.zeros(n, np.int64),
             octaves=np.zeros(1, np.int64), sure=True, yaw_sd=0.0,

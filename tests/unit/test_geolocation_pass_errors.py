@@ -124,16 +124,30 @@ def test_a_sure_trajectory_leaves_the_sign_alone(approach) -> None:
 def test_scatter_of_white_and_of_alike_residuals() -> None:
     rng = np.random.default_rng(1)
     white = [2.0 * rng.normal(size=20) for _ in range(200)]
-    assert scatter(white) == pytest.approx(2.0, rel=0.12)
+    alone = [np.ones(20)] * 200
+    assert scatter(white, alone) == pytest.approx(2.0, rel=0.12)
     alike = []
     for _ in range(200):
         x = rng.normal(size=20)
         for k in range(1, 20):
             x[k] = 0.6 * x[k - 1] + 0.8 * x[k]
         alike.append(x)
-    assert scatter(alike) > 1.5
-    assert scatter([]) == 1.0
-    assert scatter([0.1 * rng.normal(size=6)]) > 0.7, "a few boxes do not overrule the settings"
+    assert scatter(alike, alone) > 1.5
+    assert scatter([], []) == 1.0
+    few = scatter([0.1 * rng.normal(size=6)], [np.ones(6)])
+    assert few > 0.7, "a few boxes do not overrule the settings"
+
+
+def test_a_car_that_waits_makes_no_boxes_sharper() -> None:
+    rng = np.random.default_rng(2)
+    crowd = np.append(np.ones(12), np.full(150, 150.0))
+    waited = [2.0 * rng.normal(size=162) / np.sqrt(crowd) for _ in range(100)]
+    assert scatter(waited, [crowd] * 100, 0.0) == pytest.approx(2.0, rel=0.12)
+    # boxes that a tracker holds while it waits are one
+    held = [r.copy() for r in waited]
+    for values in held:
+        values[12:] = values[12]
+    assert scatter(held, [crowd] * 100, 0.0) == pytest.approx(2.0, rel=0.2)
 
 
 def test_noise_of_heights_is_not_taken_for_a_margin() -> None:

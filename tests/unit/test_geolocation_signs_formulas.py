@@ -395,6 +395,7 @@ def test_a_boxs_size_is_the_mean_of_width_and_height_by_their_logarithms(
         landmark=SimpleNamespace(rows=np.arange(5), weight=weight), facing=np.array([1.0, 0.0])
     )
     monkeypatch.setattr(facing, "view_sd", lambda *_: np.full((5, 3), 0.03))
+    monkeypatch.setattr(facing, "crowd", lambda *_: np.ones(5))
     monkeypatch.setattr(facing, "_against_traffic", lambda *_: (np.zeros(1), np.ones(1)))
     monkeypatch.setattr(
         facing, "expected_aspect", lambda v, rows, grid, shape: np.zeros((5, len(grid)))
