@@ -13,7 +13,7 @@ from automap.geolocation import limits
 from automap.geolocation.facing import Facing
 from automap.geolocation.merging import size_effect
 from automap.geolocation.path_relation import Path, relate, side_of_path
-from automap.geolocation.sightings import Sighting
+from automap.geolocation.sightings import Sighting, class_weights
 from automap.geolocation.views import Views
 from automap.records import FloatArray, IntArray, Sign
 from automap.signs.vocabulary import load_vocabulary
@@ -137,7 +137,7 @@ def class_beliefs(views: Views, rows: IntArray, class_name: str) -> tuple[float,
     no box's track tells them.
     """
     group = load_vocabulary().group_of(class_name)
-    weight = np.maximum(views.score[rows], limits.LEAST_SCORE)
+    weight = class_weights(views, rows)
     told = np.isfinite(views.class_probability[rows])
     if not told.any():
         return float("nan"), float("nan")

@@ -195,19 +195,22 @@ def beliefs(n: int, rng: np.random.Generator) -> Any:
     p = np.where(rng.random(n) < 0.3, np.nan, rng.random(n))
     return SimpleNamespace(
         score=np.concatenate([[0.0], rng.random(n - 1)]), class_name=names,
-        class_probability=p, group_probability=p + 0.5 * (1.0 - p),
+        class_probability=p, group_probability=p + 0.5 * (1.0 - p), t_ns=np.arange(n),
+        # the car waits where it saw the first three
+        centre=np.maximum(np.arange(n) - 2.0, 0.0)[:, None] * [10.0, 0.0, 0.0],
     )  # fmt: skip
 
 
 def test_a_class_is_believed_by_what_tracks_tell_each_box_by_its_score() -> None:
-    """Against a walk over the boxes; those of another class tell against it."""
+    """Against a walk over the boxes; those of another class tell against it, and those of a wait
+    count as one."""
     views = beliefs(12, np.random.default_rng(6))
     rows = np.arange(12)
     above, below = 0.0, 0.0
     for k in rows:
         p = views.class_probability[k]
         if np.isfinite(p):
-            w = max(views.score[k], limits.LEAST_SCORE)
+            w = max(views.score[k], limits.LEAST_SCORE) / (3.0 if k < 3 else 1.0)
             below += w
             above += w * p * (views.class_name[k] == "a")
     found = class_beliefs(views, rows, "a")
@@ -274,7 +277,7 @@ def test_a_sign_of_the_map_has_place_and_covariance_where_it_stands(
     views: Any = SimpleNamespace(
         origin=ORIGIN, t_ns=t_ns, score=np.full(5, 0.4), row=np.array([9, 8, 7, 6, 5]),
         class_name=np.array(["a"] * 5, object), class_probability=np.full(5, np.nan),
-        group_probability=np.full(5, np.nan),
+        group_probability=np.full(5, np.nan), centre=np.arange(5.0)[:, None] * [10.0, 0.0, 0.0],
     )  # fmt: skip
     facing: Any = SimpleNamespace(rad=0.3, sd_rad=0.2)
     # heights are said of the path, and far from it anything goes
