@@ -25,7 +25,7 @@ from automap.records import FloatArray, IntArray
 class _Track:
     rows: list[int]
     landmark: Landmark
-    fitted: int
+    fitted: list[int]
     class_score: dict[str, float] = field(default_factory=dict)
     numbers: set[int] = field(default_factory=set)
 
@@ -69,16 +69,16 @@ def link_views(
         partner = assign(_link_costs(views, active, frame_rows), limits.LINK_GATE)
         for row, index in dict(zip(frame_rows.tolist(), partner.tolist(), strict=True)).items():
             if index < 0:
-                track = _Track([row], fit_landmark(views, np.array([row]), prior), row)
+                track = _Track([row], fit_landmark(views, np.array([row]), prior), [row])
                 active.append(track)
             else:
                 track = active[index]
                 track.rows.append(row)
                 # at a standstill the thousandth view of a sign adds nothing but time
-                moved = np.linalg.norm(views.centre[row] - views.centre[track.fitted])
+                moved = np.linalg.norm(views.centre[row] - views.centre[track.fitted[-1]])
                 if moved >= limits.SAME_PLACE_M:
-                    track.landmark = fit_landmark(views, np.array(track.rows), prior)
-                    track.fitted = row
+                    track.fitted.append(row)
+                    track.landmark = fit_landmark(views, np.array(track.fitted), prior)
             track.add(views, row)
     tracks = [np.array(t.rows, np.int64) for t in (*ended, *active)]
     return sorted(tracks, key=lambda rows: int(rows[0]))
