@@ -117,7 +117,7 @@ def mapping_places() -> Any:
     sign = found.sign
     lat, lon = of.rough_places(stacked, sign)
     members = Members(sign)
-    levels = of.ErrorLevels(1.2, 0.9, 0.4)
+    levels = np.sqrt([1.728, 1.152, 0.81])
     tile = Tile(np.arange(3, 9), np.arange(1, 12))
     data = of.tile_data(stacked, members, tile, lat, lon)
     networks = [of.network_of(stacked, data, levels, axes) for axes in (1, 2)]
