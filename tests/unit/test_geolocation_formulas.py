@@ -27,7 +27,7 @@ from automap.geolocation.due_frames import _aspect, apparent_heights
 from automap.geolocation.epipolar import PairGeometry
 from automap.geolocation.existence import expected_log_odds, probability
 from automap.geolocation.merging import class_agreement
-from automap.geolocation.path_relation import make_path, relate, roads_at, side_of_path
+from automap.geolocation.path_relation import make_path, roads_at, side_of_path
 from automap.geolocation.time_minima import Minimum, alike, apart, starts
 from automap.records import Bearings, FloatArray, Trajectory
 
@@ -155,16 +155,14 @@ def test_a_signs_offset_from_a_bend_is_the_difference_of_two_radii(
     sign = here + right_m * side - np.array([0.0, 0.0, 2.5])
     t = trajectory.t_ns[at]
     first, last = int(t - 4e9), int(t - 1e9)
-    lateral, height = relate(path, sign, first, last)
-    assert lateral == pytest.approx(right_m, abs=0.05)
-    assert height == pytest.approx(2.5, abs=0.01)
     passed, seen = roads_at(path, sign, first, last)
+    assert passed[4] == pytest.approx(2.5, abs=0.01)
     for found, wanted in ((passed, course), (seen, course - turn_rate * 1.0)):
         assert np.cos(found[0] - wanted) > np.cos(0.01)
         assert found[1:3] == pytest.approx([-np.sin(found[0]), np.cos(found[0])])
     assert passed[3] == pytest.approx(right_m, abs=0.05)
     # seen from half a round later on, the path beside it is another
-    elsewhere, _ = relate(path, sign, int(t + 30e9), int(t + 32e9))
+    elsewhere = roads_at(path, sign, int(t + 30e9), int(t + 32e9))[0, 3]
     assert abs(elsewhere) > 30.0
 
 
