@@ -183,7 +183,6 @@ def geolocation_sightings() -> Any:
     from automap.geolocation.facing import find_facings
     from automap.geolocation.merging import (
         _link_cost,
-        class_agreement,
         combine,
         difference_covariance,
         find_backs,
@@ -245,10 +244,7 @@ def geolocation_sightings() -> Any:
         {
             "seen": table(seen),
             "covariance": [s.covariance for s in seen],
-            "pairs": [
-                (difference_covariance(a, b), _link_cost(a, b), class_agreement(a, b))
-                for a, b in pairs
-            ],
+            "pairs": [(difference_covariance(a, b), _link_cost(a, b)) for a, b in pairs],
             "groups": groups,
             "combined": [combine(members, done) for members in joined for done in (False, True)],
             "controlled": controlled,
