@@ -114,14 +114,11 @@ def east_north(
     return np.stack([turn * east, np.subtract(lat, from_lat) * north], axis=-1)
 
 
-def table_size(n: int) -> int:
-    """A power of two above twice ``n``."""
-    return 1 << max(4, int(2 * max(n, 1)).bit_length())
-
-
 def empty_table(n: int, cell_m: float) -> Table:
     """A table for up to ``n`` numbers."""
-    chains = np.full(table_size(n), -1, np.int64), np.empty(n, np.int64)
+    # a power of two above twice as many
+    size = 1 << max(4, int(2 * max(n, 1)).bit_length())
+    chains = np.full(size, -1, np.int64), np.empty(n, np.int64)
     return Table(*chains, np.empty((n, 2), np.int64), cell_m)
 
 
