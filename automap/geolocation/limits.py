@@ -30,10 +30,9 @@ LEAST_SCORE = 1e-3
 
 # tracks
 
-LINK_PROBABILITY = 1.7e-4
-"""A box of a track is not taken for one of it so rarely."""
-LINK_GATE = gate(LINK_PROBABILITY, 3)
-"""The squared sigmas of its three components that go with it."""
+LINK_GATE = gate(1.7e-4, 3)
+"""Squared sigmas of the three components of a box from which on it is not of a track; of one that
+is it has more with that probability."""
 LINK_SLACK_RAD = 0.003
 """What a box's expected direction may be off by beyond its covariance: mounting, attitude."""
 LINK_OTHER = 6.0

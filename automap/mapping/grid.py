@@ -12,9 +12,6 @@ from automap.frames import wrap_pi
 from automap.jit import kernel
 from automap.records import FloatArray, IntArray
 
-RADIUS_M = MEAN_RADIUS
-"""Of a sphere: good for cells and for searches near by."""
-
 
 class Table(NamedTuple):
     """Numbers [n] by the cell that each lies in: chains from ``head`` [2^k] by ``following`` [n],
@@ -29,14 +26,14 @@ class Table(NamedTuple):
 @kernel
 def cell_row(lat: float, cell_m: float) -> int:
     """Row of a latitude in rad."""
-    return int(np.floor(lat * RADIUS_M / cell_m))
+    return int(np.floor(lat * MEAN_RADIUS / cell_m))
 
 
 @kernel
 def cells_around(row: int, cell_m: float) -> int:
     """Number of cells in a row; never narrower than ``cell_m``."""
-    edge = max(abs(row), abs(row + 1)) * cell_m / RADIUS_M
-    return max(1, int(2.0 * np.pi * RADIUS_M * max(np.cos(edge), 0.0) / cell_m))
+    edge = max(abs(row), abs(row + 1)) * cell_m / MEAN_RADIUS
+    return max(1, int(2.0 * np.pi * MEAN_RADIUS * max(np.cos(edge), 0.0) / cell_m))
 
 
 @kernel

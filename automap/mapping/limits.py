@@ -17,11 +17,9 @@ from automap.geolocation.limits import RATE_SPREAD
 
 ROUNDS = 2
 """How often every drive is looked at again, with the map of all others known."""
-SAME_PROBABILITY = math.exp(-8.0)
-"""A sign lies further from itself, in another drive or an older map, so rarely: four sigmas in the
-plane."""
-SAME_GATE = gate_in_plane(SAME_PROBABILITY)
-"""The squared sigmas that go with it."""
+SAME_GATE = gate_in_plane(math.exp(-8.0))
+"""Squared sigmas by which a sign lies further from itself, in another drive or an older map, with
+the probability of four sigmas in the plane."""
 MAX_M, FAR_M, LARGEST_UP_M = 15.0, 80.0, 12.0
 """Sightings further apart in plan, or in height, are no candidates for one sign, whatever the
 sigmas. Chosen: more than trajectories that state some metres are off. A sign that was seen from far
