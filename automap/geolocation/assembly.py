@@ -12,7 +12,7 @@ from automap.earth import from_local_ned, tangent_rotation
 from automap.geolocation import limits
 from automap.geolocation.facing import Facing
 from automap.geolocation.merging import size_effect
-from automap.geolocation.path_relation import Path, relate, side_of_path
+from automap.geolocation.path_relation import Path, roads_at, side_of_path
 from automap.geolocation.sightings import Sighting, class_weights
 from automap.geolocation.views import Views
 from automap.records import FloatArray, IntArray, Sign
@@ -61,7 +61,7 @@ def assemble_sign(
 
     best = min(sightings, key=lambda s: float(np.trace(s.covariance)))
     seen = views.t_ns[best.landmark.rows]
-    lateral, above = relate(path, position, int(seen.min()), int(seen.max()))
+    lateral, above = roads_at(path, position, int(seen.min()), int(seen.max()))[0, 3:].tolist()
     above_road = above + rules.imu_above_road_m
     # the path's own error lifts both
     over_path = max(best.covariance[2, 2] - best.path_sd[2] ** 2, 0.0)

@@ -10,13 +10,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.optimize import least_squares
 
 from automap.geolocation import limits
 from automap.records import FloatArray
-from automap.robust import huber_weight
-
-_STEPS = 10
-"""Of Gauss-Newton at most."""
+from automap.robust import HUBER
 
 
 @dataclass(frozen=True)
@@ -44,19 +42,12 @@ def fit_depth_scale(
     """Offset and scale from measured depths [n] and the distances [n] that bearings give.
 
     ``log_sd`` [n] of both together, as the logarithm; the priors are one sigma about no
-    correction. Gauss-Newton with Huber's weights.
+    correction. Least squares with Huber's loss.
     """
-    x = np.zeros(2)
-    prior = np.array([offset_sd_m, scale_log_sd]) ** -2.0
-    for _ in range(_STEPS):
-        scale = np.exp(x[1])
-        corrected = np.maximum(x[0] + scale * measured, limits.NEAREST_OBJECT_M)
-        residual = np.log(distance) - np.log(corrected)
-        J = np.column_stack([1.0 / corrected, scale * measured / corrected])
-        weight = huber_weight((residual / log_sd) ** 2) / log_sd**2
-        N = (J * weight[:, None]).T @ J + np.diag(prior)
-        step = np.linalg.solve(N, (J * weight[:, None]).T @ residual - prior * x)
-        x = x + step
-        if np.abs(step).max() < 1e-4:
-            break
-    return DepthScale(float(x[0]), float(np.exp(x[1])))
+
+    def off(x: FloatArray) -> FloatArray:
+        corrected = np.maximum(x[0] + np.exp(x[1]) * measured, limits.NEAREST_OBJECT_M)
+        return np.append(np.log(distance / corrected) / log_sd, x / [offset_sd_m, scale_log_sd])
+
+    found = least_squares(off, np.zeros(2), loss="huber", f_scale=HUBER).x
+    return DepthScale(float(found[0]), float(np.exp(found[1])))

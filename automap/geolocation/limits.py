@@ -30,10 +30,9 @@ LEAST_SCORE = 1e-3
 
 # tracks
 
-LINK_PROBABILITY = 1.7e-4
-"""A box of a track is not taken for one of it so rarely."""
-LINK_GATE = gate(LINK_PROBABILITY, 3)
-"""The squared sigmas of its three components that go with it."""
+LINK_GATE = gate(1.7e-4, 3)
+"""Squared sigmas of the three components of a box from which on it is not of a track; of one that
+is it has more with that probability."""
 LINK_SLACK_RAD = 0.003
 """What a box's expected direction may be off by beyond its covariance: mounting, attitude."""
 LINK_OTHER = 6.0
@@ -69,19 +68,20 @@ USUAL_SIZE_M = 0.7
 0.75 m high."""
 SCATTER_VIEWS = 6
 """Chosen: the unknowns of a sign and of its pass leave fewer views little to scatter by."""
-SCATTER_SIGNS, MARGIN_SIGNS = 300, 60
-"""No more signs are asked for the scatter and for the margins. Chosen: 1800 boxes tell the scatter
-to 2 %, 60 signs the margins to 9 %; more take longer."""
-STAMP_SCATTERS_S = tuple(0.0025 * 2.0**k for k in range(8))
-"""Errors of stamps that are tried, before finer ones about the best: from what moves a sign at 10 m
-by less than boxes scatter at 30 m/s, to where one frame a third of a second off shows little."""
+SCATTER_SIGNS = 300
+"""No more signs are asked for the scatter. Chosen: 1800 boxes tell it to 2 %; more take longer."""
+STAMP_SCATTERS_S, USUAL_STAMP_SCATTER_S = (0.0025, 0.32), 0.03
+"""Errors of stamps that are asked for, from what moves a sign at 10 m by less than boxes scatter at
+30 m/s, to where one frame a third of a second off shows little; and a frame's time, from where the
+likeliest is sought."""
+OWN_VARIANCES = (1e-6, 1e3)
+"""Of boxes beside it, in stated ones: beyond what any detector's are."""
 STAMP_SIGNS = 60
 """No more signs are asked for it. Chosen: a thousand boxes tell it to some hundredths."""
 STAMP_SCATTER_PROBABILITY = 1e-3
 """Stamps that are right are said to scatter so rarely."""
-SCATTER_FREEDOM, MARGIN_FREEDOM = 20.0, 4.0
-"""How many boxes, and how many signs, outweigh what the settings say of scatter and margins.
-Chosen: three signs seen often, and the few signs with margins that a short drive has."""
+SCATTER_FREEDOM = 20.0
+"""How many boxes outweigh what the settings say of scatter. Chosen: three signs seen often."""
 SCATTER_LIMITS = (0.3, 3.0)
 """Of the sigmas in the settings: with 1.5 px in these, boxes drawn by hand (half a pixel) to those
 of a poor detector (three pixels), and neighbours that err alike."""
@@ -89,9 +89,6 @@ MARGIN_ALIKE = 0.125
 """Of the variance of margins between signs, what the next drive finds again. Measured on drawn
 video with the shipped detector, 36 signs in two drives each: margins covary by 0.24 ± 0.14 of 1.9
 mrad^2 that the drives state."""
-MARGIN_LIMITS = (0.15, 2.0)
-"""Of the sigma of margins in the settings, 2 px; on the KITTI drives margins drawn by hand differ
-by 1 to 2.5 px."""
 MOST_ALIKE = 0.8
 """Correlation of neighbouring frames at most: nine boxes then count as one."""
 STRAY_PROBABILITY = 4.65e-4
@@ -306,8 +303,8 @@ FACE_ALIKE = 0.02
 """Of width over height, what a sign's boxes of about one size err by in common beside their
 margins, before a drive tells. Chosen: a pixel of fifty."""
 FACES_FREEDOM, TURNED_FREEDOM = 4.0, 30.0
-"""How many signs outweigh what is stated above. Chosen as for margins; of turns, which a sign's own
-boxes tell to several degrees only, the signs of half an hour of town."""
+"""How many signs outweigh what is stated above. Chosen: few tell of it; of turns, which boxes of a
+sign tell to several degrees only, the signs of half an hour of town."""
 FOUND_ANYWAY = 0.05
 """Of boxes that should be too narrow to be found, those that are: chosen, for two sigmas off a
 scatter is no longer normal."""

@@ -105,7 +105,7 @@ def _located(
         return replace(rules, noise=measured)
 
     if rules.estimate_noise:
-        stamp_sd = stamp_scatter(views_with, tracked_or_linked(views, landmarks), rules.size)
+        stamp_sd = stamp_scatter(views, tracked_or_linked(views, landmarks), rules.size)
         if stamp_sd > 0.0:
             landmarks, misfits = _find_landmarks(views_with(stamp_sd), rules, lambda done: None)
         rules = with_noise(stamp_sd, landmarks)
@@ -124,7 +124,7 @@ def _located(
             # a camera that was off may have looked like stamps that are
             seen = views_with(rules.noise.stamp_sd_s)
             marks = refit(seen, [views.row[mark.rows] for mark in landmarks], rules)
-            stamp_sd = stamp_scatter(views_with, tracked_or_linked(seen, marks), rules.size)
+            stamp_sd = stamp_scatter(views_with(0.0), tracked_or_linked(seen, marks), rules.size)
             rules = with_noise(stamp_sd, marks)
         rows = views.row
         views = build_views(trajectory, detections, cameras, rules.noise, corrections)

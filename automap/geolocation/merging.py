@@ -48,19 +48,7 @@ def _link_cost(a: Sighting, b: Sighting) -> float:
         [limits.FACE_SD_M**2, limits.FACE_SD_M**2, limits.HEIGHT_SLACK_M**2]
     )
     cost = float(difference @ np.linalg.solve(covariance, difference))
-    return cost + limits.MERGE_OTHER_CLASS * (1.0 - class_agreement(a, b))
-
-
-def class_agreement(a: Sighting, b: Sighting) -> float:
-    """1 for one class, else the share of the scores that the classes of both have in common: two
-    boxes of which one was misread still say half of what the sign is."""
-    if a.class_name == b.class_name:
-        return 1.0
-    one, other = (
-        {name: score / sum(s.class_score.values()) for name, score in s.class_score.items()}
-        for s in (a, b)
-    )
-    return sum(min(share, other.get(name, 0.0)) for name, share in one.items())
+    return cost + limits.MERGE_OTHER_CLASS * (a.class_name != b.class_name)
 
 
 def group_sightings(views: Views, sightings: Sequence[Sighting]) -> list[list[int]]:

@@ -65,28 +65,20 @@ def _path(
     )
 
 
-def relate(path: Path, position: FloatArray, first_ns: int, last_ns: int) -> tuple[float, float]:
-    """Offset to the right of the path and height above it, m, of a ``position`` [3].
-
-    Both at the point of the path nearest in plan, among those passed while the sign was in
-    view or shortly after: other passes of the same street do not count.
-    """
-    k = _nearest(path, position, first_ns, last_ns)
-    offset, course = position - path.position[k], path.course[k]
-    lateral = -np.sin(course) * offset[0] + np.cos(course) * offset[1]
-    return float(lateral), float(-offset[2])
-
-
 def roads_at(path: Path, position: FloatArray, first_ns: int, last_ns: int) -> FloatArray:
-    """Course of the path, rad, and the direction to its right [2] (north, east) and how far to the
-    right of its tangent a ``position`` [3] is, m: [2, 4], where it passes and where it was last
-    seen."""
+    """Course of the path, rad, the direction to its right [2] (north, east), and how far to the
+    right of its tangent and above it a ``position`` [3] is, m: [2, 5], where it passes and where it
+    was last seen.
+
+    It passes at the point nearest in plan, among those passed while the sign was in view or shortly
+    after: other passes of the same street do not count.
+    """
     last = min(int(np.searchsorted(path.t_ns, last_ns)), len(path.t_ns) - 1)
     at = np.array([_nearest(path, position, first_ns, last_ns), last])
-    course = path.course[at]
+    course, offset = path.course[at], position - path.position[at]
     right = np.column_stack([-np.sin(course), np.cos(course)])
-    offset = (position - path.position[at])[:, :2]
-    return np.column_stack([course, right, np.sum(right * offset, axis=1)])
+    lateral = np.sum(right * offset[:, :2], axis=1)
+    return np.column_stack([course, right, lateral, -offset[:, 2]])
 
 
 def _nearest(path: Path, position: FloatArray, first_ns: int, last_ns: int) -> int:

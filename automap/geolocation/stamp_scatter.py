@@ -12,10 +12,11 @@ Association 84, 1989).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.optimize import Bounds, minimize
 
 from automap.effects.camera import direction_by_point
 from automap.effects.camera_kernels import TIME
@@ -37,8 +38,8 @@ _FREEDOM = 4.0
 """Of Student's t, as is usual where tails are not known (Lange, Little and Taylor, 1989)."""
 _OF_NORMAL = 0.88
 """Scale of such a t of three components that suits normal errors of sigma one best."""
-_ROUNDS, _LEAST = 10, 1e-6
-"""Of the expectation maximisation of the boxes' own scales, and their least variance."""
+_TURNS, _SETTLED = 2, 1e-6
+"""Of a fit and its weights; and part of the deviance by which the last step of a search fell."""
 
 
 @dataclass(frozen=True)
@@ -56,34 +57,23 @@ class Residuals:
     prior: FloatArray
 
 
-def stamp_scatter(
-    views_with: Callable[[float], Views], groups: Sequence[IntArray], prior: SizePrior
-) -> float:
+def stamp_scatter(views: Views, groups: Sequence[IntArray], prior: SizePrior) -> float:
     """One-sigma error in s of the frames' stamps, 0 where it is no more than chance makes of it.
 
-    ``views_with`` the views if stamps err by so much, ``groups`` the rows of each sign's boxes.
+    ``views`` as if no stamp erred, ``groups`` the rows of each sign's boxes.
     """
-    sd = views_with(0.0).sd
-    tried: dict[float, float] = {}
+    marks = [fit_landmark(views, rows, prior) for rows in groups]
+    signs = [residuals_of(views, mark, prior) for mark in marks if mark.ok]
+    bounds = np.log([*[limits.OWN_VARIANCES] * 3, limits.STAMP_SCATTERS_S]).T
 
-    def likelihood(stamp_sd: float) -> float:
-        if stamp_sd not in tried:
-            views = views_with(stamp_sd)
-            marks = [fit_landmark(views, rows, prior) for rows in groups]
-            signs = [residuals_of(views, mark, prior, sd[mark.rows]) for mark in marks if mark.ok]
-            tried[stamp_sd] = log_likelihood(signs, _OF_NORMAL * stamp_sd)
-        return tried[stamp_sd]
+    def cost(x: FloatArray) -> float:
+        return deviance(signs, np.exp(x[:3]), float(np.exp(x[3:]).sum()))
 
-    # it has one top
-    best = 0.0
-    for stamp_sd in limits.STAMP_SCATTERS_S:
-        if likelihood(stamp_sd) <= likelihood(best):
-            break
-        best = stamp_sd
-    for step in (np.sqrt(2.0), 2.0**0.25) if best else ():
-        best = max((best / step, best, best * step), key=likelihood)
-    gain = 2.0 * (likelihood(best) - likelihood(0.0))
-    return float(best) if gain > gate(limits.STAMP_SCATTER_PROBABILITY, 1) else 0.0
+    right = minimize(cost, np.zeros(3), bounds=Bounds(*bounds[:, :3]), tol=_SETTLED)
+    start = np.append(right.x, np.log(limits.USUAL_STAMP_SCATTER_S))
+    wrong = minimize(cost, start, bounds=Bounds(*bounds), tol=_SETTLED)
+    chance = gate(limits.STAMP_SCATTER_PROBABILITY, 1)
+    return float(np.exp(wrong.x[3])) if right.fun - wrong.fun > chance else 0.0
 
 
 def told(stamp_sd: float, stamps: Sequence[IntArray]) -> list[str]:
@@ -109,8 +99,8 @@ def tracked_or_linked(views: Views, landmarks: Sequence[Landmark]) -> list[IntAr
     return often[:: max(1, -(-len(often) // limits.STAMP_SIGNS))]
 
 
-def residuals_of(views: Views, mark: Landmark, prior: SizePrior, sd: FloatArray) -> Residuals:
-    """The residuals of a sign as it was fitted, in the sigmas ``sd`` [n, 3] of its boxes."""
+def residuals_of(views: Views, mark: Landmark, prior: SizePrior) -> Residuals:
+    """The residuals of a sign as it was fitted, in the stated sigmas of its boxes."""
     rows = mark.rows
     common, effects = columns_of(views, rows, mark.anchor, mark.parameters)
     q = np.einsum("nij,nj->ni", views.C_cam_ref[rows], mark.position - views.centre[rows])
@@ -118,7 +108,7 @@ def residuals_of(views: Views, mark: Landmark, prior: SizePrior, sd: FloatArray)
     by_sign = direction_by_point(q) @ views.C_cam_ref[rows] @ position_jacobian(views, mark)
     by_sign[:, 2, 3] = 1.0
     by_fit = np.concatenate([by_sign, common * pass_sd(views, rows)], axis=2)
-    size = prior.of(views.class_name[rows].tolist())
+    size, sd = prior.of(views.class_name[rows].tolist()), views.sd[rows]
     return Residuals(
         np.column_stack([direction_residuals(views, mark), height]) / sd,
         effects[:, :, TIME] / sd,
@@ -127,50 +117,27 @@ def residuals_of(views: Views, mark: Landmark, prior: SizePrior, sd: FloatArray)
     )
 
 
-def log_likelihood(signs: Sequence[Residuals], stamp_sd: float) -> float:
-    """Restricted log likelihood of all signs' residuals if stamps err by ``stamp_sd`` s, at the
-    scales of the boxes' own errors that suit it best."""
-    count = sum(len(sign.value) for sign in signs)
-    if count == 0:
-        return 0.0
-    own = sum((np.sum(sign.value**2, axis=0) for sign in signs), np.zeros(3)) / count
-    weights = [np.ones(len(sign.value)) for sign in signs]
-    for _ in range(_ROUNDS):
-        squares = np.zeros(3)
-        for k, sign in enumerate(signs):
-            _, square, told = _fitted(sign, stamp_sd * sign.by_stamp, own, weights[k])
-            weights[k] = (_FREEDOM + 3.0) / (_FREEDOM + square)
-            squares += told
-        own = np.maximum(squares / count, _LEAST)
-    return -0.5 * sum(
-        _fitted(sign, stamp_sd * sign.by_stamp, own, weight)[0]
-        for sign, weight in zip(signs, weights, strict=True)
-    )
+def deviance(signs: Sequence[Residuals], own: FloatArray, stamp_sd: float) -> float:
+    """Minus twice the restricted log likelihood of all signs' residuals, if boxes have errors of
+    their own with the variances ``own`` [3] and stamps err by ``stamp_sd`` s."""
+    total = 0.0
+    for sign in signs:
+        moved = _OF_NORMAL * stamp_sd * sign.by_stamp
+        covariance = np.diag(own) + moved[:, :, None] * moved[:, None, :]
+        information = np.asarray(np.linalg.inv(covariance), np.float64)
+        by_fit, prior, alone = information @ sign.by_fit, np.diag(sign.prior), sign.value
+        turned = np.einsum("nki,nkj->nij", by_fit, sign.by_fit)
+        for _ in range(_TURNS):
+            weight = (_FREEDOM + 3.0) / (_FREEDOM + _squares(alone, information))
+            N = np.einsum("n,nij->ij", weight, turned) + prior
+            x = np.linalg.solve(N, np.einsum("n,nki,nk->i", weight, by_fit, sign.value))
+            alone = sign.value - sign.by_fit @ x
+        total += (_FREEDOM + 3.0) * np.log1p(_squares(alone, information) / _FREEDOM).sum()
+        total += x @ (sign.prior * x) - np.linalg.slogdet(information)[1].sum()
+        # a stray box that weighs less is no information less, else strays would pay
+        total += np.linalg.slogdet(turned.sum(axis=0) + prior)[1]
+    return float(total)
 
 
-def _fitted(
-    sign: Residuals, moved: FloatArray, own: FloatArray, weight: FloatArray
-) -> tuple[float, FloatArray, FloatArray]:
-    """Minus twice the restricted log likelihood of a sign; squared distances [n] of its boxes; sums
-    [3] of the boxes' own squares, as expected.
-
-    A box's errors have the variance diag(own) + moved moved'.
-    """
-    information = np.linalg.inv(np.diag(own) + moved[:, :, None] * moved[:, None, :])
-    by_fit = information @ sign.by_fit
-    prior = np.diag(sign.prior)
-    turned = np.einsum("nki,nkj->nij", by_fit, sign.by_fit)
-    N = np.linalg.inv(np.einsum("n,nij->ij", weight, turned) + prior)
-    x = N @ np.einsum("n,nki,nk->i", weight, by_fit, sign.value)
-    alone = sign.value - sign.by_fit @ x
-    weighed = (information @ alone[:, :, None])[:, :, 0]
-    square = np.sum(alone * weighed, axis=1)
-    loss = (_FREEDOM + 3.0) * np.log1p(square / _FREEDOM) - np.linalg.slogdet(information)[1]
-    # a stray box that weighs less is no information less, else strays would pay
-    determinant = np.linalg.slogdet(turned.sum(axis=0) + prior)[1]
-    total = float(loss.sum() + x @ (sign.prior * x) + determinant)
-    # the boxes' own errors: mean, and variance less what is known of them
-    mean = own * weighed
-    known = np.diagonal(information, axis1=1, axis2=2)
-    known = known - weight[:, None] * np.einsum("nki,ij,nkj->nk", by_fit, N, by_fit)
-    return total, square, np.sum(weight[:, None] * mean**2 + own - own**2 * known, axis=0)
+def _squares(value: FloatArray, information: FloatArray) -> FloatArray:
+    return np.asarray(np.einsum("ni,nij,nj->n", value, information, value), np.float64)

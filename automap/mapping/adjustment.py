@@ -27,21 +27,6 @@ _REWEIGHTINGS = 3
 
 
 @dataclass(frozen=True)
-class ErrorLevels:
-    """How the drives' stated errors compare with what they show.
-
-    Factors on the standard deviations, ``shared`` by a drive's signs and each sighting's
-    ``own``, and what part of the shared variance is ``lasting``: one error all along the drive.
-    How much wanders a drive shows by itself, so a ``shared`` below one is of what lasts; and of
-    that in plan only, where it was found: heights err by the air as well.
-    """
-
-    shared: float = 1.0
-    own: float = 1.0
-    lasting: float = limits.LASTING_ERROR
-
-
-@dataclass(frozen=True)
 class Adjusted:
     """Signs [m]: ``lat``, ``lon`` rad, ``height`` m (NaN unknown), ``cov_enu`` [m, 3, 3] m^2.
 
@@ -82,7 +67,7 @@ class TileData:
 def adjust(
     sightings: Sightings,
     sign: IntArray,
-    levels: ErrorLevels | None = None,
+    levels: FloatArray | None = None,
     progress: Callable[[float], None] = lambda fraction: None,
     only: Container[int] | None = None,
     factors: FloatArray | None = None,
@@ -93,10 +78,10 @@ def adjust(
     In a tile the drives' errors are solved with the signs, as those of a drive's passes are, so
     that the covariance of a sign is that of its mean under all errors; sightings outside the
     tile's margin are left aside, which costs a little precision and no truth. With ``only`` the
-    signs of those cells are placed, the others stay NaN. ``factors`` [d, 3] of each drive on the
-    levels (``drive_levels.py``).
+    signs of those cells are placed, the others stay NaN. ``levels`` [3] and ``factors`` [d, 3] of
+    each drive on them as ``drive_levels.py`` tells them.
     """
-    levels = levels or ErrorLevels()
+    levels = np.ones(3) if levels is None else levels
     m, n = int(sign.max(initial=-1)) + 1, len(sightings)
     lost, sums = np.full((3, m), np.nan), np.zeros((3, sightings.n_drives, 3))
     result = Adjusted(
@@ -185,21 +170,22 @@ def cell_tiles(sightings: Sightings, sign: IntArray, cell: int) -> list[TileData
 def network_of(
     sightings: Sightings,
     data: TileData,
-    levels: ErrorLevels,
+    levels: FloatArray,
     axes: int,
     factors: FloatArray | None = None,
 ) -> Network:
     """A tile's sightings in plan (two axes) or in height (one); an unknown height tells nothing.
 
-    ``factors`` [d, 3] of each drive on what wanders, what lasts, in plan, and on its own errors.
+    ``levels`` [3] factors on the stated sd of what wanders and what lasts of a path's error and of
+    a sighting's own, ``factors`` [d, 3] of each drive on these. Errors that last are smaller than
+    stated in plan only, where that was found: heights err by the air as well.
     """
     rows, n = data.rows, len(data.rows)
     alike, node, between = path_nodes(sightings.time_s[rows], data.first)
-    most = max(levels.shared, 1.0)
-    lasting = levels.shared if axes == 2 else most
-    parts = np.sqrt([[1.0 - levels.lasting], [levels.lasting]]) * [[most], [lasting]]
+    wanders, lasts = levels[:2] ** 2 * [1.0 - limits.LASTING_ERROR, limits.LASTING_ERROR]
+    parts = np.sqrt([[wanders], [lasts if axes == 2 else max(lasts, 1.0 - wanders)]])
     by_drive = np.ones((n, 3)) if factors is None else factors[sightings.drive[rows]]
-    own_level = levels.own**2 * by_drive[:, 2, None, None] ** 2
+    own_level = (levels[2] * by_drive[:, 2, None, None]) ** 2
     if axes == 2:
         parts = parts * by_drive[:, :2, None]
         own = own_level * data.own[:, [0, 1, 1, 2]].reshape(-1, 2, 2)
@@ -228,7 +214,7 @@ class Placed:
 
 
 def _placed(
-    sightings: Sightings, data: TileData, levels: ErrorLevels, factors: FloatArray | None = None
+    sightings: Sightings, data: TileData, levels: FloatArray, factors: FloatArray | None = None
 ) -> Placed:
     plan = Equations(network_of(sightings, data, levels, 2, factors))
     up = Equations(network_of(sightings, data, levels, 1, factors), plan.order)

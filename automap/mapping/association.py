@@ -74,10 +74,6 @@ class Members:
         within = np.arange(int(lengths.sum())) - np.repeat(np.cumsum(lengths) - lengths, lengths)
         return self.order[np.repeat(starts, lengths) + within], place
 
-    def __getitem__(self, sign: int) -> IntArray:
-        """Rows of the sightings of one sign, ascending."""
-        return self.order[self.edges[sign] : self.edges[sign + 1]]
-
 
 def renumbered(sign: IntArray) -> IntArray:
     """The same groups, numbered from 0 in the order of first mention."""
@@ -131,8 +127,7 @@ def _associate(
     offset: FloatArray,
     offset_var: FloatArray,
 ) -> None:
-    room = len(signs.active)
-    taken = np.zeros(room, np.bool_)
+    taken = np.zeros(len(signs.active), np.bool_)
     count = 0
     for turn in range(rounds + 1):
         for drive in range(len(first) - 1):

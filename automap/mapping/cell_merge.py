@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from automap.mapping.adjustment import Adjusted, ErrorLevels, adjust, own_variance
+from automap.mapping.adjustment import Adjusted, adjust, own_variance
 from automap.mapping.association import renumbered
 from automap.mapping.attributes import Attributes, combine_attributes
 from automap.mapping.existence import Chances, chances
@@ -49,7 +49,7 @@ def place_signs(
     near: Sightings,
     sign: IntArray,
     passages: Sequence[Passage],
-    levels: ErrorLevels,
+    levels: FloatArray,
     factors: FloatArray | None = None,
     cell: int | None = None,
     progress: Callable[[float], None] = lambda fraction: None,

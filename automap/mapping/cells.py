@@ -11,7 +11,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from automap.mapping.grid import RADIUS_M
+from automap.earth import MEAN_RADIUS
 from automap.records import FloatArray, IntArray
 
 LEVEL = 14
@@ -72,7 +72,7 @@ def _boxes(
 ) -> tuple[IntArray, IntArray, IntArray, IntArray, IntArray]:
     """Westernmost column and number of columns, first row and number of rows [n] of the cells that
     a square round each position meets, and the cell round a pole (-1 none)."""
-    up = margin_m / RADIUS_M
+    up = margin_m / MEAN_RADIUS
     low, high = np.clip(lat - up, -np.pi / 2, np.pi / 2), np.clip(lat + up, -np.pi / 2, np.pi / 2)
     widest = np.minimum(np.maximum(np.abs(low), np.abs(high)), _END)
     aside = up / np.cos(widest)
@@ -101,7 +101,7 @@ def _reach(row: int, margin_m: float) -> int:
     """How many tiles beyond one of a row may lie within a margin of it."""
     # the tiles are as high as they are wide, and smallest on the side of the pole
     edge = max(abs(1.0 - 2.0 * row / _SIDE), abs(1.0 - 2.0 * (row + 1) / _SIDE)) * np.pi
-    wide = 2.0 * np.pi * RADIUS_M / _SIDE / np.cosh(edge)
+    wide = 2.0 * np.pi * MEAN_RADIUS / _SIDE / np.cosh(edge)
     return int(np.ceil(margin_m / wide)) + 1
 
 

@@ -20,7 +20,6 @@ def class_evidence(classes: Sequence[str]) -> FloatArray:
     vocabulary = load_vocabulary()
     generic = set(vocabulary.groups.values())
     group = [vocabulary.group_of(name) for name in classes]
-    category = [name.partition("--")[0] for name in classes]
     result = np.full((len(classes), len(classes)), limits.DIFFERENT)
     for i, first in enumerate(classes):
         for j, second in enumerate(classes):
@@ -31,6 +30,4 @@ def class_evidence(classes: Sequence[str]) -> FloatArray:
             elif group[i] is not None and group[i] == group[j]:
                 vague = first in generic or second in generic
                 result[i, j] = limits.UNKNOWN_FACE if vague else limits.SAME_GROUP
-            elif category[i] == category[j] and "--" in first:
-                result[i, j] = limits.SAME_CATEGORY
     return result

@@ -18,18 +18,12 @@ import numpy as np
 from automap.gates import gate
 from automap.geolocation.path_errors import Equations
 from automap.mapping import limits
-from automap.mapping.adjustment import (
-    ErrorLevels,
-    TileData,
-    cell_tiles,
-    network_of,
-    stray_weights,
-)
+from automap.mapping.adjustment import TileData, cell_tiles, network_of, stray_weights
 from automap.mapping.sightings import Sightings
 from automap.records import FloatArray, IntArray
 
 LEVELS = ("wanders", "lasts", "own")
-"""What each drive has factors on, in the order of their columns."""
+"""What there are levels of, and what each drive has factors on, in the order of their columns."""
 _ROUNDS = 3
 """Of the levels in a cell. Chosen: what more of them would change was not measured."""
 _FREEDOM = 0.5 / limits.LEVEL_LOG_SD**2
@@ -47,7 +41,7 @@ def drive_squares(sightings: Sightings, sign: IntArray, cell: int) -> tuple[IntA
     tiles = cell_tiles(sightings, sign, cell)
     if not tiles:
         return np.zeros(0, np.int64), np.zeros((0, 3, 2))
-    stated, factors = ErrorLevels(), np.ones((sightings.n_drives, 3))
+    stated, factors = np.ones(3), np.ones((sightings.n_drives, 3))
     whole = [Equations(network_of(sightings, data, stated, 2)) for data in tiles]
     # what is stray is judged by how far sightings usually are
     far = np.median(np.concatenate([equations.solve().square for equations in whole]))
@@ -86,22 +80,18 @@ def _squares(equations: Equations, weight: FloatArray, data: TileData, drives: i
 
 def error_levels(
     cells: Iterable[tuple[IntArray, FloatArray]], n_drives: int
-) -> tuple[ErrorLevels, FloatArray]:
-    """The common levels, and factors [d, 3] of each drive on them, by the squares of ``cells``;
-    rounded, so that some more drives do not move all that was placed."""
+) -> tuple[FloatArray, FloatArray]:
+    """The common levels [3], factors on the sd that drives state, and factors [d, 3] of each drive
+    on them, by the squares of ``cells``; rounded, so that some more drives do not move all that was
+    placed."""
     total, count = np.zeros((n_drives, 3, 2)), np.zeros(n_drives)
     for drive, squares in cells:
         total[drive] += squares
         count[drive] += 1.0
     total[:, 1] /= np.maximum(count, 1.0)[:, None]
     common, factors = _common_and_own(total)
-    wanders, lasts, own = _rounded(common, np.array(limits.LEVEL_STEPS)).tolist()
-    wanders, lasts = (1.0 - limits.LASTING_ERROR) * wanders**2, limits.LASTING_ERROR * lasts**2
-    if wanders + lasts >= 1.0:
-        levels = ErrorLevels((wanders + lasts) ** 0.5, own, lasts / (wanders + lasts))
-    else:
-        levels = ErrorLevels((lasts / (1.0 - wanders)) ** 0.5, own, 1.0 - wanders)
-    return levels, _rounded(factors, limits.DRIVE_LEVEL_STEP)
+    steps = np.array(limits.LEVEL_STEPS)
+    return _rounded(common, steps), _rounded(factors, limits.DRIVE_LEVEL_STEP)
 
 
 def _rounded(levels: FloatArray, step: float | FloatArray) -> FloatArray:

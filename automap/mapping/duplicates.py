@@ -38,9 +38,6 @@ from automap.mapping.grid import delta, neighbours
 from automap.mapping.sightings import Sightings
 from automap.records import FloatArray, IntArray
 
-_PASSES = 6
-"""At most; ends where none is joined."""
-
 
 def join_duplicates(sightings: Sightings, association: Association) -> IntArray:
     """The sign [n] of every sighting, with map signs joined where one explains the sightings better
@@ -54,7 +51,7 @@ def join_duplicates(sightings: Sightings, association: Association) -> IntArray:
     """
     sign = association.sign.copy()
     evidence, seen = class_evidence(sightings.classes), columns_of(sightings)
-    for _ in range(_PASSES):
+    while True:
         members = Members(sign)
         rows, edges = members.order, members.edges
         offset, signs = (association.offset, association.offset_var), empty_map(len(edges) - 1)
@@ -63,11 +60,10 @@ def join_duplicates(sightings: Sightings, association: Association) -> IntArray:
         for _, a, b in sorted(scored):
             if a not in taken and b not in taken:
                 taken |= {a, b}
-                sign[members[b]] = a
-        if not taken:
-            break
+                sign[rows[edges[b] : edges[b + 1]]] = a
         sign = renumbered(sign)
-    return renumbered(sign)
+        if not taken:
+            return sign
 
 
 @kernel

@@ -12,9 +12,6 @@ from automap.frames import wrap_pi
 from automap.jit import kernel
 from automap.records import FloatArray, IntArray
 
-RADIUS_M = MEAN_RADIUS
-"""Of a sphere: good for cells and for searches near by."""
-
 
 class Table(NamedTuple):
     """Numbers [n] by the cell that each lies in: chains from ``head`` [2^k] by ``following`` [n],
@@ -29,14 +26,14 @@ class Table(NamedTuple):
 @kernel
 def cell_row(lat: float, cell_m: float) -> int:
     """Row of a latitude in rad."""
-    return int(np.floor(lat * RADIUS_M / cell_m))
+    return int(np.floor(lat * MEAN_RADIUS / cell_m))
 
 
 @kernel
 def cells_around(row: int, cell_m: float) -> int:
     """Number of cells in a row; never narrower than ``cell_m``."""
-    edge = max(abs(row), abs(row + 1)) * cell_m / RADIUS_M
-    return max(1, int(2.0 * np.pi * RADIUS_M * max(np.cos(edge), 0.0) / cell_m))
+    edge = max(abs(row), abs(row + 1)) * cell_m / MEAN_RADIUS
+    return max(1, int(2.0 * np.pi * MEAN_RADIUS * max(np.cos(edge), 0.0) / cell_m))
 
 
 @kernel
@@ -114,14 +111,11 @@ def east_north(
     return np.stack([turn * east, np.subtract(lat, from_lat) * north], axis=-1)
 
 
-def table_size(n: int) -> int:
-    """A power of two above twice ``n``."""
-    return 1 << max(4, int(2 * max(n, 1)).bit_length())
-
-
 def empty_table(n: int, cell_m: float) -> Table:
     """A table for up to ``n`` numbers."""
-    chains = np.full(table_size(n), -1, np.int64), np.empty(n, np.int64)
+    # a power of two above twice as many
+    size = 1 << max(4, int(2 * max(n, 1)).bit_length())
+    chains = np.full(size, -1, np.int64), np.empty(n, np.int64)
     return Table(*chains, np.empty((n, 2), np.int64), cell_m)
 
 

@@ -17,11 +17,9 @@ from automap.geolocation.limits import RATE_SPREAD
 
 ROUNDS = 2
 """How often every drive is looked at again, with the map of all others known."""
-SAME_PROBABILITY = math.exp(-8.0)
-"""A sign lies further from itself, in another drive or an older map, so rarely: four sigmas in the
-plane."""
-SAME_GATE = gate_in_plane(SAME_PROBABILITY)
-"""The squared sigmas that go with it."""
+SAME_GATE = gate_in_plane(math.exp(-8.0))
+"""Squared sigmas by which a sign lies further from itself, in another drive or an older map, with
+the probability of four sigmas in the plane."""
 MAX_M, FAR_M, LARGEST_UP_M = 15.0, 80.0, 12.0
 """Sightings further apart in plan, or in height, are no candidates for one sign, whatever the
 sigmas. Chosen: more than trajectories that state some metres are off. A sign that was seen from far
@@ -52,9 +50,8 @@ neighbouring signs one in seven is of the same class."""
 SAME_GROUP, UNKNOWN_FACE = -1.0, 0.0
 """Of faces of one colour and shape, which are mistaken for one another, and where one was not read.
 Chosen."""
-SAME_CATEGORY, DIFFERENT = -4.5, -6.0
-"""Of faces that look otherwise but are of one category, and of any others. Chosen: a class is read
-that wrong one time in 90, and in 400."""
+DIFFERENT = -6.0
+"""Of faces that look otherwise. Chosen: a class is read that wrong one time in 400."""
 
 # the offset of a drive
 
@@ -62,9 +59,6 @@ STRETCH_S, STRETCH_SIGHTINGS = 40.0, 24
 """An offset is sought for so much of a drive at a time: less than the time constant of a
 trajectory's error, over which it stays about the same; and at most so many sightings, which decide
 it by vote."""
-HYPOTHESES = 96
-"""Proposals of a stretch from all candidates of its sightings; then from the nearest only. Chosen:
-more take longer."""
 LEAST_OFFSET_VARIANCE = 1e-4
 """Of a drive's offset, m^2: a centimetre, where a trajectory states none."""
 STRAY_PROBABILITY = math.exp(-4.5)

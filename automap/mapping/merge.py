@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from automap.mapping.adjustment import ErrorLevels, rough_places
+from automap.mapping.adjustment import rough_places
 from automap.mapping.backs import map_backs, with_backs
 from automap.mapping.by_cells import associate_by_cells
 from automap.mapping.cell_merge import PlacedSigns, place_signs
@@ -34,7 +34,7 @@ class Merged(PlacedSigns):
     """
 
     drives: list[DriveSigns]
-    levels: ErrorLevels
+    levels: FloatArray
     factors: FloatArray
     rates: DetectionRates
     existence: FloatArray

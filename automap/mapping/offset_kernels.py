@@ -6,8 +6,6 @@ sd it has variance one and correlation exp(-dt / tau).
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
 from automap.jit import kernel
@@ -45,41 +43,27 @@ def vote(
         prior = 2.0 * np.sum(shared_sd[start:stop] ** 2, axis=0) / (stop - start)
         prior += limits.LEAST_OFFSET_VARIANCE
         spread = 1.0 - np.exp(-np.abs(time_s[start:stop] - middle) / limits.PATH_CORRELATION_S) ** 2
-        of = _Stretch(index[start:stop], values[start:stop], spread, prior)
-        offset[start:stop] = _offset_of(of)
+        offset[start:stop] = _offset_of(index[start:stop], values[start:stop], spread, prior)
         start = stop
 
 
-class _Stretch(NamedTuple):
-    """Candidates ``signs`` [k, MOST] and ``values`` [k, MOST, PLACES] of sightings; ``prior`` [3]
-    variance of the drive's offset, and the part ``spread`` [k] of it by which that at each may
-    differ from the stretch's."""
-
-    signs: IntArray
-    values: FloatArray
-    spread: FloatArray
-    prior: FloatArray
-
-
 @kernel
-def _offset_of(stretch: _Stretch) -> FloatArray:
-    """The offset [3] that most of the stretch's sightings agree with."""
-    signs, values = stretch.signs, stretch.values
+def _offset_of(
+    signs: IntArray, values: FloatArray, spread: FloatArray, prior: FloatArray
+) -> FloatArray:
+    """The offset [3] that most of a stretch's sightings agree with, of candidates ``signs`` [k,
+    MOST] and ``values`` [k, MOST, PLACES]; ``prior`` [3] variance of the drive's offset, and the
+    part ``spread`` [k] of it by which that at each may differ from the stretch's."""
     best = np.zeros(3)
-    highest = _support(stretch, best)
-    tried = 0
+    highest = _support(signs, values, spread, prior, best)
     for i in range(len(signs)):
         for c in range(limits.MOST):
             if signs[i, c] < 0:
                 break
-            # after many proposals the nearest of each sighting has to do
-            if tried >= limits.HYPOTHESES and c > 0:
-                break
-            tried += 1
             guess = values[i, c, :3].copy()
             if values[i, c, V_U] != values[i, c, V_U]:
                 guess[2] = 0.0
-            score = _support(stretch, guess)
+            score = _support(signs, values, spread, prior, guess)
             if score > highest:
                 highest = score
                 best = guess
@@ -87,17 +71,19 @@ def _offset_of(stretch: _Stretch) -> FloatArray:
 
 
 @kernel
-def _support(stretch: _Stretch, offset: FloatArray) -> float:
+def _support(
+    signs: IntArray, values: FloatArray, spread: FloatArray, prior: FloatArray, offset: FloatArray
+) -> float:
     """Evidence in nats for an offset [3]: its prior's, and of each sighting the best candidate's,
     or none."""
-    total = -0.5 * (offset**2 / stretch.prior).sum()
-    for i in range(len(stretch.signs)):
-        p_e, p_n = stretch.spread[i] * stretch.prior[0], stretch.spread[i] * stretch.prior[1]
+    total = -0.5 * (offset**2 / prior).sum()
+    for i in range(len(signs)):
+        p_e, p_n = spread[i] * prior[0], spread[i] * prior[1]
         most = 0.0
         for c in range(limits.MOST):
-            if stretch.signs[i, c] < 0:
+            if signs[i, c] < 0:
                 break
-            told = agreement(stretch.values[i, c], offset[0], offset[1], offset[2], p_e, p_n)
+            told = agreement(values[i, c], offset[0], offset[1], offset[2], p_e, p_n)
             most = max(most, told)
         total += most
     return float(total)

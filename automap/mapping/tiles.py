@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
+from automap.earth import MEAN_RADIUS
 from automap.mapping import limits
 from automap.mapping.cells import cell_of, groups
-from automap.mapping.grid import RADIUS_M
 from automap.records import FloatArray, IntArray
 
 
@@ -47,13 +47,15 @@ def cut_tiles(
     wanted = (order[at] for cell, at in groups(home[order]) if only is None or cell in only)
     for rows in (part for own in wanted for part in _halve(sphere, own, core)):
         centre = sphere[rows].mean(axis=0)
-        reach = float(np.max(np.linalg.norm(sphere[rows] - centre, axis=1))) + margin_m / RADIUS_M
+        reach = (
+            float(np.max(np.linalg.norm(sphere[rows] - centre, axis=1))) + margin_m / MEAN_RADIUS
+        )
         near = np.array(sorted(tree.query_ball_point(centre, reach)), np.int64)
         others = np.setdiff1d(near, rows, assume_unique=True)
         if len(others):
             gap = np.asarray(cKDTree(sphere[rows]).query(sphere[others])[0], np.float64)
             nearest = np.argsort(gap, kind="stable")
-            nearest = nearest[gap[nearest] * RADIUS_M < margin_m]
+            nearest = nearest[gap[nearest] * MEAN_RADIUS < margin_m]
             others = others[nearest[: limits.MOST_SIGNS - len(rows)]]
         yield Tile(rows, np.concatenate([rows, np.sort(others)]))
 

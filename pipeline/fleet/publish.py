@@ -281,11 +281,7 @@ def _summary(
         "sightings": int(counts[:, 0].sum()),
         "sightings_in_map": int(counts[:, 1].sum()),
         "detection_rate": found.rates.overall,
-        "error_levels": {
-            "shared": found.levels.shared,
-            "own": found.levels.own,
-            "lasting_share": found.levels.lasting,
-        },
+        "error_levels": dict(zip(LEVELS, found.levels.tolist(), strict=True)),
         "drives": rows,
         "warnings": outcome.warnings,
     }

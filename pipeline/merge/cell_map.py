@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from automap.mapping.adjustment import ErrorLevels
 from automap.mapping.existence import Chances, DetectionRates
 from automap.mapping.merge import map_signs, weighed
 from automap.records import FloatArray
@@ -44,7 +43,7 @@ class StoreMap:
     columns: dict[str, Any]
     pairs: Chances
     homes: Sequence[int]
-    levels: ErrorLevels
+    levels: FloatArray
     factors: FloatArray
     rates: DetectionRates
     grouped: int
@@ -104,7 +103,7 @@ def _merge(
 def _whole(
     folder: Path,
     cells: list[int],
-    levels: ErrorLevels,
+    levels: FloatArray,
     factors: FloatArray,
     done: tuple[int, int, int],
     least_existence: float,

@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from automap.mapping.adjustment import ErrorLevels, rough_places
+from automap.mapping.adjustment import rough_places
 from automap.mapping.association import renumbered
 from automap.mapping.by_cells import group_cell
 from automap.mapping.cell_merge import PLACE_MARGIN_M, place_signs
@@ -115,19 +115,20 @@ def weigh(folder: Path, cell: int) -> bool:
     return True
 
 
-def levels_of(folder: Path, cells: Sequence[int]) -> tuple[ErrorLevels, FloatArray]:
+def levels_of(folder: Path, cells: Sequence[int]) -> tuple[FloatArray, FloatArray]:
     """The levels, and factors [d, 3] of all drives on them, by the squares of all cells."""
     told = (read_columns(step_file(folder, SQUARES, cell)) for cell in cells)
     pairs = ((each["drive"], each["squares"]) for each in told)
     return error_levels(pairs, len(read_drives(folder)))
 
 
-def place(folder: Path, cell: int, levels: ErrorLevels, factors: FloatArray) -> bool:
+def place(folder: Path, cell: int, levels: FloatArray, factors: FloatArray) -> bool:
     """Place the signs of one cell; False where nothing had changed. ``factors`` [d, 3] of all
     drives on the levels."""
     cells = near_cells(folder, cell, HALO_M)
     files = parts(folder, SIGHTINGS, cells) + parts(folder, PATHS, cells)
-    stamp = stamp_of(files, [step_file(folder, GROUPS, k) for k in cells.tolist()]) + repr(levels)
+    stamp = stamp_of(files, [step_file(folder, GROUPS, k) for k in cells.tolist()])
+    stamp += repr(levels.tolist())
     weighed = [step_file(folder, SQUARES, k) for k in cells.tolist()]
     drives = [read_columns(path)["drive"] for path in weighed if path.is_file()]
     own = factors[[k for k in sorted({*map(int, np.concatenate(drives))}) if k < len(factors)]]
@@ -137,7 +138,7 @@ def place(folder: Path, cell: int, levels: ErrorLevels, factors: FloatArray) -> 
         return False
     near, sign = grouped(folder, read_drives(folder), cell, VIEW_MARGIN_M)
     own = factors[near.drive]
-    took = FORMAT + near.digest() + repr(levels)
+    took = FORMAT + near.digest() + repr(levels.tolist())
     whole = hashlib.sha256(took.encode() + sign.tobytes() + own.tobytes())
     if text_of(path, "digest") == whole.hexdigest() and restamp(path, stamp):
         return False

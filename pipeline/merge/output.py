@@ -207,10 +207,12 @@ def merge_summary(
     outcome: MergeOutcome, signs: Sequence[Sign], folders: Sequence[Path], previous: Path | None
 ) -> dict[str, Any]:
     """The content of merge.json."""
+    from automap.mapping.drive_levels import LEVELS
+
     merged = outcome.merged
     in_map = np.array([bool(sign.id) for sign in signs], np.bool_)
     counted = in_map[merged.sign] if len(signs) else np.zeros(0, np.bool_)
-    levels, rates = merged.levels, merged.rates
+    rates = merged.rates
     summary: dict[str, Any] = {
         "schema": SCHEMA,
         "automap": __version__,
@@ -219,11 +221,7 @@ def merge_summary(
         "sightings": len(merged.sightings),
         "sightings_in_map": int(counted.sum()),
         "detection_rate": rates.overall,
-        "error_levels": {
-            "shared": levels.shared,
-            "own": levels.own,
-            "lasting_share": levels.lasting,
-        },
+        "error_levels": dict(zip(LEVELS, merged.levels.tolist(), strict=True)),
         "drives": [
             _drive_summary(merged, number, folder, counted) for number, folder in enumerate(folders)
         ],

@@ -184,9 +184,9 @@ def _error_section(summary: dict[str, Any]) -> Section:
         )
         return section
     section.sentences.append(
-        f"Where drives overlap their shared errors are {levels['shared']:.2f} times and the signs' "
-        f"own errors {levels['own']:.2f} times what the drives state; of the shared variance "
-        f"{levels['lasting_share']:.0%} lasts all along a drive. Covariances are scaled by that."
+        f"Where drives overlap, what wanders of their errors is {levels['wanders']:.2f} times what "
+        f"they state, what lasts all along a drive {levels['lasts']:.2f} times and the signs' own "
+        f"errors {levels['own']:.2f} times. Covariances are scaled by that."
     )
     section.sentences.append(
         f"A drive that has a sign in view sees it with probability "

@@ -23,7 +23,7 @@ _FACE_M, _FACE_SD_M = 2.2, 0.8
 def clicked_on_map(shown: ViewedMap, lon_deg: float, lat_deg: float) -> PlacedSign:
     """A sign at a place of the map, good to what a hand does, with height and side by the path."""
     from automap.geolocation.limits import IMU_ABOVE_ROAD_M
-    from automap.geolocation.path_relation import make_path, relate, side_of_path
+    from automap.geolocation.path_relation import make_path, roads_at, side_of_path
     from automap.geolocation.views import map_origin
 
     variance = limits.HAND_SD_M**2
@@ -40,7 +40,7 @@ def clicked_on_map(shown: ViewedMap, lon_deg: float, lat_deg: float) -> PlacedSi
     k = int(np.argmin(offset))
     if offset[k] > _BESIDE_M:
         return bare
-    lateral, _ = relate(path, position, int(path.t_ns[k]), int(path.t_ns[k]))
+    lateral = float(roads_at(path, position, int(path.t_ns[k]), int(path.t_ns[k]))[0, 3])
     manifest = None if drive.drive is None else drive.drive.manifest.vehicle.imu_above_road_m
     imu_m = IMU_ABOVE_ROAD_M if manifest is None else manifest
     row = min(int(np.searchsorted(trajectory.t_ns, path.t_ns[k])), len(trajectory) - 1)

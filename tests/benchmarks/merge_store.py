@@ -127,9 +127,7 @@ def merge(store: Path, workers: int, out: Path) -> None:
         "cells_grouped": found.grouped,
         "cells_placed": found.placed,
         "signs": len(found.lat),
-        "level_shared": found.levels.shared,
-        "level_own": found.levels.own,
-        "level_lasting": found.levels.lasting,
+        "levels": found.levels.tolist(),
     }
     print(json.dumps(told))
     np.savez(

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from automap.earth import metres_per_radian
-from automap.mapping.adjustment import ErrorLevels, rough_places
+from automap.mapping.adjustment import rough_places
 from automap.mapping.cells import cell_of
 from automap.mapping.drive_levels import drive_squares, error_levels
 from automap.mapping.sightings import CameraView, DriveSigns, Sightings
@@ -191,8 +191,8 @@ def drive_through(
     return drive, truth
 
 
-def levels_told(sightings: Sightings, sign: IntArray) -> tuple[ErrorLevels, FloatArray]:
-    """The levels of drives, and factors [d, 3] on them, by the signs [n] of their sightings."""
+def levels_told(sightings: Sightings, sign: IntArray) -> tuple[FloatArray, FloatArray]:
+    """The levels [3] of drives, and factors [d, 3] on them, by the signs [n] of their sightings."""
     homes = np.unique(cell_of(*rough_places(sightings, sign))).tolist()
     told = [drive_squares(sightings, sign, home) for home in homes]
     return error_levels(told, sightings.n_drives)

@@ -116,7 +116,7 @@ def geolocation_landmarks() -> Any:
 def geolocation_passes() -> Any:
     """Signs with the errors of their passes, what they tell of the camera, and their sizes."""
     from automap.geolocation import boresight, class_sizes, course_yaw, time_minima
-    from automap.geolocation.box_noise import margin_scatter, measured_noise, scatter
+    from automap.geolocation.box_noise import measured_noise, scatter
     from automap.geolocation.contradiction import disagreement
     from automap.geolocation.landmark import SizePrior
     from automap.geolocation.pass_errors import pass_sd
@@ -167,7 +167,6 @@ def geolocation_passes() -> Any:
             "usual": class_sizes.usual_sizes([*load_classes(), *CLASSES, "other", "white--circle"]),
             "sizes": class_sizes.sizes_of_others(views, marks, PRIOR),
             "noise": measured_noise(views, _landmarks(views), PRIOR, NOISE),
-            "margin": margin_scatter(views, _landmarks(views, (1, 7, 9)), PRIOR),
             "scatter": [
                 scatter(walk, each),
                 scatter(walk[:1], each[:1], 2.0),
@@ -189,7 +188,6 @@ def geolocation_sightings() -> Any:
     from automap.geolocation.facing import find_facings
     from automap.geolocation.merging import (
         _link_cost,
-        class_agreement,
         combine,
         difference_covariance,
         find_backs,
@@ -251,10 +249,7 @@ def geolocation_sightings() -> Any:
         {
             "seen": table(seen),
             "covariance": [s.covariance for s in seen],
-            "pairs": [
-                (difference_covariance(a, b), _link_cost(a, b), class_agreement(a, b))
-                for a, b in pairs
-            ],
+            "pairs": [(difference_covariance(a, b), _link_cost(a, b)) for a, b in pairs],
             "groups": groups,
             "combined": [combine(members, done) for members in joined for done in (False, True)],
             "controlled": controlled,

@@ -166,7 +166,6 @@ def geolocation_faces() -> Any:
     from automap.geolocation.landmark import _crossing_depth
     from automap.geolocation.path_relation import (
         make_path,
-        relate,
         roads_at,
         side_of_path,
     )
@@ -213,7 +212,7 @@ def geolocation_faces() -> Any:
                 for shape in ("circle", "square", "triangle-up", "diamond", "octagon")
             },
             "path": path,
-            "relation": [f(path, p, first, last) for p in drive.place for f in (relate, roads_at)],
+            "relation": [roads_at(path, p, first, last) for p in drive.place],
             "side": [
                 side_of_path(a, b) for a in (-4.0, -1.0, 0.0, 2.9, 3.1) for b in (3.0, 4.6, 6.0)
             ],

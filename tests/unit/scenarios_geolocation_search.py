@@ -255,25 +255,16 @@ def geolocation_stamps() -> Any:
     off = replace(drive, detections=late)
     views = off.views()
 
-    def views_with(sd: float) -> Any:
-        return off.views(replace(NOISE, stamp_sd_s=sd))
-
     marks = _landmarks(views, (1, 5, 8, 9))
-    signs = [of.residuals_of(views, m, PRIOR, 0.7 * views.sd[m.rows]) for m in marks]
+    signs = [of.residuals_of(views, m, PRIOR) for m in marks]
     own = np.array([0.9, 1.4, 0.6])
-    weights = [rng.uniform(0.3, 1.2, len(s.value)) for s in signs]
     some = replace(views, track=np.where(views.track % 2 == 0, views.track, -1))
     groups = of.tracked_or_linked(views, [])
     return levelled(
         {
             "signs": signs,
-            "fitted": [
-                of._fitted(s, 0.02 * s.by_stamp, own, w)
-                for s, w in zip(signs, weights, strict=True)
-            ],
-            "likelihood": [of.log_likelihood(signs, sd) for sd in (0.0, 0.01, 0.05)],
-            "none": of.log_likelihood([], 0.1),
-            "scatter": of.stamp_scatter(views_with, groups[:6], PRIOR),
+            "deviance": [of.deviance(signs, own, sd) for sd in (0.0, 0.01, 0.05)],
+            "scatter": of.stamp_scatter(views, groups[:6], PRIOR),
             "groups": (groups, of.tracked_or_linked(some, _landmarks(views, range(6)))),
             "told": [
                 of.told(sd, [np.arange(0, 10**9, 10**8), np.array([5])]) for sd in (0.028, 0.03)

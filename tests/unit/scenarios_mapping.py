@@ -117,7 +117,7 @@ def mapping_places() -> Any:
     sign = found.sign
     lat, lon = of.rough_places(stacked, sign)
     members = Members(sign)
-    levels = of.ErrorLevels(1.2, 0.9, 0.4)
+    levels = np.sqrt([1.728, 1.152, 0.81])
     tile = Tile(np.arange(3, 9), np.arange(1, 12))
     data = of.tile_data(stacked, members, tile, lat, lon)
     networks = [of.network_of(stacked, data, levels, axes) for axes in (1, 2)]
@@ -278,7 +278,7 @@ def mapping_kernels() -> Any:
                 for a in (0.1, -0.4, 5.9, 1.2, 3.0, -7.0)
             ],
             "gain": [candidates.match_gain(0.5, 0.2, 0.9, u) for u in (0.3, np.nan)],
-            "cells": (filled.cells, grid.table_size(9), grid.table_size(8)),
+            "cells": (filled.cells, *(len(grid.empty_table(n, 16.0).head) for n in (9, 8))),
             "rows": [
                 (grid.cells_around(k, 16.0), grid.cell_column(1.3, 977), grid.bucket(k, 3 * k, 63))
                 for k in (-9000, -1, 0, 625000)

@@ -159,7 +159,7 @@ def geolocation_bearings() -> Any:
 def geolocation_course() -> Any:
     """The path's relation to places, and a camera's first turn by pairs of boxes."""
     from automap.geolocation.epipolar import first_correction
-    from automap.geolocation.path_relation import make_path, relate, roads_at, side_of_path
+    from automap.geolocation.path_relation import make_path, roads_at, side_of_path
     from tests.unit import geolocation_scene as world
 
     path = world.drive_path(16.0)
@@ -172,8 +172,8 @@ def geolocation_course() -> Any:
     places = scene.position
     return {
         "first": first_correction(path, found, plain, world.ORIGIN, 2e-3),
-        "relation": [relate(way, p, first, last) for p in places],
-        "course": [roads_at(way, p, first, last) for p in places],
+        "relation": [roads_at(way, p, first, last)[0, 3:].tolist() for p in places],
+        "course": [roads_at(way, p, first, last)[:, :4] for p in places],
         "side": [side_of_path(a, b) for a in (-9.0, -0.5, 0.5, 9.0) for b in (1.0, 6.0)],
     }
 

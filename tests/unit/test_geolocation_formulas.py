@@ -26,8 +26,7 @@ from automap.geolocation.camera_hypotheses import Hypothesis, _mountings
 from automap.geolocation.due_frames import _aspect, apparent_heights
 from automap.geolocation.epipolar import PairGeometry
 from automap.geolocation.existence import expected_log_odds, probability
-from automap.geolocation.merging import class_agreement
-from automap.geolocation.path_relation import make_path, relate, roads_at, side_of_path
+from automap.geolocation.path_relation import make_path, roads_at, side_of_path
 from automap.geolocation.time_minima import Minimum, alike, apart, starts
 from automap.records import Bearings, FloatArray, Trajectory
 
@@ -155,16 +154,14 @@ def test_a_signs_offset_from_a_bend_is_the_difference_of_two_radii(
     sign = here + right_m * side - np.array([0.0, 0.0, 2.5])
     t = trajectory.t_ns[at]
     first, last = int(t - 4e9), int(t - 1e9)
-    lateral, height = relate(path, sign, first, last)
-    assert lateral == pytest.approx(right_m, abs=0.05)
-    assert height == pytest.approx(2.5, abs=0.01)
     passed, seen = roads_at(path, sign, first, last)
+    assert passed[4] == pytest.approx(2.5, abs=0.01)
     for found, wanted in ((passed, course), (seen, course - turn_rate * 1.0)):
         assert np.cos(found[0] - wanted) > np.cos(0.01)
         assert found[1:3] == pytest.approx([-np.sin(found[0]), np.cos(found[0])])
     assert passed[3] == pytest.approx(right_m, abs=0.05)
     # seen from half a round later on, the path beside it is another
-    elsewhere, _ = relate(path, sign, int(t + 30e9), int(t + 32e9))
+    elsewhere = roads_at(path, sign, int(t + 30e9), int(t + 32e9))[0, 3]
     assert abs(elsewhere) > 30.0
 
 
@@ -226,17 +223,6 @@ def test_a_face_is_looked_at_as_before_within_the_angle_it_was_seen_under() -> N
     angle = np.array([0.0, widest - 0.01, -widest + 0.01, widest + 0.01, -widest - 0.01, np.pi])
     centre = -12.0 * np.column_stack([np.cos(angle), np.sin(angle), np.zeros(6)])
     assert _aspect(sign, seen, centre).tolist() == [True, True, True, False, False, False]
-
-
-def test_classes_agree_by_the_share_of_the_scores_that_both_have() -> None:
-    def sighting(name: str, **score: float) -> Any:
-        return SimpleNamespace(class_name=name, class_score=score)
-
-    stop, yield_ = sighting("stop", stop=3.0), sighting("give_way", give_way=1.0)
-    torn = sighting("stop", stop=3.0, give_way=1.0)
-    assert class_agreement(stop, torn) == 1.0
-    assert class_agreement(stop, yield_) == 0.0
-    assert class_agreement(torn, yield_) == class_agreement(yield_, torn) == pytest.approx(0.25)
 
 
 def test_offsets_to_start_from_lie_on_either_side_within_the_reach() -> None:

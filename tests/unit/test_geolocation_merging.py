@@ -9,7 +9,7 @@ import pytest
 from geolocation_scene import boxes, camera, drive_path, roadside
 
 from automap.geolocation.landmark import SizePrior, fit_landmark
-from automap.geolocation.merging import class_agreement, group_sightings
+from automap.geolocation.merging import group_sightings
 from automap.geolocation.sightings import Sighting, make_sighting
 from automap.geolocation.views import MeasurementNoise, Views, build_views
 
@@ -40,14 +40,3 @@ def test_two_poor_sightings_either_side_of_a_good_one_are_one_sign(
     assert group_sightings(views, poor) == [[0, 1, 2]], "the poor ones are 12 m apart"
     sure = [placed(a, -6.0, 0.3), placed(b, 0.0, 0.3), placed(c, 6.0, 0.3)]
     assert len(group_sightings(views, sure)) == 3
-
-
-def test_a_misread_box_of_two_does_not_make_another_class(
-    seen: tuple[Views, list[Sighting]],
-) -> None:
-    _, (a, b, _) = seen
-    stop = replace(a, class_score={"stop": 9.0, "yield": 1.0})
-    assert class_agreement(stop, replace(b, class_score={"stop": 2.0})) == 1.0
-    half = class_agreement(stop, replace(b, class_score={"yield": 0.6, "stop": 0.4}))
-    np.testing.assert_allclose(half, 0.5)
-    assert class_agreement(stop, replace(b, class_score={"parking": 1.0})) == 0.0

@@ -24,7 +24,7 @@ from automap.geolocation.landmark import (
     view_sd,
 )
 from automap.geolocation.path_relation import make_path
-from automap.geolocation.stamp_scatter import Residuals, _fitted, told, tracked_or_linked
+from automap.geolocation.stamp_scatter import Residuals, deviance, told, tracked_or_linked
 from automap.records import FloatArray
 
 FREEDOM = 4.0
@@ -35,31 +35,22 @@ def test_a_signs_likelihood_is_students_with_full_matrices() -> None:
     rng = np.random.default_rng(1)
     n, m = 5, 4
     value, by_fit = rng.normal(size=(n, 3)), rng.normal(size=(n, 3, m))
-    moved, own, weight = rng.normal(size=(n, 3)), rng.uniform(0.3, 2.0, 3), rng.uniform(0.2, 1.0, n)
-    prior = rng.uniform(0.1, 2.0, m)
-    C = np.array([np.diag(own) + np.outer(d, d) for d in moved])
+    by_stamp, own, prior = rng.normal(size=(n, 3)), rng.uniform(0.3, 2.0, 3), rng.uniform(0.1, 2, m)
+    C = np.array([np.diag(own) + 0.88**2 * np.outer(d, d) for d in 0.7 * by_stamp])
     W = np.linalg.inv(C)
-    N = np.linalg.inv(
-        sum(w * B.T @ V @ B for w, B, V in zip(weight, by_fit, W, strict=True)) + np.diag(prior)
-    )
-    x = N @ sum(w * B.T @ V @ z for w, B, V, z in zip(weight, by_fit, W, value, strict=True))
-    r = value - by_fit @ x
+    r = value
+    for _ in range(2):
+        weight = (FREEDOM + 3.0) / (FREEDOM + np.einsum("ni,nij,nj->n", r, W, r))
+        N = sum(w * B.T @ V @ B for w, B, V in zip(weight, by_fit, W, strict=True))
+        pull = sum(w * B.T @ V @ z for w, B, V, z in zip(weight, by_fit, W, value, strict=True))
+        x = np.linalg.inv(N + np.diag(prior)) @ pull
+        r = value - by_fit @ x
     square = np.einsum("ni,nij,nj->n", r, W, r)
     whole = np.diag(prior) + sum(B.T @ V @ B for B, V in zip(by_fit, W, strict=True))
     total = np.sum((FREEDOM + 3.0) * np.log1p(square / FREEDOM) + np.linalg.slogdet(C)[1])
     total += x @ (prior * x) + np.linalg.slogdet(whole)[1]
-    # the own part of each box's error given its residual, of which what the fit took is unknown
-    D = np.diag(own)
-    squares = np.zeros(3)
-    for k in range(n):
-        mean = D @ W[k] @ r[k]
-        B = W[k] @ by_fit[k]
-        left = D - D @ (W[k] - weight[k] * B @ N @ B.T) @ D
-        squares += weight[k] * mean**2 + np.diag(left)
-    found = _fitted(Residuals(value, moved, by_fit, prior), moved, own, weight)
-    assert found[0] == pytest.approx(total)
-    assert found[1] == pytest.approx(square)
-    assert found[2] == pytest.approx(squares)
+    signs = [Residuals(value, by_stamp, by_fit, prior)] * 2
+    assert deviance(signs, own, 0.7) == pytest.approx(2.0 * total)
 
 
 def test_stamps_are_told_to_err_beyond_a_uniform_ones_sigma() -> None:

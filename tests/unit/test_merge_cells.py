@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from merge_scene import Scene, street_scene
 
+from automap.earth import MEAN_RADIUS
 from automap.mapping import cells
 from automap.mapping.association import associate
 from automap.mapping.by_cells import associate_by_cells
@@ -23,7 +24,6 @@ from automap.mapping.cells import (
     touched,
 )
 from automap.mapping.duplicates import join_duplicates
-from automap.mapping.grid import RADIUS_M
 from automap.mapping.merge import Merged, merge_drives
 from automap.mapping.sightings import DriveSigns, stack_sightings
 
@@ -54,7 +54,7 @@ def at_edge(scene: Scene, lon: float, level_lat: float = -0.6) -> list[DriveSign
     side = 1 << LEVEL
     row = int(cell_of(np.array([level_lat]), np.array([lon]))[0]) // side
     edge = float(np.arctan(np.sinh(np.pi * (1.0 - 2.0 * row / side))))
-    half = 1000.0 / RADIUS_M
+    half = 1000.0 / MEAN_RADIUS
     return [moved(drive, edge - half, lon) for drive in scene.drives]
 
 
@@ -74,7 +74,7 @@ def test_what_is_within_the_margin_of_a_cell_touches_it(
 ) -> None:
     """The cell of any place up to the margin away is among those touched: over the antimeridian,
     over the poles, over the end of the tiles."""
-    d = distance_m / RADIUS_M
+    d = distance_m / MEAN_RADIUS
     there = np.arcsin(
         np.clip(np.sin(lat) * np.cos(d) + np.cos(lat) * np.sin(d) * np.cos(azimuth), -1, 1)
     )
@@ -131,7 +131,7 @@ def assert_same_map(a: Merged, b: Merged, sigmas: float) -> None:
     for k, j in enumerate(order):
         one, two = a.signs[k], b.signs[j]
         turn = np.mod(one.lon_rad - two.lon_rad + np.pi, 2 * np.pi) - np.pi
-        apart = RADIUS_M * np.array([turn * np.cos(one.lat_rad), one.lat_rad - two.lat_rad])
+        apart = MEAN_RADIUS * np.array([turn * np.cos(one.lat_rad), one.lat_rad - two.lat_rad])
         limit = sigmas * np.sqrt(np.diag(one.cov_enu)[:2]) + 1e-6
         assert (np.abs(apart) < limit).all()
         assert np.allclose(one.cov_enu, two.cov_enu, rtol=2 * sigmas, atol=1e-9)
@@ -163,7 +163,7 @@ def test_every_sighting_is_in_one_sign_where_signs_stand_on_the_edge() -> None:
     """The left side of the street is an edge between two columns of cells."""
     scene = street_scene(6, 6, length_m=1500.0)
     edge = -np.pi + 2.0 * np.pi * 9000 / (1 << LEVEL)
-    drives = [moved(d, -0.6, edge + 5.0 / RADIUS_M / np.cos(0.6)) for d in scene.drives]
+    drives = [moved(d, -0.6, edge + 5.0 / MEAN_RADIUS / np.cos(0.6)) for d in scene.drives]
     sightings = stack_sightings(drives)
     found = associate_by_cells(sightings)
     assert (found >= 0).all()

@@ -9,7 +9,7 @@ import pytest
 from merge_scene import ORIGIN, levels_told, to_enu, to_geodetic
 
 from automap.geolocation.limits import NODE_S
-from automap.mapping.adjustment import Adjusted, ErrorLevels, adjust
+from automap.mapping.adjustment import Adjusted, adjust
 from automap.mapping.association import associate
 from automap.mapping.candidates import (
     D_E,
@@ -151,19 +151,19 @@ def design(sign: np.ndarray) -> np.ndarray:
     return np.kron(np.eye(int(sign.max()) + 1)[sign], np.eye(3))
 
 
-@pytest.mark.parametrize("levels", [ErrorLevels(), ErrorLevels(1.3, 0.8, 0.3), ErrorLevels(0.7)])
-def test_a_street_is_the_generalised_least_squares_of_all_at_once(levels: ErrorLevels) -> None:
+@pytest.mark.parametrize("levels", [(1.0, 1.0, 1.0), (1.5, 1.0, 0.8), (1.1, 0.7, 0.9)])
+def test_a_street_is_the_generalised_least_squares_of_all_at_once(
+    levels: tuple[float, float, float],
+) -> None:
     """Places, covariances, and the drives' offsets with theirs."""
     sightings, sign = street()
-    result = adjust(sightings, sign, levels)
+    result = adjust(sightings, sign, np.array(levels))
     wander, total = dense_covariance(sightings, TAU_S)
-    own = levels.own**2 * (total - wander)
-    # what wanders shows within a drive: a level below one is not of that
-    shared = max(levels.shared, 1.0) ** 2 * (1.0 - levels.lasting) * wander
-    lasting = levels.lasting * dense_covariance(sightings, 1e12)[0]
-    # nor of heights, as it is found in plan
-    level = np.tile([levels.shared, levels.shared, max(levels.shared, 1.0)], len(sightings))
-    shared = shared + level[:, None] * level * lasting
+    own = levels[2] ** 2 * (total - wander)
+    wanders, lasts = 0.5 * levels[0] ** 2, 0.5 * levels[1] ** 2
+    # of heights both together are no less than stated
+    level = np.sqrt(np.tile([lasts, lasts, max(lasts, 1.0 - wanders)], len(sightings)))
+    shared = wanders * wander + level[:, None] * level * dense_covariance(sightings, 1e12)[0]
     total = shared + own
     z = to_enu(sightings.lat, sightings.lon, sightings.height).ravel()
     a, weight = design(sign), np.linalg.inv(total)
@@ -216,7 +216,7 @@ def test_levels_are_as_large_as_errors_are() -> None:
             drive(number, true + factor * error[number], cov, np.full(3, 1e-3), np.arange(n))
             for number in range(4)
         ]
-        found.append(levels_told(stack_sightings(drives), np.tile(np.arange(n), 4))[0].own)
+        found.append(levels_told(stack_sightings(drives), np.tile(np.arange(n), 4))[0][2])
     assert found[0] == pytest.approx(1.0, rel=0.15)
     # what was stated beforehand holds it back a little
     assert 1.8 < found[1] / found[0] < 2.02
@@ -331,14 +331,14 @@ def test_a_size_that_all_drives_took_a_sign_for_is_not_averaged_away() -> None:
         nothing = np.zeros(20)
         return replace(told, by_size_e_m=along, by_size_n_m=nothing, by_size_u_m=nothing)
 
-    def merged(drives: list[DriveSigns]) -> tuple[Adjusted, ErrorLevels]:
+    def merged(drives: list[DriveSigns]) -> tuple[Adjusted, np.ndarray]:
         sightings, same = stack_sightings(drives), np.tile(np.arange(20), len(drives))
         levels, _ = levels_told(sightings, same)
         return adjust(sightings, same, levels), levels
 
     found, levels = merged([once(k) for k in range(4)])
     sd = np.sqrt(found.cov_enu[:, 0, 0])
-    assert levels.own < 0.6
+    assert levels[2] < 0.6
     assert np.all((sd[far] > 5.0) & (sd[far] < 5.7))
     assert sd[~far].max() < 0.25
     # one drive that sees all from near settles it
