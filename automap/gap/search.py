@@ -167,8 +167,8 @@ class Search:
     def _beside_drift(
         self, here: Fitted, selection: Selection, chosen: Chosen
     ) -> tuple[Chosen, dict[str, float]]:
-        """The choice less the candidate on a sensor that is worth the least, where that is less than
-        a name's, and nats of all of these, drift fitted anew without each: beside biases that are
+        """The choice less what acts on a sensor and is worth the least, where that is less than a
+        name's, and nats of each of these, drift fitted anew without it: beside biases that are
         steady because of it, it also explains what drift would."""
         nats, worth = dict[str, float](), dict[str, float]()
         for name in chosen.names:
