@@ -33,7 +33,7 @@ from automap.fusion.measurements.wheel_speed import Odometer
 from automap.fusion.model import StateModel, build_state_model
 from automap.fusion.nodes import FixModel, Nodes, Shift, build_nodes, fix_speed
 from automap.fusion.options import FusionOptions
-from automap.fusion.problem import Problem, make_problem, with_late_change
+from automap.fusion.problem import LateChange, Problem, make_problem, with_late_change
 from automap.fusion.rest_noise import least_levels
 from automap.fusion.sections import filter_and_smooth
 from automap.fusion.tuning import Tuned, tune_noise
@@ -47,9 +47,8 @@ class Session:
 
     ``means`` and ``sds`` are priors by parameter name, ``standstill`` intervals and ``span`` in
     s from the first sample, which was taken ``begin_s`` into the drive; ``bridged_s`` [n] how long
-    the stretch of readings is that was replaced at a sample, s; ``late_change`` [n, 3] m/s^2 what
-    velocities change by when they are late, less the acceleration at their tag; ``readings`` as
-    the filter takes them, where many models are asked of them.
+    the stretch of readings is that was replaced at a sample, s; ``late_change`` how late
+    velocities change; ``readings`` as the filter takes them, where many models are asked of them.
     """
 
     imu: ImuData
@@ -62,7 +61,7 @@ class Session:
     odometer: Odometer | None = None
     begin_s: float = 0.0
     bridged_s: FloatArray | None = None
-    late_change: FloatArray | None = None
+    late_change: LateChange | None = None
     readings: Samples | None = None
 
 

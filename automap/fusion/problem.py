@@ -4,16 +4,26 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import IO
+from typing import IO, NamedTuple
 
 import numpy as np
 
 from automap.effects import Signals, extra_basis
-from automap.effects.term_sums import AXIS, SIGNAL_COLUMN, SIGNAL_ELAPSED, SIGNAL_ONE, TIME, Terms
+from automap.effects.term_sums import (
+    AXIS,
+    COURSE,
+    POINT,
+    SIGNAL_COLUMN,
+    SIGNAL_ELAPSED,
+    SIGNAL_ONE,
+    TIME,
+    Terms,
+)
 from automap.effects.terms import POSITION_ACCURACY
 from automap.effects.user import is_users, user_signal
 from automap.fusion.aside import Columns, columns_in
 from automap.fusion.kernels import ModelArrays, Samples
+from automap.fusion.layout import N_NAV
 from automap.fusion.limits import FORCE_WINDOW_S, MAX_INFLATION, REFUSED_INFLATION
 from automap.fusion.model import StateModel
 from automap.fusion.nodes import Nodes
@@ -22,7 +32,7 @@ from automap.fusion.shocks import shock_noise
 from automap.fusion.steady_rate import steady_rate
 from automap.fusion.unusable_readings import bridge_noise
 from automap.gates import gate
-from automap.records import FloatArray, ImuData
+from automap.records import BoolArray, FloatArray, ImuData, IntArray
 
 
 @dataclass(frozen=True)
@@ -122,20 +132,31 @@ def with_options(problem: Problem, options: FusionOptions | None = None) -> Prob
     return replace(problem, options=options, arrays=_model_arrays(problem.model, options, step))
 
 
-def with_late_change(problem: Problem, change: FloatArray) -> Problem:
-    """The problem in which velocities that are late by a second more change by the acceleration at
-    their tag plus ``change`` [n, 3] m/s^2 NED at the samples: by that of the instant that they are
-    of, of a low-pass by what it lets through."""
+class LateChange(NamedTuple):
+    """By how much more than at their tag late velocities change, at the samples [n, 3] NED: the
+    ``whole`` of them as they grow later, m/s^2, what turns them as their ``course`` does, and as
+    that is of a place further ``behind``, 1/s."""
+
+    whole: FloatArray
+    course: FloatArray
+    behind: FloatArray
+
+
+def with_late_change(problem: Problem, change: LateChange) -> Problem:
+    """The problem in which velocities that are late change by what happened at the instant that
+    they, and their courses, are of; those of a low-pass by what it lets through."""
     model, users = problem.model, dict(problem.users)
     codes, weights = model.measured.velocity
     every, signals = Terms(codes, weights), list(model.signals)
     # of a clock that runs fast the delay grows with the time
-    growing = change * problem.t[:, None]
-    for of, name, amounts in (
-        (SIGNAL_ONE, "late_change", change),
-        (SIGNAL_ELAPSED, "late_growth", growing),
+    growing = change.whole * problem.t[:, None]
+    distance = codes[:, 0] == model.places.get("gnss_course_distance", 0) - N_NAV
+    for late, name, amounts in (
+        (_of_kind(codes, TIME, SIGNAL_ONE), "late_change", change.whole),
+        (_of_kind(codes, TIME, SIGNAL_ELAPSED), "late_growth", growing),
+        (_of_kind(codes, COURSE, SIGNAL_ONE), "late_course", change.course),
+        (_of_kind(codes, POINT, SIGNAL_ONE) & distance, "late_distance", change.behind),
     ):
-        late = (codes[:, 1] == TIME) & (codes[:, 3] == of)
         if not late.any():
             continue
         more = np.repeat(codes[late], 3, axis=0)
@@ -154,6 +175,10 @@ def with_late_change(problem: Problem, change: FloatArray) -> Problem:
     model = replace(model, measured=measured, signals=tuple(signals))
     arrays = problem.arrays._replace(on_velocity=terms)
     return replace(problem, model=model, arrays=arrays, users=users)
+
+
+def _of_kind(codes: IntArray, kind: int, signal: int) -> BoolArray:
+    return np.asarray((codes[:, 1] == kind) & (codes[:, 3] == signal))
 
 
 def _for_linear_steps(imu: ImuData, t: FloatArray, step: float) -> FloatArray:

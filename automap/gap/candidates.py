@@ -247,9 +247,10 @@ def _direct(effect: str, fit: Fit, motion: Motion, at: NodeMotion) -> dict[str, 
             out[term.parameter][:, _CHANNELS[VELOCITY]] = _beyond_first_order(
                 term.kind, term.weight, motion, at.t
             )
-        elif term.kind == Kind.TIME and term.on == VELOCITY and change is not None:
+        elif term.on == VELOCITY and term.kind in (Kind.TIME, Kind.COURSE) and change is not None:
             # as the filter does: what is late changes by what happened then
-            more = term.weight * at_times(motion, change, at.t)
+            by = change.course if term.kind == Kind.COURSE else change.whole
+            more = term.weight * at_times(motion, by, at.t)
             more *= at.t[:, None] if term.signal == ELAPSED else 1.0
             out[term.parameter][:, _CHANNELS[VELOCITY]] += more
     return out

@@ -31,6 +31,7 @@ from automap.fusion.layout import PHI_ID
 from automap.fusion.limits import ROAD_ROLL_SD
 from automap.fusion.nodes import FixModel
 from automap.fusion.passes import Pass, Session
+from automap.fusion.problem import LateChange
 from automap.fusion.steady_rate import steady_rate
 from automap.records import FloatArray
 
@@ -150,9 +151,9 @@ def delays_of(last: Pass, where: Mapping[str, Mapping[str, tuple[str, float]]]) 
 
 def linear_in_delays(
     fixes: FixModel, last: Pass, motion: Motion, delays: Delays
-) -> tuple[FixModel, FloatArray | None]:
+) -> tuple[FixModel, LateChange | None]:
     """Fixes less what their ages do to them beyond the first order about ``delays``, and what
-    velocities change by as they grow later, less the acceleration at their tag [n, 3] m/s^2.
+    velocities change by as they grow later.
 
     A velocity that is late by a time constant or more changes by what happened then: the
     acceleration at its tag may have the other sign, and would lead away from the right delay.
@@ -183,35 +184,68 @@ def linear_in_delays(
     changing = _steady(last, motion) + inward
     acc = at_times(motion, changing, t)
     first_order = vel - old * acc
-    change = late_change(motion, changing, delays)
+    change = late_change(antenna, changing, delays)
     if change is not None:
-        first_order -= old * at_times(motion, change, t)
+        first_order -= old * at_times(motion, change.whole, t)
+        first_order -= delays.course_s * at_times(motion, change.course, t)
+        first_order -= delays.course_m * at_times(motion, change.behind, t)
     if delays.course_s != 0.0 or delays.course_m != 0.0:
         speed = np.maximum(np.hypot(seen[:, 0], seen[:, 1]), COURSE_SPEED)
         behind = delays.course_s + delays.course_m / speed
         seen = _turned(seen, at_times(motion, passed, told - behind))
-        turns = np.zeros_like(vel)
-        course_changes(vel, acc, turns)
-        place = np.cross(rate, np.array([delays.course_m, 0.0, 0.0]))
+        turns = _turning(vel, acc)
         first_order -= delays.course_s * turns
-        first_order -= at_times(motion, np.einsum("nij,nj->ni", motion.dcm, place), t)
+        first_order -= delays.course_m * at_times(motion, _nose_swings(motion, rate), t)
     values[:, 3:6] -= seen - first_order
     return replace(fixes, values=values), change
 
 
-def late_change(motion: Motion, acc: FloatArray, delays: Delays) -> FloatArray | None:
-    """By how much the change of late velocities differs from the acceleration ``acc`` [n, 3]; None
-    where they are not late. A low-pass changes with its time constant by the acceleration passed
-    through it twice: y = v / (1 + s tau), dy / dtau = -s v / (1 + s tau)^2."""
+def late_change(motion: Motion, acc: FloatArray, delays: Delays) -> LateChange | None:
+    """By how much the changes of late velocities differ from those at their tag, of which ``acc``
+    [n, 3] is the acceleration; None where they are not late. A low-pass changes with its time
+    constant by the acceleration passed through it twice: y = v / (1 + s tau), dy / dtau = -s v / (1
+    + s tau)^2. A course is of its own instant, and so is what turns it."""
     late = delays.all_s + delays.velocity_s
     grown = abs(delays.skew) * float(motion.t[-1])
-    if max(abs(late), delays.lag_s, grown) < LEAST_S:
+    if max(abs(late), delays.lag_s, grown, abs(delays.course_s), delays.course_m) < LEAST_S:
         return None
-    then = acc
-    for _ in range(2 if delays.lag_s > 0.0 else 0):
-        then = lagged(motion, then, delays.lag_s)
-    skewed = delays.skew * motion.t
-    return np.asarray(at_times(motion, then, motion.t - late - skewed) - acc)
+    passed, once, then = motion.vel, acc, acc
+    if delays.lag_s > 0.0:
+        passed, once = (lagged(motion, each, delays.lag_s) for each in (passed, once))
+        then = lagged(motion, once, delays.lag_s)
+    told = motion.t - late - delays.skew * motion.t
+    seen, change = at_times(motion, passed, told), at_times(motion, then, told)
+    size = np.maximum(np.hypot(seen[:, 0], seen[:, 1]), COURSE_SPEED)
+    before = told - delays.course_s - delays.course_m / size
+    course = at_times(motion, passed, before)
+    its_size = np.maximum(np.hypot(course[:, 0], course[:, 1]), COURSE_SPEED)
+    longer = (size / its_size)[:, None]
+    turned = longer * _turning(course, at_times(motion, then, before))
+    turned_once = longer * _turning(course, at_times(motion, once, before))
+    as_seen, at_tag = _turning(seen, change), _turning(motion.vel, acc)
+    # what makes it faster points where the course does
+    faster = np.sum(change[:, :2] * seen[:, :2], axis=1) / size
+    change[:, :2] += faster[:, None] * (
+        course[:, :2] / its_size[:, None] - seen[:, :2] / size[:, None]
+    )
+    swings = _nose_swings(motion, steady_rate(motion.t, motion.rate))
+    return LateChange(
+        change + turned - as_seen - acc,
+        turned_once - at_tag,
+        turned_once / size[:, None] - swings,
+    )
+
+
+def _nose_swings(motion: Motion, rate: FloatArray) -> FloatArray:
+    """What a metre ahead moves by NED [n, 3] at turn ``rate`` [n, 3] of the body, 1/s."""
+    return np.asarray(np.einsum("nij,nj->ni", motion.dcm, np.cross(rate, [1.0, 0.0, 0.0])))
+
+
+def _turning(vel: FloatArray, acc: FloatArray) -> FloatArray:
+    """What of accelerations [k, 3] turns velocities [k, 3]."""
+    out = np.zeros_like(vel)
+    course_changes(np.ascontiguousarray(vel), np.ascontiguousarray(acc), out)
+    return out
 
 
 def _turned(vel: FloatArray, course_of: FloatArray) -> FloatArray:

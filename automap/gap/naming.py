@@ -61,11 +61,13 @@ def describe(
             close += [r.name for r, apart in places if not apart]
         close += found.not_told_apart.get(name, ())
         # a noise that was fitted beside an effect does not know what it would say without it
-        nats = found.borne_out.get(name, sum(m.evidence.nats for m in moves))
+        linear = sum(m.evidence.nats for m in moves)
+        nats = found.nats.get(name, linear)
+        sure = odds - linear + nats
         p = p_value(nats - np.log(selection.candidates[name].choices), maxima)
         if selection.candidates[name].terms:
             nearest = rivals[0][0].name if rivals else None
-            told.append((odds, _formula(found, name, moves, nats, p, nearest)))
+            told.append((sure, _formula(found, name, moves, nats, p, nearest)))
             continue
         twins = [t for t in sorted(twins_of((name,))) if t in selection.candidates]
         confusable = tuple(dict.fromkeys([*close, *twins]))
@@ -80,7 +82,7 @@ def describe(
         other = str(drift) if drift else cut_off(found.fitted.fits, effect, found.full.of(effect))
         other = other or doubt(selection, chosen, name, gain)
         its = (effect, parameters, nats, p, 0.0, 0.0, confusable, advice(effect, confusable))
-        told.append((odds, Finding(*its, other, drift)))
+        told.append((sure, Finding(*its, other, drift)))
     return [one for _, one in sorted(told, key=lambda item: -item[0])]
 
 

@@ -120,6 +120,13 @@ def with_noise(fitted: Fitted, stated: Mapping[str, float]) -> Fitted:
     return fitted_about(model, fitted.estimate, fits)
 
 
+def with_levels(fitted: Fitted, levels: Collection[str]) -> Fitted:
+    """The set with some levels of noise moved to where they suit the drives best."""
+    factors = fit_noise(fitted.fits, levels)
+    model = replace(fitted.model, factors=factors)
+    return fitted_about(model, fitted.estimate, fitted.fits)
+
+
 def fitted_about(model: GapModel, estimate: Mapping[str, float], about: Sequence[Fit]) -> Fitted:
     """The set ``estimate`` as states under a model, beginning about other fits of the drives."""
     fits = tuple(fit_drive(f.opened, model, estimate, linearised_at=f) for f in about)

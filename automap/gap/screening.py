@@ -40,8 +40,8 @@ class Found:
     """Where a search ended: the set as fitted, the base model's fit, the joint estimate with all
     parameters of each effect free, the last selection with what it chose, which effect stands for
     each candidate, which names the drives cannot tell from each, what of it held-out data let
-    stand, the fit made linear as it is where nothing else acts, and nats of those that the filter
-    alone bears out."""
+    stand, the fit made linear as it is where nothing else acts, and nats of those of which the
+    filter says how many."""
 
     base: Fitted
     fitted: Fitted
@@ -52,7 +52,7 @@ class Found:
     not_told_apart: Mapping[str, tuple[str, ...]]
     stands: Confirmed
     nothing_else: Selection
-    borne_out: Mapping[str, float] = field(default_factory=dict)
+    nats: Mapping[str, float] = field(default_factory=dict)
 
 
 class Screening:

@@ -21,7 +21,7 @@ from automap.gap.candidates import is_course
 from automap.gap.confirm import Confirmed, confirmed
 from automap.gap.drive import OpenDrive
 from automap.gap.judge import Judge
-from automap.gap.noise import Fitted, Log, fitted_about, noise_score, with_noise
+from automap.gap.noise import Fitted, Log, fitted_about, noise_score, with_levels, with_noise
 from automap.gap.scoring import likelier
 from automap.gap.screening import Found, Screening, in_layout
 from automap.gap.selection import Chosen, Key, Selection
@@ -112,7 +112,7 @@ class Search:
             selection = self.screening.selection(here, slow)
             selection.needed = frozenset(self.borne_out)
             chosen = in_layout(found, layout, selection)
-        here, selection, chosen = self._needed_alone(here, selection, chosen, slow)
+        here, selection, chosen, nats = self._needed_alone(here, selection, chosen, slow)
         self.log("fitting all parameters")
         free = replace(here.model, options=self.screening.options)
         full = fitted_about(free, here.estimate, here.fits).joint()
@@ -120,7 +120,7 @@ class Search:
         nothing_else = self.screening.selection(here, slow=False, may_act=False)
         return Found(
             *(self.base, here, full, selection, chosen, self.screening.effects, self.close),
-            *(self._told(stands).after(self.spoken_against), nothing_else, self.borne_out),
+            *(self._told(stands).after(self.spoken_against), nothing_else, self.borne_out | nats),
         )
 
     def _kept(
@@ -148,18 +148,50 @@ class Search:
 
     def _needed_alone(
         self, here: Fitted, selection: Selection, chosen: Chosen, slow: bool
-    ) -> tuple[Fitted, Selection, Chosen]:
+    ) -> tuple[Fitted, Selection, Chosen, dict[str, float]]:
         """Where the search ended, less what the last fit does not need: a rival that took a place
-        in the last round has not been asked whether it is likelier than nothing."""
+        in the last round has not been asked whether it is likelier than nothing. With it comes what
+        drift leaves of the evidence of what acts on a sensor."""
         while True:
             selection.inflate(chosen)
-            fewer = pruned(selection, chosen)
+            fewer, nats = pruned(selection, chosen), dict[str, float]()
             if fewer == chosen:
-                return here, selection, chosen
+                fewer, nats = self._beside_drift(here, selection, chosen)
+            if fewer == chosen:
+                return here, selection, chosen, nats
             here = self._fit(here, selection, fewer)
             after = self.screening.selection(here, slow)
             after.needed = frozenset(self.borne_out)
             selection, chosen = after, in_layout(fewer, selection.linear.layout, after)
+
+    def _beside_drift(
+        self, here: Fitted, selection: Selection, chosen: Chosen
+    ) -> tuple[Chosen, dict[str, float]]:
+        """The choice less what acts on a sensor and is worth the least, where that is less than a
+        name's, and nats of each of these, drift fitted anew without it: beside biases that are
+        steady because of it, it also explains what drift would."""
+        nats, worth = dict[str, float](), dict[str, float]()
+        for name in chosen.names:
+            if not selection.sensors(chosen, name):
+                continue
+            self.log(f"checking how much of {name} drift says")
+            other = self._as_drift(here, selection, chosen, name)
+            nats[name], _ = likelier(here.fits, other.fits)
+            if name not in self.borne_out:
+                _, moves = selection.odds_of(chosen, name)
+                nats[name] = min(nats[name], sum(m.evidence.nats for m in moves))
+                fewer = chosen.without(name)
+                worth[name] = nats[name] + selection.log_prior(chosen) - selection.log_prior(fewer)
+        weakest = min(worth, key=lambda n: worth[n], default="")
+        if weakest and worth[weakest] < limits.LEAST_ODDS:
+            return chosen.without(weakest), {}
+        return chosen, nats
+
+    def _as_drift(self, here: Fitted, selection: Selection, chosen: Chosen, name: str) -> Fitted:
+        """A set less one candidate, the drift of the sensors that it acts on as suits the drives
+        without it."""
+        walks = [WALK_OF[sensor] for sensor in sorted(selection.sensors(chosen, name))]
+        return with_levels(self.screening.states(here, selection, chosen.without(name)), walks)
 
     def _bar(self, keys: Iterable[Key]) -> None:
         """Try parts no more."""
@@ -212,7 +244,7 @@ class Search:
                 continue
             self.log(f"checking whether drift says what {name} does")
             fewer = found.without(name)
-            other = self._fit(here, selection, fewer)
+            other = self._as_drift(here, selection, found, name)
             ahead, sigmas = self.judge.ahead(here, other, selection.of_vehicle(found, {name}))
             ahead += selection.log_prior(found) - selection.log_prior(fewer)
             if ahead < limits.LEAST_ODDS or sigmas < limits.APART:
@@ -357,8 +389,7 @@ class Search:
         new = Chosen(tuple(p for p in more.parts if p[0] not in found.names))
         new = in_layout(new, loud.linear.layout, selection)
         if slow:
-            layout = selection.linear.layout
-            self.swallowed |= {n for n, part, _ in new.parts if layout[part[0]].sensors}
+            self.swallowed |= {n for n in new.names if selection.sensors(new, n)}
         return Chosen((*found.parts, *new.parts))
 
     def _swallowed(self, here: Fitted, loud: Selection, known: Chosen) -> Chosen:

@@ -134,6 +134,16 @@ class Selection:
         """Whether any of the candidates ``names`` of a choice acts on the vehicle constraint."""
         return any(self.linear.of_vehicle(part) for n, part, _ in chosen.parts if n in names)
 
+    def sensors(self, chosen: Chosen, name: str) -> frozenset[int]:
+        """On the readings of which sensors a candidate of a choice acts."""
+        layout = self.linear.layout
+        return frozenset(
+            sensor
+            for n, part, _ in chosen.parts
+            for i in part
+            for sensor in (layout[i].sensors if n == name else ())
+        )
+
     def key(self, name: str, part: Part) -> Key:
         """A part of a candidate by its parameters' names, which hold in other layouts too."""
         return name, tuple(self.linear.layout[i].parameter for i in part)

@@ -302,7 +302,7 @@ def fusion_passes() -> Any:
     from automap.fusion.model import build_state_model
     from automap.fusion.nodes import Shift, build_nodes
     from automap.fusion.options import FusionOptions
-    from automap.fusion.problem import make_problem, stored, with_late_change
+    from automap.fusion.problem import LateChange, make_problem, stored, with_late_change
     from automap.fusion.sections import _bounds, filter_and_smooth
     from tests.unit.fusion_problem import make_nodes, true_start
     from tests.unit.scenarios_fusion import small_problem
@@ -381,11 +381,13 @@ def fusion_passes() -> Any:
         passes.problem_of(session).turning,
         passes.basis_of(replace(session, standstill=[(0.0, 12.0)])).least,
     ]
+    still = np.zeros((len(problem.t), 3))
     change = np.column_stack([np.sin(problem.t), np.cos(problem.t), 0.1 * problem.t])
-    late = with_late_change(problem, change)
+    changes = LateChange(change, still, still)
+    late = with_late_change(problem, changes)
     users = FusionOptions(effects=("accel_warm_up", "imu_filter_delay", "gnss_speed_offset"))
     felt = replace(
-        session, options=users, late_change=change, bridged_s=np.where(problem.t < 1.0, 0.4, 0.0)
+        session, options=users, late_change=changes, bridged_s=np.where(problem.t < 1.0, 0.4, 0.0)
     )
     whole = passes.problem_of(felt)
     found["problems"] = [

@@ -6,8 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.ndimage import minimum_filter1d
 
 from automap.earth import metres_per_radian
+from automap.effects.measured_kernels import course_changes
 from automap.fusion.steady_rate import steady_rate
 from automap.gap import base_model
 from automap.gap.drive import open_drive
@@ -134,7 +136,7 @@ def test_metres_a_second_are_longer_on_a_clock_that_runs_fast(plain: Fit) -> Non
     rest, change = linear_in_delays(late, plain.last, motion, Delays(skew=-skew))
     assert change is not None
     vel = at_times(motion, antenna, tag)
-    acc = at_times(motion, _steady(plain.last, motion) + inward + change, tag)
+    acc = at_times(motion, _steady(plain.last, motion) + inward + change.whole, tag)
     off = np.abs(rest.values[:, 3:6] - vel - (skew * tag)[:, None] * acc)
     inner = (tag > 1.0) & (tag < own[-1] - 1.0)
     fast = inner & (np.hypot(*vel[:, :2].T) > 8.0)
@@ -162,17 +164,19 @@ def test_late_courses_less_the_remainder_are_late_to_first_order(plain: Fit) -> 
     moving = (np.minimum(*speeds) > 4.0) & (t > motion.t[0] + 1.0) & (t < motion.t[-1] - 1.0)
     values = fixes.values.copy()
     values[:, 3:6] = turned_back(vel, before)
-    rest, _ = linear_in_delays(
+    rest, change = linear_in_delays(
         replace(fixes, values=values), plain.last, motion, Delays(course_s=late)
     )
-    # what the filter multiplies the delay with: of the acceleration that part which turns
+    assert change is not None
+    # what the filter multiplies the delay with: of the acceleration that part which turns, and by
+    # how much it was another when the course was that
     acc = at_times(motion, _steady(plain.last, motion) + inward, t)
     ahead = (at_times(motion, antenna, t + 0.2) - at_times(motion, antenna, t - 0.2)) / 0.4
     assert np.corrcoef(acc[moving, 0], ahead[moving, 0])[0, 1] > 0.97
     along = vel[:, :2] / np.linalg.norm(vel[:, :2], axis=1)[:, None].clip(1e-9)
     across = acc[:, :2] - along * np.sum(acc[:, :2] * along, axis=1)[:, None]
     expected = vel.copy()
-    expected[:, :2] -= late * across
+    expected[:, :2] -= late * (across + at_times(motion, change.course, t)[:, :2])
     off = [np.abs(v[:, 3:6] - expected)[moving].max() for v in (values, rest.values)]
     assert moving.sum() > 100
     assert off[0] > 0.1
@@ -195,13 +199,15 @@ def test_courses_of_a_place_behind_less_the_remainder_are_those_of_an_arm(plain:
     moving &= t < motion.t[-1] - 1.0
     values = fixes.values.copy()
     values[:, 3:6] = turned_back(vel, before)
-    rest, _ = linear_in_delays(
+    rest, change = linear_in_delays(
         replace(fixes, values=values), plain.last, motion, Delays(course_m=behind)
     )
-    # a point so far behind the antenna swings by the turn rate times the distance
+    assert change is not None
+    # a point so far behind the antenna swings by the turn rate times the distance, as that was
     rate = steady_rate(motion.t, motion.rate)
     swing = np.cross(rate, np.array([-behind, 0.0, 0.0]))
     expected = vel + at_times(motion, np.einsum("nij,nj->ni", motion.dcm, swing), t)
+    expected -= behind * at_times(motion, change.behind, t)
     off = [np.abs(v[:, 3:6] - expected)[moving].max() for v in (values, rest.values)]
     assert moving.sum() > 100
     assert off[0] > 0.1
@@ -231,6 +237,11 @@ def test_delays_are_close_where_no_age_moved(field: str) -> None:
     [
         *(Delays(velocity_s=0.8), Delays(lag_s=0.8), Delays(all_s=0.5)),
         *(Delays(skew=1e-2), Delays(velocity_s=0.5, skew=2e-3)),
+        *(
+            Delays(course_s=0.6),
+            Delays(velocity_s=0.3, course_s=0.4),
+            Delays(0.0, 0.0, 0.7, 0.0, -0.4),
+        ),
     ],
 )
 def test_late_velocities_change_by_what_happened_then(plain: Fit, late: Delays) -> None:
@@ -243,16 +254,31 @@ def test_late_velocities_change_by_what_happened_then(plain: Fit, late: Delays) 
     _, change = linear_in_delays(plain.opened.session.fixes, plain.last, motion, late)
     assert change is not None
 
-    def told(more: float) -> FloatArray:
+    def told(more: float = 0.0, course: float = 0.0, behind: float = 0.0) -> FloatArray:
         tau = late.lag_s + more if late.lag_s > 0.0 else 0.0
         passed = lagged(motion, antenna, tau) if tau > 0.0 else antenna
         age = late.all_s + late.velocity_s + (0.0 if late.lag_s > 0.0 else more)
-        return at_times(motion, passed, motion.t - age - late.skew * motion.t)
+        then = motion.t - age - late.skew * motion.t
+        seen = at_times(motion, passed, then)
+        older = late.course_s + course + behind / np.maximum(np.hypot(*seen[:, :2].T), 1.0)
+        before = at_times(motion, passed, then - older)
+        return _turned(seen, before) if older.any() else seen
 
-    numeric = -(told(step) - told(-step)) / (2.0 * step)
     inner = (motion.t > 3.0) & (motion.t < motion.t[-1] - 3.0)
-    told_then, at_tag = changing[inner] + change[inner], changing[inner]
-    # a smoothed path and the forces behind it are not one and the same to the last bit
-    off = [float(np.std(a - numeric[inner])) for a in (told_then, at_tag)]
-    assert off[0] < 0.2 * np.std(numeric[inner])
-    assert off[0] < 0.5 * off[1]
+    speed = np.hypot(antenna[:, 0], antenna[:, 1])
+    # a course at a crawl is anything
+    inner &= minimum_filter1d(speed, round(4.0 / np.median(np.diff(motion.t)))) > 2.0
+    assert inner.sum() > 1000
+    at_tag = np.zeros_like(changing)
+    course_changes(antenna, changing, at_tag)
+    swings = np.cross(steady_rate(motion.t, motion.rate), [1.0, 0.0, 0.0])
+    aside = np.einsum("nij,nj->ni", motion.dcm, swings)
+    numerics = [
+        -(told(*(step * np.eye(3)[k])) - told(*(-step * np.eye(3)[k]))) / (2.0 * step)
+        for k in range(3)
+    ]
+    for numeric, now, more in zip(numerics, (changing, at_tag, aside), change, strict=True):
+        # a smoothed path and the forces behind it are not one and the same to the last bit
+        off = [float(np.std((a - numeric)[inner])) for a in (now + more, now)]
+        assert off[0] < 0.2 * np.std(numeric[inner])
+        assert off[0] < 0.5 * off[1]

@@ -53,6 +53,9 @@ class Asked(Search):
         self.sets.append(chosen.names)
         return SimpleNamespace(fits=())
 
+    def _as_drift(self, here: Any, selection: Selection, chosen: Chosen, name: str) -> Any:
+        return self._fit(here, selection, chosen.without(name))
+
 
 def says(monkeypatch: pytest.MonkeyPatch, all_sigmas: float, received: float = 0.0) -> None:
     """Let all channels, and the receiver's alone, be for the first of two sets by so many
@@ -128,6 +131,30 @@ def test_what_came_in_the_place_of_drift_must_say_more_than_drift(
     assert asked.sets == [(LATE,)]
     assert (asked.borne_out == {LOW_PASSED: 20.0}) is stays
     assert bool(asked.tried) is not stays
+
+
+@pytest.mark.parametrize(
+    ("by_filter", "told"), [(90.0, 90.0), (5.0, None), (3000.0, 2000.0)], ids=str
+)
+def test_what_drift_would_say_is_no_evidence(
+    monkeypatch: pytest.MonkeyPatch, by_filter: float, told: float | None
+) -> None:
+    asked = Asked()
+    monkeypatch.setattr(search, "likelier", lambda one, other: (by_filter, 9.0))
+    move = SimpleNamespace(evidence=SimpleNamespace(nats=2000.0))
+    selection = cast(
+        "Selection",
+        SimpleNamespace(
+            sensors=lambda chosen, name: {0} if name == LOW_PASSED else set(),
+            odds_of=lambda chosen, name: (1997.0, [move]),
+            log_prior=lambda chosen: -3.0 * len(chosen.names),
+        ),
+    )
+    both = Chosen((*only(LATE).parts, (LOW_PASSED, (1,), 1.0)))
+    kept, nats = asked._beside_drift(HERE, selection, both)
+    assert asked.sets == [(LATE,)]
+    assert kept == (only(LATE) if told is None else both)
+    assert nats == ({} if told is None else {LOW_PASSED: told})
 
 
 @pytest.mark.parametrize("of_vehicle", [False, True])
