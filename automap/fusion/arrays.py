@@ -57,6 +57,31 @@ class NodeArrays(NamedTuple):
     keep: FloatArray
 
 
+class Legs(NamedTuple):
+    """From node to node, whatever the levels of noise; a row for each node [k], or one that is
+    written over.
+
+    ``trans`` [k, 9, n] transition rows, ``off`` [k, 9] the state that is reached less the one
+    linearised about; ``of_force`` [k, 3] variance of velocity, covariance with position and
+    variance of that by a force noise of PSD one, ``of_rate``, ``more`` [k, 29] noise by a rate
+    noise of PSD one and by shocks and gaps (see ``transition.add_noise``); ``rate`` [k, 3] mean
+    rate, ``now`` [k, 6] rate without the noise of its reading and force at the node, ``mid``
+    [k, 6 + e] the last reading in the middle of a step and extra signals, ``place`` [k, 9] the
+    terms of the place, ``at`` [k] the sample at the node or before it.
+    """
+
+    trans: FloatArray
+    off: FloatArray
+    of_force: FloatArray
+    of_rate: FloatArray
+    more: FloatArray
+    rate: FloatArray
+    now: FloatArray
+    mid: FloatArray
+    place: FloatArray
+    at: IntArray
+
+
 class ForwardStore(NamedTuple):
     """What the forward pass leaves, preallocated; empty arrays where only a score is wanted.
 

@@ -11,8 +11,10 @@ import numpy.typing as npt
 from automap.fusion import kernels
 from automap.fusion.aside import Matrices
 from automap.fusion.delay_states import contained
-from automap.fusion.kernels import ForwardStore, NodeArrays
+from automap.fusion.kernels import ForwardStore, Legs, NodeArrays
+from automap.fusion.kernels.transition import N_NOISE
 from automap.fusion.layout import MAX_SCALARS, N_NAV, ROWS_OF_FLAG
+from automap.fusion.mechanisation import N_EARTH
 from automap.fusion.nodes import Nodes, Shift
 from automap.fusion.problem import Problem, node_signals
 from automap.fusion.stamp_error import reported_rows
@@ -75,13 +77,16 @@ def run_forward(
     shift: Shift,
     store: bool = True,
     linearised_at: PathStates | None = None,
+    legs: Legs | None = None,
 ) -> ForwardRun:
     """Run the forward filter over the nodes, linearised about ``linearised_at`` if given.
 
-    ``shift`` is what the nodes' times already contain of the delays; the states hold the rest.
+    ``shift`` is what the nodes' times already contain of the delays; the states hold the rest;
+    ``legs`` between the states linearised about, where they are known.
     """
     out = empty_store(nodes if store else nodes.first(0), problem.model.size)
-    score = filter_into(out, problem, nodes, first_state(problem, start, shift), linearised_at)
+    state = first_state(problem, start, shift)
+    score = filter_into(out, problem, nodes, state, linearised_at, legs)
     return ForwardRun(nodes, out, score)
 
 
@@ -111,8 +116,14 @@ def filter_into(
     nodes: Nodes,
     state: FilterState,
     linearised_at: PathStates | None,
+    legs: Legs | None = None,
 ) -> float:
-    """Filter over the nodes from ``state`` at the first of them; returns the score."""
+    """Filter over the nodes from ``state`` at the first of them; returns the score. The ``legs``
+    between them are those about ``linearised_at``."""
+    if linearised_at is None:
+        legs = empty_legs(problem, 1)
+    elif legs is None:
+        legs = legs_about(problem, nodes, linearised_at)
     score = kernels.run_forward(
         problem.samples_between(nodes.t[0], nodes.t[-1]),
         problem.arrays,
@@ -131,9 +142,32 @@ def filter_into(
         np.zeros((0, problem.model.size - N_NAV))
         if linearised_at is None
         else linearised_at.params,
+        legs,
         store,
     )
     return float(score)
+
+
+def legs_about(problem: Problem, nodes: Nodes, path: PathStates) -> Legs:
+    """How the filter goes from node to node about a path, whatever the levels of noise."""
+    legs = empty_legs(problem, len(nodes.t))
+    kernels.walk_path(
+        problem.samples_between(nodes.t[0], nodes.t[-1]),
+        problem.arrays,
+        nodes.t,
+        path.nominal,
+        path.params,
+        legs,
+    )
+    return legs
+
+
+def empty_legs(problem: Problem, k: int) -> Legs:
+    """Room for ``k`` legs."""
+    widths = 6 + problem.samples.extra.shape[1]
+    columns = (N_NAV, 3, N_NOISE, N_NOISE, 3, 6, widths, N_EARTH)
+    rest = (np.zeros((k, width)) for width in columns)
+    return Legs(np.zeros((k, N_NAV, problem.model.size)), *rest, np.zeros(k, dtype=np.int64))
 
 
 def empty_store(nodes: Nodes, n: int) -> ForwardStore:

@@ -27,6 +27,7 @@ from automap.gap.candidates import (
     Candidate,
     effect_columns,
     formula_column,
+    signal_column,
     size_of,
 )
 from automap.gap.fit import Fit
@@ -65,7 +66,7 @@ def formula_columns(
                 and np.sum((known[channel] @ unit / len(unit)) ** 2) > SAME_SIGNAL**2
             ):
                 continue
-            out.append(formula_column((channel, text), at))
+            out.append(signal_column((channel, text), signal, at))
     columns = [formula_column(term, at) for term in ALONE]
     # a car that never turns has no bend to remember
     out += [c for c in columns if c.prior_sd < size_of(c.term[0]) / LEAST_SPREAD]

@@ -153,20 +153,21 @@ class Selection:
         odds before correction are above ``least``; ``refused`` in place of the selection's own."""
         refused = self.refused if refused is None else refused
         known = self.given(chosen)
-        barred = twins_of(chosen.names)
+        its_names = chosen.names
+        barred = twins_of(its_names)
         has = {part for _, part, _ in chosen.parts}
+        shown = known.shown.tolist()
         open_to = [
             (c, part)
             for c in self.candidates.values()
             if c.name not in barred and (names is None or c.name in names)
             for part in c.parts
-            if part not in has and self.key(c.name, part) not in refused and known.shows(part)
+            if all(shown[i] for i in part)
+            and part not in has
+            and self.key(c.name, part) not in refused
         ]
         prior = np.array(
-            [
-                (c.log_prior if c.name not in chosen.names else 0.0) + c.log_choice
-                for c, _ in open_to
-            ]
+            [(c.log_prior if c.name not in its_names else 0.0) + c.log_choice for c, _ in open_to]
         )
         nats = nats_of_parts(known, [part for _, part in open_to])
         for i, (c, part) in enumerate(open_to):
@@ -178,7 +179,7 @@ class Selection:
             if nats[i] + prior[i] <= least:
                 break
             found = self.evidence(known, candidate.name, part)
-            free = candidate.unless in chosen.names
+            free = candidate.unless in its_names
             if candidate.positive and not free and found.estimate[0] <= 0.0:
                 continue
             if candidate.isotropic and self._axes_differ(known, candidate, found.overdispersion):

@@ -248,11 +248,25 @@ def _model(n: int, gap_s: float) -> Any:
     )
 
 
+def _integrated(samples: Any, model: Any, *rest: Any) -> Any:
+    """A state carried on as ``integrate`` does it, with the noise of all its sources."""
+    from automap.fusion.kernels.integrate import integrate
+    from automap.fusion.kernels.transition import sum_noise
+    from tests.unit.figure_calls import plain
+
+    *before, noise, rate, now, mid = rest
+    of_force, of_rate = np.zeros(3), np.zeros(29)
+    given = (*before, of_force, of_rate, noise, rate, now, mid)
+    out = plain(integrate)(samples, model, *given)
+    plain(sum_noise)(model.noise, of_force, of_rate, noise.copy(), noise)
+    return out
+
+
 @scenario
 def kernels_readings() -> Any:
     """Readings put right, at samples and between them, and integrated over a gap."""
     from automap.fusion.kernels.dense import _spread, run_dense
-    from automap.fusion.kernels.integrate import integrate, reading_at
+    from automap.fusion.kernels.integrate import reading_at
     from automap.fusion.kernels.readings import (
         acceleration,
         calm_rate,
@@ -296,7 +310,7 @@ def kernels_readings() -> Any:
             steps = np.concatenate([used.t, used.t[-1] + np.arange(1.0, 4.0) * 0.05])
             t0, t1 = np.interp([first, last], np.arange(len(steps)), steps)
             found[f"{name} {k}"] = after(
-                integrate,
+                _integrated,
                 *(used, model, i, t0, t1, pos, rng.normal(0.0, 9.0, 3), *_turned(rng), xi),
                 *(place, phi, noise, np.zeros(3), np.zeros(6), np.zeros(width)),
             )

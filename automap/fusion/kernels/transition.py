@@ -136,6 +136,20 @@ def add_noise(s: FloatArray, dvn: FloatArray, dt: float, qa: float, qg: float) -
 
 
 @kernel
+def sum_noise(
+    psd: FloatArray, of_force: FloatArray, of_rate: FloatArray, more: FloatArray, out: FloatArray
+) -> None:
+    """The process noise ``out`` [29] of an interval by the noise of force and rate of a ``psd`` [2]
+    and by what is ``more``; parts as in ``Legs``."""
+    for a in range(N_NOISE):
+        out[a] = psd[1] * of_rate[a] + more[a]
+    for a in range(3):
+        out[7 + a] += psd[0] * of_force[0]
+        out[13 + 4 * a] += psd[0] * of_force[1]
+        out[22 + a] += psd[0] * of_force[2]
+
+
+@kernel
 def expand_noise(s: FloatArray, out: FloatArray) -> None:
     """The full symmetric matrix [9, 9] of the compact noise."""
     out[:, :] = 0.0
