@@ -54,19 +54,18 @@ def formula_columns(
     signals = at.along
     known = _catalogue_signals(fit, motion, signals, exclude) if texts else {}
     out: list[Column] = []
-    for text in texts:
-        signal = parse_formula(text)(signals)
-        size = float(np.std(signal))
-        if size < 1e-12:
-            continue
-        unit = (signal - signal.mean()) / size
+    formulas = [(text, parse_formula(text)(signals)) for text in texts]
+    formulas = [(text, signal) for text, signal in formulas if float(np.std(signal)) >= 1e-12]
+    units = np.array([(signal - signal.mean()) / np.std(signal) for _, signal in formulas])
+    said = {
+        channel: np.sum((units @ rows.T / len(rows.T)) ** 2, axis=1) > SAME_SIGNAL**2
+        for channel, rows in known.items()
+        if len(rows) and len(units)
+    }
+    for i, (text, signal) in enumerate(formulas):
         for channel in INERTIAL:
-            if (
-                channel in known
-                and np.sum((known[channel] @ unit / len(unit)) ** 2) > SAME_SIGNAL**2
-            ):
-                continue
-            out.append(signal_column((channel, text), signal, at))
+            if channel not in said or not said[channel][i]:
+                out.append(signal_column((channel, text), signal, at))
     columns = [formula_column(term, at) for term in ALONE]
     # a car that never turns has no bend to remember
     out += [c for c in columns if c.prior_sd < size_of(c.term[0]) / LEAST_SPREAD]

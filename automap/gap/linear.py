@@ -9,8 +9,9 @@ Effects that the fit has already count from zero again: what their values explai
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -291,7 +292,8 @@ class Given:
 @dataclass(frozen=True)
 class Conditional:
     """Scores [v] and information of all columns with those given marginalised; ``weights`` [q, v]
-    of the given ones in each, ``value`` [q] their estimate; ``cross`` [q, v]."""
+    of the given ones in each, ``value`` [q] their estimate; ``told`` what was asked of parts
+    before."""
 
     given: Given
     score: FloatArray
@@ -299,6 +301,7 @@ class Conditional:
     weights: FloatArray
     value: FloatArray
     linear: Linear
+    told: dict[tuple[Part, float], Any] = field(default_factory=dict)
 
     @cached_property
     def shown(self) -> BoolArray:

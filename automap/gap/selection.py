@@ -19,6 +19,9 @@ from automap.gates import exceeds
 
 Key = tuple[str, tuple[str, ...]]
 """A part by name and parameters, which hold in any layout."""
+KEPT = 6
+"""So many choices are kept with what was told beside them: those that a rival is compared with are
+asked for again and again. Bounds the memory."""
 
 
 @dataclass(frozen=True)
@@ -82,10 +85,12 @@ class Selection:
     def given(self, chosen: Chosen) -> Conditional:
         """The model with what is chosen marginalised."""
         key = chosen.given(self.linear, self.always)
-        if key not in self._known:
-            self._known.clear()
-            self._known[key] = conditional(self.linear, key)
-        return self._known[key]
+        known = self._known.pop(key, None) or conditional(self.linear, key)
+        # the one that was asked for last stays longest
+        self._known[key] = known
+        if len(self._known) > KEPT:
+            del self._known[next(iter(self._known))]
+        return known
 
     def given_in(self, chosen: Chosen, linear: Linear) -> Given:
         """A choice, and what is free beside it, in another linear model that has its columns."""
@@ -121,7 +126,9 @@ class Selection:
         """Evidence of a part of a candidate, given too what is free beside it."""
         known = self._beside(known, name)
         ratio = self.inflated.get(follows_time(self.candidates[name].terms), 1.0)
-        return evidence(known, part, ratio)
+        if (part, ratio) not in known.told:
+            known.told[part, ratio] = evidence(known, part, ratio)
+        return known.told[part, ratio]
 
     def _beside(self, known: Conditional, name: str) -> Conditional:
         """The same model with what is free beside a candidate marginalised too."""
