@@ -150,13 +150,16 @@ def _catalogue_signals(
 
 def _at_right_angles(rows: Sequence[FloatArray]) -> FloatArray:
     """What spans the same as unit signals [k][n], by Gram and Schmidt: [at most k, n]."""
-    out: list[FloatArray] = []
+    out = np.empty((len(rows), len(rows[0])))
+    count = 0
     for row in rows:
-        own = row - sum(float(np.mean(row * u)) * u for u in out)
-        size = float(np.mean(own**2))
+        before = out[:count]
+        own = row - (before @ row / len(row)) @ before
+        size = float(own @ own) / len(own)
         if size > LEAST_OWN:
-            out.append(own / np.sqrt(size))
-    return np.array(out)
+            out[count] = own / np.sqrt(size)
+            count += 1
+    return out[:count]
 
 
 def effect_for(candidate: Candidate, linear: Linear) -> str:

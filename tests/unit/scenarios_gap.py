@@ -148,7 +148,9 @@ def gap_levels() -> Any:
                 noise.fit_noise(fits, ("accel", "nhc_y"), factors),
                 noise.fit_noise(fits[:1]),
             ],
-            "time": noise._time_constant("wander_tau", fits, -1e9, dict(factors)),
+            "time": noise._time_constant(
+                "wander_tau", fits, noise.rooms_of(fits), -1e9, dict(factors)
+            ),
             "limits": [noise._limits(level) for level in ALL_LEVELS],
             "relative": noise._relative(fits, factors),
             "opened": (said, fitted.model.factors, fitted.estimate),
