@@ -11,8 +11,8 @@ import numpy.typing as npt
 from automap.fusion import kernels
 from automap.fusion.aside import Matrices
 from automap.fusion.delay_states import contained
-from automap.fusion.kernels import ForwardStore, Legs, NodeArrays
-from automap.fusion.kernels.transition import N_NOISE
+from automap.fusion.kernels import ForwardStore, Legs, NodeArrays, Samples
+from automap.fusion.kernels.integrate import GAP_STEP_S
 from automap.fusion.layout import MAX_SCALARS, N_NAV, ROWS_OF_FLAG
 from automap.fusion.mechanisation import N_EARTH
 from automap.fusion.nodes import Nodes, Shift
@@ -120,12 +120,13 @@ def filter_into(
 ) -> float:
     """Filter over the nodes from ``state`` at the first of them; returns the score. The ``legs``
     between them are those about ``linearised_at``."""
+    samples = problem.samples_between(nodes.t[0], nodes.t[-1])
     if linearised_at is None:
-        legs = empty_legs(problem, 1)
+        legs = empty_legs(problem, samples, nodes.t, 1)
     elif legs is None:
         legs = legs_about(problem, nodes, linearised_at)
     score = kernels.run_forward(
-        problem.samples_between(nodes.t[0], nodes.t[-1]),
+        samples,
         problem.arrays,
         NodeArrays(
             nodes.t,
@@ -150,24 +151,32 @@ def filter_into(
 
 def legs_about(problem: Problem, nodes: Nodes, path: PathStates) -> Legs:
     """How the filter goes from node to node about a path, whatever the levels of noise."""
-    legs = empty_legs(problem, len(nodes.t))
-    kernels.walk_path(
-        problem.samples_between(nodes.t[0], nodes.t[-1]),
-        problem.arrays,
-        nodes.t,
-        path.nominal,
-        path.params,
-        legs,
-    )
+    samples = problem.samples_between(nodes.t[0], nodes.t[-1])
+    legs = empty_legs(problem, samples, nodes.t, len(nodes.t))
+    kernels.walk_path(samples, problem.arrays, nodes.t, path.nominal, path.params, legs)
     return legs
 
 
-def empty_legs(problem: Problem, k: int) -> Legs:
-    """Room for ``k`` legs."""
-    widths = 6 + problem.samples.extra.shape[1]
-    columns = (N_NAV, 3, N_NOISE, N_NOISE, 3, 6, widths, N_EARTH)
-    rest = (np.zeros((k, width)) for width in columns)
-    return Legs(np.zeros((k, N_NAV, problem.model.size)), *rest, np.zeros(k, dtype=np.int64))
+def empty_legs(problem: Problem, samples: Samples, node_t: FloatArray, k: int) -> Legs:
+    """Room for ``k`` legs between nodes at ``node_t``, and for their steps of integration."""
+    widths = np.append(np.diff(samples.t), max(node_t[-1] - samples.t[-1], 0.0))
+    wide = widths[widths > problem.arrays.gap[0]]
+    # a step ends at a sample, at a node, or within a gap
+    steps = len(widths) + len(node_t) + len(wide) + int(wide.sum() / GAP_STEP_S) + 1
+    extra = samples.extra.shape[1]
+    return Legs(
+        trans=np.zeros((k, N_NAV, problem.model.size)),
+        off=np.zeros((k, N_NAV)),
+        rate=np.zeros((k, 3)),
+        now=np.zeros((k, 6)),
+        mid=np.zeros((k, 6 + extra)),
+        place=np.zeros((k, N_EARTH)),
+        at=np.zeros(k, dtype=np.int64),
+        steps=np.zeros(k, dtype=np.int64),
+        dvn=np.empty((steps, 3)),
+        dt=np.empty(steps),
+        since=np.empty(steps, dtype=np.int64),
+    )
 
 
 def empty_store(nodes: Nodes, n: int) -> ForwardStore:

@@ -213,7 +213,7 @@ def _climbed(
 ) -> Ranged:
     """Levels moved in ``ways``, steps inside and outside, while the drives, of log-likelihood
     ``nats``, grow likelier."""
-    legs = [_legs(fit, at.level) for fit in fits]
+    legs = [legs_about(f.last.problem, f.last.nodes, f.last.smooth) for f in fits]
     at = replace(at, nats=_score(fits, courses, legs, at))
     for step in (2.0, 2.0**0.25):
         moved = True
@@ -230,14 +230,8 @@ def _climbed(
     return at
 
 
-def _legs(fit: Fit, level: str) -> Legs | None:
-    """From node to node of a fit, where the noise on the way is not what is asked."""
-    last = fit.last
-    return None if level in INERTIAL_LEVELS else legs_about(last.problem, last.nodes, last.smooth)
-
-
 def _score(
-    fits: Sequence[Fit], courses: Sequence[Course], legs: Sequence[Legs | None], at: Ranged
+    fits: Sequence[Fit], courses: Sequence[Course], legs: Sequence[Legs], at: Ranged
 ) -> float:
     """Log-likelihood of drives, nats."""
     total = 0.0

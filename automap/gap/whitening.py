@@ -208,7 +208,7 @@ def _ridge(
 ) -> tuple[FloatArray, FloatArray]:
     """Values [c] that fit rows of weights ``roots``^2 under priors of ``sds`` [c], and the inverse
     of the Cholesky factor of their information [c, c]."""
-    from scipy.linalg.lapack import dtrtri
+    from scipy.linalg import solve_triangular
 
     score: FloatArray = np.zeros(len(sds))
     for r, root in zip(raw, roots, strict=True):
@@ -218,8 +218,7 @@ def _ridge(
     except np.linalg.LinAlgError:
         # a drive that stands tells many candidates apart by priors alone, which rounding hides
         factor, unit = _factor(raw, roots, sds, np.float64)
-    inverse, _ = dtrtri(factor, lower=1)
-    inverse *= unit
+    inverse = solve_triangular(factor, np.diag(unit), lower=True, overwrite_b=True)
     return np.asarray(inverse), np.asarray(inverse.T @ (inverse @ score))
 
 

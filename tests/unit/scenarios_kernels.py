@@ -83,6 +83,15 @@ def kernels_mechanisation() -> Any:
     return found
 
 
+def _started(phi: Any, noise: Any) -> None:
+    """An interval as it begins, without noise."""
+    from automap.fusion.kernels.transition import start_interval
+    from tests.unit.figure_calls import plain
+
+    plain(start_interval)(phi)
+    noise[:] = 0.0
+
+
 @scenario
 def kernels_transition() -> Any:
     """Rows, noise, covariance and error estimate over an interval."""
@@ -96,7 +105,6 @@ def kernels_transition() -> Any:
         outlasting,
         propagate_covariance,
         reach,
-        start_interval,
     )
 
     rng = _rng(2)
@@ -115,7 +123,7 @@ def kernels_transition() -> Any:
     decay = np.where(tau > 0.0, rng.uniform(0.3, 0.9, n), 1.0)
     xi = rng.normal(size=n - 9)
     return {
-        "start": after(start_interval, phi, np.full(N_NOISE, 2.0)),
+        "start": after(_started, phi, np.full(N_NOISE, 2.0)),
         "reach": [after(reach, each) for each in (phi, part, np.zeros((9, n)))],
         "rows": after(add_transition, phi, terms, c, reading, force, 0.6),
         "noise": [
@@ -249,17 +257,16 @@ def _model(n: int, gap_s: float) -> Any:
 
 
 def _integrated(samples: Any, model: Any, *rest: Any) -> Any:
-    """A state carried on as ``integrate`` does it, with the noise of all its sources."""
-    from automap.fusion.kernels.integrate import integrate
-    from automap.fusion.kernels.transition import sum_noise
+    """A state carried on as ``integrate`` does it, with the noise of its steps."""
+    from automap.fusion.kernels.integrate import integrate, sum_noise
     from tests.unit.figure_calls import plain
 
     *before, noise, rate, now, mid = rest
-    of_force, of_rate = np.zeros(3), np.zeros(29)
-    given = (*before, of_force, of_rate, noise, rate, now, mid)
-    out = plain(integrate)(samples, model, *given)
-    plain(sum_noise)(model.noise, of_force, of_rate, noise.copy(), noise)
-    return out
+    room = np.full((99, 3), np.nan), np.full(99, np.nan), np.zeros(99, np.int64)
+    i, done = plain(integrate)(samples, model, *before, rate, now, mid, 7, *room)
+    assert not np.isfinite(room[1][:7]).any()
+    plain(sum_noise)(samples, model, *(each[7:done] for each in room), noise)
+    return i
 
 
 @scenario

@@ -453,7 +453,10 @@ def kernels_forward() -> Any:
         ("about", about, nodes),
         ("score", about, nodes.first(0)),
     ):
-        store, legs = empty_store(room, n), empty_legs(problem, len(nodes.t))
+        store, legs = (
+            empty_store(room, n),
+            empty_legs(problem, problem.samples, nodes.t, len(nodes.t)),
+        )
         if len(path):
             plain(kernels.walk_path)(problem.samples, problem.arrays, nodes.t, path, params, legs)
         score = plain(kernels.run_forward)(

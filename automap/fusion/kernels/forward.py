@@ -8,7 +8,7 @@ import numpy as np
 
 from automap.effects.term_sums import SIGNAL_COLUMN, new_room, set_signals
 from automap.fusion.arrays import ForwardStore, Legs, ModelArrays, NodeArrays, Samples
-from automap.fusion.kernels.integrate import begin, go
+from automap.fusion.kernels.integrate import begin, go, sum_noise
 from automap.fusion.kernels.readings import acceleration
 from automap.fusion.kernels.state import inject, load_state, subtract
 from automap.fusion.kernels.transition import (
@@ -17,7 +17,6 @@ from automap.fusion.kernels.transition import (
     end_interval,
     expand_noise,
     propagate_covariance,
-    sum_noise,
 )
 from automap.fusion.kernels.update import block_gains, inflate, pack, update_block
 from automap.fusion.layout import N_NAV
@@ -100,7 +99,7 @@ def run_forward(
         row = k if relinearise else 0
         span = nodes.t[k] - t
         if k > 0 and not relinearise:
-            go(samples, model, legs, 0, legs.at[0], t, nodes.t[k], pos, vel, q, c, xi)
+            go(samples, model, legs, 0, 0, legs.at[0], t, nodes.t[k], pos, vel, q, c, xi)
         t, i, phi = nodes.t[k], legs.at[row], legs.trans[row]
         rate[:], now[:] = legs.rate[row], legs.now[row]
         mid[:], place[:] = legs.mid[row], legs.place[row]
@@ -121,7 +120,9 @@ def run_forward(
                 for a in range(N_NAV):
                     dx[a] += legs.off[k, a]
                 load_state(linearised_at[k], linearised_params[k], pos, vel, q, c, xi)
-            sum_noise(model.noise, legs.of_force[row], legs.of_rate[row], legs.more[row], noise)
+            a, b = legs.steps[row - 1] if row > 0 else 0, legs.steps[row]
+            noise[:] = 0.0
+            sum_noise(samples, model, legs.dvn[a:b], legs.dt[a:b], legs.since[a:b], noise)
             expand_noise(noise, qn)
             propagate_covariance(p, phi, qn, decay, q_state, work)
         if not relinearise:

@@ -10,7 +10,7 @@ from automap.fusion.kernels.state import load_state, subtract
 from automap.fusion.kernels.transition import add_noise, add_transition, start_interval
 from automap.fusion.mechanisation import earth_terms, strapdown_step
 from automap.jit import kernel
-from automap.records import FloatArray
+from automap.records import FloatArray, IntArray
 
 GAP_STEP_S = 0.02
 """Inside a gap of the samples the integration takes steps of this length."""
@@ -30,23 +30,24 @@ def integrate(
     xi: FloatArray,
     place: FloatArray,
     phi: FloatArray,
-    of_force: FloatArray,
-    of_rate: FloatArray,
-    more: FloatArray,
     rate: FloatArray,
     now: FloatArray,
     mid: FloatArray,
-) -> int:
-    """Carry the nominal state from ``t`` to ``t_end`` with transition rows and noise.
+    done: int,
+    dvns: FloatArray,
+    dts: FloatArray,
+    since: IntArray,
+) -> tuple[int, int]:
+    """Carry the nominal state from ``t`` to ``t_end`` with transition rows.
 
-    ``i`` the sample at or before ``t``; returns the one at or before ``t_end``. ``phi`` and noise
-    as in ``Legs``. ``rate`` [3] receives the mean corrected rate, ``now`` [6] the corrected reading
-    at the end, ``mid`` [6 + e] the last corrected reading and extra signals.
+    ``i`` the sample at or before ``t``; returns the one at or before ``t_end``, and the number of
+    steps that there are then: those from ``done`` on are noted (see ``Legs``). ``rate`` [3]
+    receives the mean corrected rate, ``now`` [6] the corrected reading at the end, ``mid`` [6 + e]
+    the last corrected reading and extra signals.
     """
     # taken out of the tuples once: in the loop that would count references at every access
-    times, readings, extra, shocks = samples.t, samples.raw, samples.extra, samples.shocks
+    times, readings, extra = samples.t, samples.raw, samples.extra
     terms, gap = model.terms, model.gap
-    uneven = False
     n_imu = times.shape[0]
     full = np.empty(6)
     matrix = np.empty((6, 6))
@@ -95,18 +96,9 @@ def integrate(
                 for b in range(3):
                     c_mid[a, b] += 0.5 * c[a, b]
             add_transition(phi, terms, c_mid, mid, dvn, dt)
-            # of force alone it is the same on all axes
-            of_force[2] += dt * (2.0 * of_force[1] + dt * of_force[0])
-            of_force[1] += dt * of_force[0]
-            of_force[0] += dt
-            add_noise(of_rate, dvn, dt, 0.0, 1.0)
-            qa, qg = shocks[i, 0], shocks[i, 1]
-            if wide:
-                qa += gap[1] * gap[1] * width
-                qg += gap[2] * gap[2] * width
-            uneven = uneven or qa != 0.0 or qg != 0.0
-            if uneven:
-                add_noise(more, dvn, dt, qa, qg)
+            dvns[done, :] = dvn
+            dts[done], since[done] = dt, i
+            done += 1
         for a in range(3):
             rate[a] += mid[a] * dt
         for a in range(6):
@@ -118,7 +110,29 @@ def integrate(
         rate[a] /= max(t_end - start, 1e-9)
     for a in range(6):
         now[a] = ra[a]
-    return i
+    return i, done
+
+
+@kernel
+def sum_noise(
+    samples: Samples,
+    model: ModelArrays,
+    dvns: FloatArray,
+    dts: FloatArray,
+    since: IntArray,
+    noise: FloatArray,
+) -> None:
+    """Advance the process noise [29] over steps of integration [m] as ``Legs`` has them."""
+    times, shocks, gap = samples.t, samples.shocks, model.gap
+    qa0, qg0 = model.noise[0], model.noise[1]
+    for m in range(dts.shape[0]):
+        i = since[m]
+        qa, qg = qa0 + shocks[i, 0], qg0 + shocks[i, 1]
+        width = times[i + 1] - times[i]
+        if width > gap[0]:
+            qa += gap[1] * gap[1] * width
+            qg += gap[2] * gap[2] * width
+        add_noise(noise, dvns[m], dts[m], qa, qg)
 
 
 @kernel
@@ -150,6 +164,7 @@ def go(
     model: ModelArrays,
     legs: Legs,
     k: int,
+    done: int,
     i: int,
     t: float,
     t_end: float,
@@ -158,17 +173,15 @@ def go(
     q: FloatArray,
     c: FloatArray,
     xi: FloatArray,
-) -> int:
-    """Carry the state from a node at ``t`` to the next and write row ``k`` of the legs, which has
-    the readings of the node before where no time passes; ``i`` and what is returned are samples as
-    in ``integrate``."""
-    start_interval(legs.trans[k], legs.of_rate[k])
-    legs.of_force[k, :] = 0.0
-    legs.more[k, :] = 0.0
+) -> None:
+    """Carry the state from a node at ``t``, where the sample before is ``i``, to the next, and
+    write row ``k`` of the legs, which has the readings of the node before where no time passes;
+    ``done`` steps are noted already."""
+    start_interval(legs.trans[k])
     earth_terms(pos, model.earth_on, legs.place[k])
     # nodes at one instant share its reading: nothing to integrate
     if t_end > t:
-        i = integrate(
+        i, done = integrate(
             samples,
             model,
             i,
@@ -181,35 +194,32 @@ def go(
             xi,
             legs.place[k],
             legs.trans[k],
-            legs.of_force[k],
-            legs.of_rate[k],
-            legs.more[k],
             legs.rate[k],
             legs.now[k],
             legs.mid[k],
+            done,
+            legs.dvn,
+            legs.dt,
+            legs.since,
         )
         calm_rate(samples, i, t_end, legs.now[k])
-    legs.at[k] = i
-    return i
+    legs.at[k], legs.steps[k] = i, done
 
 
 @kernel
 def begin(
     samples: Samples, model: ModelArrays, legs: Legs, t: float, pos: FloatArray, xi: FloatArray
-) -> int:
-    """Write the first row of the legs, at the first node; returns the sample there or before."""
+) -> None:
+    """Write the first row of the legs, at the first node."""
     i = 0
     while i < samples.t.shape[0] - 2 and samples.t[i + 1] <= t:
         i += 1
-    start_interval(legs.trans[0], legs.of_rate[0])
-    legs.of_force[0, :] = 0.0
-    legs.more[0, :] = 0.0
+    start_interval(legs.trans[0])
     earth_terms(pos, model.earth_on, legs.place[0])
     reading_at(samples, model, i, t, xi, legs.rate[0], legs.mid[0])
     legs.now[0, :] = legs.mid[0, :6]
     calm_rate(samples, i, t, legs.now[0])
-    legs.at[0] = i
-    return i
+    legs.at[0], legs.steps[0] = i, 0
 
 
 @kernel
@@ -226,11 +236,12 @@ def walk_path(
     pos, vel, q, c = np.zeros(3), np.zeros(3), np.zeros(4), np.zeros((3, 3))
     xi = np.zeros(params.shape[1])
     load_state(nominal[0], params[0], pos, vel, q, c, xi)
-    i = begin(samples, model, legs, node_t[0], pos, xi)
+    begin(samples, model, legs, node_t[0], pos, xi)
     for k in range(1, node_t.shape[0]):
+        t, i, done = node_t[k - 1], legs.at[k - 1], legs.steps[k - 1]
         legs.rate[k, :] = legs.rate[k - 1]
         legs.now[k, :] = legs.now[k - 1]
         legs.mid[k, :] = legs.mid[k - 1]
-        i = go(samples, model, legs, k, i, node_t[k - 1], node_t[k], pos, vel, q, c, xi)
+        go(samples, model, legs, k, done, i, t, node_t[k], pos, vel, q, c, xi)
         subtract(pos, vel, q, nominal[k], legs.off[k])
         load_state(nominal[k], params[k], pos, vel, q, c, xi)

@@ -15,12 +15,11 @@ N_NOISE = 29
 
 
 @kernel
-def start_interval(phi: FloatArray, noise: FloatArray) -> None:
-    """Identity transition rows [9, n] and no noise."""
+def start_interval(phi: FloatArray) -> None:
+    """Identity transition rows [9, n]."""
     phi[:, :] = 0.0
     for a in range(N_NAV):
         phi[a, a] = 1.0
-    noise[:] = 0.0
 
 
 @kernel
@@ -133,20 +132,6 @@ def add_noise(s: FloatArray, dvn: FloatArray, dt: float, qa: float, qg: float) -
     s[2] += d1 * q
     s[3] += d2 * q
     s[0] += qg * dt
-
-
-@kernel
-def sum_noise(
-    psd: FloatArray, of_force: FloatArray, of_rate: FloatArray, more: FloatArray, out: FloatArray
-) -> None:
-    """The process noise ``out`` [29] of an interval by the noise of force and rate of a ``psd`` [2]
-    and by what is ``more``; parts as in ``Legs``."""
-    for a in range(N_NOISE):
-        out[a] = psd[1] * of_rate[a] + more[a]
-    for a in range(3):
-        out[7 + a] += psd[0] * of_force[0]
-        out[13 + 4 * a] += psd[0] * of_force[1]
-        out[22 + a] += psd[0] * of_force[2]
 
 
 @kernel
