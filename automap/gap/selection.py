@@ -128,7 +128,8 @@ class Selection:
         ratio = self.inflated.get(follows_time(self.candidates[name].terms), 1.0)
         if (part, ratio) not in known.told:
             known.told[part, ratio] = evidence(known, part, ratio)
-        return known.told[part, ratio]
+        told: Evidence = known.told[part, ratio]
+        return told
 
     def _beside(self, known: Conditional, name: str) -> Conditional:
         """The same model with what is free beside a candidate marginalised too."""
