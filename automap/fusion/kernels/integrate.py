@@ -96,7 +96,8 @@ def integrate(
                 for b in range(3):
                     c_mid[a, b] += 0.5 * c[a, b]
             add_transition(phi, terms, c_mid, mid, dvn, dt)
-            dvns[done, :] = dvn
+            for a in range(3):
+                dvns[done, a] = dvn[a]
             dts[done], since[done] = dt, i
             done += 1
         for a in range(3):
@@ -125,14 +126,18 @@ def sum_noise(
     """Advance the process noise [29] over steps of integration [m] as ``Legs`` has them."""
     times, shocks, gap = samples.t, samples.shocks, model.gap
     qa0, qg0 = model.noise[0], model.noise[1]
+    # a row of its own: to take one out of all of them would count references at every step
+    dvn = np.empty(3)
     for m in range(dts.shape[0]):
         i = since[m]
+        for a in range(3):
+            dvn[a] = dvns[m, a]
         qa, qg = qa0 + shocks[i, 0], qg0 + shocks[i, 1]
         width = times[i + 1] - times[i]
         if width > gap[0]:
             qa += gap[1] * gap[1] * width
             qg += gap[2] * gap[2] * width
-        add_noise(noise, dvns[m], dts[m], qa, qg)
+        add_noise(noise, dvn, dts[m], qa, qg)
 
 
 @kernel
