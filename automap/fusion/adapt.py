@@ -18,10 +18,10 @@ from types import MappingProxyType
 import numpy as np
 
 from automap.effects import CATALOGUE
-from automap.fusion.kernel_runs import PathStates, Start, empty_store, run_forward
+from automap.fusion.kernel_runs import PathStates, Start, run_forward
 from automap.fusion.layout import BESIDE_FIXES, CH_NHC, CH_POS, CH_VEL, HAS_VEL_H, N_NAV
 from automap.fusion.level_climb import climb
-from automap.fusion.level_likelihood import LevelLikelihood, level_likelihood
+from automap.fusion.level_likelihood import LevelLikelihood, level_likelihood, room_for
 from automap.fusion.levels import (
     ALL_LEVELS,
     LEVELS,
@@ -141,7 +141,7 @@ def refine_noise(
     )
 
     # claimed once: pages are dear
-    room = empty_store(part, problem.model.size)
+    room = room_for(problem, part, path)
 
     def likelihood(trial: dict[str, float]) -> LevelLikelihood:
         scaled = scale_problem(problem, trial)

@@ -57,6 +57,32 @@ class NodeArrays(NamedTuple):
     keep: FloatArray
 
 
+class Legs(NamedTuple):
+    """From node to node, whatever the levels of noise; a row for each node [k], or one that is
+    written over.
+
+    ``trans`` [k, 9, n] transition rows, ``off`` [k, 9] the state that is reached less the one
+    linearised about; ``rate`` [k, 3] mean rate, ``now`` [k, 6] rate without the noise of its
+    reading and force at the node, ``mid`` [k, 6 + e] the last reading in the middle of a step and
+    extra signals, ``place`` [k, 9] the terms of the place, ``at`` [k] the sample at the node or
+    before it, ``steps`` [k] running total of the steps of integration; of each of these ``dvn``
+    [m, 3] m/s what forces change the velocity by, ``dt`` [m] s, and the sample before it,
+    ``since`` [m].
+    """
+
+    trans: FloatArray
+    off: FloatArray
+    rate: FloatArray
+    now: FloatArray
+    mid: FloatArray
+    place: FloatArray
+    at: IntArray
+    steps: IntArray
+    dvn: FloatArray
+    dt: FloatArray
+    since: IntArray
+
+
 class ForwardStore(NamedTuple):
     """What the forward pass leaves, preallocated; empty arrays where only a score is wanted.
 

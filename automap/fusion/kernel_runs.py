@@ -11,8 +11,10 @@ import numpy.typing as npt
 from automap.fusion import kernels
 from automap.fusion.aside import Matrices
 from automap.fusion.delay_states import contained
-from automap.fusion.kernels import ForwardStore, NodeArrays
+from automap.fusion.kernels import ForwardStore, Legs, NodeArrays, Samples
+from automap.fusion.kernels.integrate import GAP_STEP_S
 from automap.fusion.layout import MAX_SCALARS, N_NAV, ROWS_OF_FLAG
+from automap.fusion.mechanisation import N_EARTH
 from automap.fusion.nodes import Nodes, Shift
 from automap.fusion.problem import Problem, node_signals
 from automap.fusion.stamp_error import reported_rows
@@ -75,13 +77,16 @@ def run_forward(
     shift: Shift,
     store: bool = True,
     linearised_at: PathStates | None = None,
+    legs: Legs | None = None,
 ) -> ForwardRun:
     """Run the forward filter over the nodes, linearised about ``linearised_at`` if given.
 
-    ``shift`` is what the nodes' times already contain of the delays; the states hold the rest.
+    ``shift`` is what the nodes' times already contain of the delays; the states hold the rest;
+    ``legs`` between the states linearised about, where they are known.
     """
     out = empty_store(nodes if store else nodes.first(0), problem.model.size)
-    score = filter_into(out, problem, nodes, first_state(problem, start, shift), linearised_at)
+    state = first_state(problem, start, shift)
+    score = filter_into(out, problem, nodes, state, linearised_at, legs)
     return ForwardRun(nodes, out, score)
 
 
@@ -111,10 +116,17 @@ def filter_into(
     nodes: Nodes,
     state: FilterState,
     linearised_at: PathStates | None,
+    legs: Legs | None = None,
 ) -> float:
-    """Filter over the nodes from ``state`` at the first of them; returns the score."""
+    """Filter over the nodes from ``state`` at the first of them; returns the score. The ``legs``
+    between them are those about ``linearised_at``."""
+    samples = problem.samples_between(nodes.t[0], nodes.t[-1])
+    if linearised_at is None:
+        legs = empty_legs(problem, samples, nodes.t, 1)
+    elif legs is None:
+        legs = legs_about(problem, nodes, linearised_at)
     score = kernels.run_forward(
-        problem.samples_between(nodes.t[0], nodes.t[-1]),
+        samples,
         problem.arrays,
         NodeArrays(
             nodes.t,
@@ -131,9 +143,40 @@ def filter_into(
         np.zeros((0, problem.model.size - N_NAV))
         if linearised_at is None
         else linearised_at.params,
+        legs,
         store,
     )
     return float(score)
+
+
+def legs_about(problem: Problem, nodes: Nodes, path: PathStates) -> Legs:
+    """How the filter goes from node to node about a path, whatever the levels of noise."""
+    samples = problem.samples_between(nodes.t[0], nodes.t[-1])
+    legs = empty_legs(problem, samples, nodes.t, len(nodes.t))
+    kernels.walk_path(samples, problem.arrays, nodes.t, path.nominal, path.params, legs)
+    return legs
+
+
+def empty_legs(problem: Problem, samples: Samples, node_t: FloatArray, k: int) -> Legs:
+    """Room for ``k`` legs between nodes at ``node_t``, and for their steps of integration."""
+    widths = np.append(np.diff(samples.t), max(node_t[-1] - samples.t[-1], 0.0))
+    wide = widths[widths > problem.arrays.gap[0]]
+    # a step ends at a sample, at a node, or within a gap
+    steps = len(widths) + len(node_t) + len(wide) + int(wide.sum() / GAP_STEP_S) + 1
+    extra = samples.extra.shape[1]
+    return Legs(
+        trans=np.zeros((k, N_NAV, problem.model.size)),
+        off=np.zeros((k, N_NAV)),
+        rate=np.zeros((k, 3)),
+        now=np.zeros((k, 6)),
+        mid=np.zeros((k, 6 + extra)),
+        place=np.zeros((k, N_EARTH)),
+        at=np.zeros(k, dtype=np.int64),
+        steps=np.zeros(k, dtype=np.int64),
+        dvn=np.empty((steps, 3)),
+        dt=np.empty(steps),
+        since=np.empty(steps, dtype=np.int64),
+    )
 
 
 def empty_store(nodes: Nodes, n: int) -> ForwardStore:

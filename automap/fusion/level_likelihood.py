@@ -7,8 +7,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from automap.effects import CATALOGUE
-from automap.fusion.kernel_runs import PathStates, Start, empty_store, filter_into, first_state
-from automap.fusion.kernels import ForwardStore
+from automap.fusion.kernel_runs import (
+    PathStates,
+    Start,
+    empty_store,
+    filter_into,
+    first_state,
+    legs_about,
+)
+from automap.fusion.kernels import ForwardStore, Legs
 from automap.fusion.kernels.level_slopes import level_slopes
 from automap.fusion.layout import CH_NHC, CH_POS, CH_VEL, MAX_SCALARS, N_NAV
 from automap.fusion.levels import ALL_LEVELS
@@ -29,6 +36,16 @@ LEFT_OUT = 0.0, 1.0
 """A block that surprised counts for the slopes between wholly and not at all. Where a level hardly
 moves its NIS its factor jumps, and the exact slope holds for a hair's breadth of the level only:
 climbs along it end early on recorded phones."""
+
+
+Room = tuple[ForwardStore, Legs]
+"""What a run leaves, which the next writes over, and the legs between the nodes, which no level of
+noise changes."""
+
+
+def room_for(problem: Problem, nodes: Nodes, path: PathStates) -> Room:
+    """Room for the runs about a path under any levels of noise."""
+    return empty_store(nodes, problem.model.size), legs_about(problem, nodes, path)
 
 
 @dataclass(frozen=True)
@@ -53,11 +70,11 @@ def level_likelihood(
     start: Start,
     shift: Shift,
     linearised_at: PathStates,
-    room: ForwardStore | None = None,
+    room: Room | None = None,
     left_out: tuple[float, float] = LEFT_OUT,
 ) -> LevelLikelihood:
     """Likelihood of the nodes' measurements and its slopes, linearised about ``linearised_at``;
-    ``room`` of an earlier call about the same states is written over. Slopes are exact where shares
+    ``room`` of calls about the same states is used again. Slopes are exact where shares
     of surprising blocks that are ``left_out`` may be any."""
     at_once = np.zeros(len(nodes.t), dtype=np.int64)
     score, slope, info = _slopes(
@@ -81,14 +98,15 @@ def _slopes(
     start: Start,
     shift: Shift,
     linearised_at: PathStates,
-    room: ForwardStore | None,
+    room: Room | None,
     left_out: tuple[float, float],
     part: IntArray,
 ) -> tuple[float, FloatArray, FloatArray]:
     """Likelihood, and the slopes and variances [g, l] of the ``part`` [k] that nodes are of."""
     slope, info = np.zeros((2, int(part.max()) + 1, len(ALL_LEVELS)))
-    store = room or empty_store(nodes, problem.model.size)
-    score = filter_into(store, problem, nodes, first_state(problem, start, shift), linearised_at)
+    store, legs = room or room_for(problem, nodes, linearised_at)
+    state = first_state(problem, start, shift)
+    score = filter_into(store, problem, nodes, state, linearised_at, legs)
     if not np.isfinite(score):
         return -np.inf, slope, info
     level_slopes(

@@ -280,9 +280,14 @@ def formula_column(
 
 
 def signal_column(
-    term: tuple[str, str], signal: FloatArray, at: NodeMotion, name: str, parameter: str
+    term: tuple[str, str],
+    signal: FloatArray,
+    at: NodeMotion,
+    name: str = "",
+    parameter: str = "k",
 ) -> Column:
-    """A ``signal`` [n] on the channel of a term as a column along one drive."""
+    """A ``signal`` [n] on the channel of a term as a column along one drive; ``name`` of the
+    formula, where that has more terms."""
     channel = term[0]
     sd = size_of(channel) / max(float(np.std(signal)), 1e-12)
     name = name or equation([term])

@@ -30,7 +30,6 @@ def null_maxima(known: Conditional, parts: Sequence[Part], draws: int, seed: int
     """
     rng = np.random.default_rng(seed)
     columns = np.array(sorted({i for part in parts for i in part}), np.int64)
-    place = {int(c): i for i, c in enumerate(columns)}
     info = known.info(tuple(columns))
     unit = np.sqrt(np.maximum(np.diag(info), 1e-300))
     # in place: there may be thousands of them
@@ -41,10 +40,11 @@ def null_maxima(known: Conditional, parts: Sequence[Part], draws: int, seed: int
     # what is drawn is known to far less than single precision
     root = np.linalg.cholesky(info).T.astype(np.float32)
     sds = known.linear.prior_sd[columns]
-    single = np.array([place[part[0]] for part in parts if len(part) == 1], np.int64)
-    joint = [part for part in parts if len(part) > 1]
-    at = [np.array([place[i] for i in part]) for part in joint]
-    infos = [known.info(part) for part in joint]
+    single = np.searchsorted(columns, [part[0] for part in parts if len(part) == 1])
+    joint = []
+    for length in sorted({len(part) for part in parts} - {1}):
+        every = np.array([part for part in parts if len(part) == length])
+        joint.append((np.searchsorted(columns, every), known.infos(every)))
     best = np.full(draws, -np.inf)
     for start in range(0, draws, DRAWS):
         some = best[start : start + DRAWS]
@@ -53,8 +53,8 @@ def null_maxima(known: Conditional, parts: Sequence[Part], draws: int, seed: int
         if len(single):
             own = unit[single] ** 2
             some[:] = single_nats(g[:, single] ** 2 / own, own, sds[single]).max(axis=1)
-        for rows, own in zip(at, infos, strict=True):
-            some[:] = np.maximum(some, joint_nats(g[:, rows], own, sds[rows]))
+        for at, infos in joint:
+            some[:] = np.maximum(some, joint_nats(g[:, at], infos, sds[at]).max(axis=1))
     return np.sort(best)
 
 
@@ -142,21 +142,23 @@ def _drawn(
         own, info = scores[:, at], known.info(parts[i])
         white = np.linalg.solve(np.linalg.cholesky(info), own.T)
         size = max(float((white**2).sum()) / len(at), 1.0)
-        nats = joint_nats(signs @ own, info, known.linear.prior_sd[at], size)
-        yield nats[:, None], np.array([i])
+        one = (signs @ own)[:, None], info[None], known.linear.prior_sd[[at]]
+        yield joint_nats(*one, size), np.array([i])
 
 
 def joint_nats(
     g: FloatArray, info: FloatArray, prior_sd: FloatArray, size: float = 1.0
 ) -> FloatArray:
-    """Nats [draws] of parameters that act together, of scores [draws, p], information [p, p] and
-    prior sds [p], where scores scatter by ``size`` more than they should."""
-    best = np.full(len(g), -np.inf)
+    """Nats [draws, k] of parts whose parameters act together, of scores [draws, k, p], information
+    [k, p, p] and prior sds [k, p], where scores scatter by ``size`` more than they should."""
+    best = np.full(g.shape[:2], -np.inf)
     for scale in limits.PRIOR_SCALES:
         sd = scale * prior_sd
-        low = np.linalg.cholesky(info * np.outer(sd, sd) + np.eye(len(sd)))
-        y = np.linalg.solve(low, (g * sd).T)
-        best = np.maximum(best, 0.5 * (y**2).sum(axis=0) / size - np.log(np.diag(low)).sum())
+        low = np.linalg.cholesky(info * sd[:, :, None] * sd[:, None, :] + np.eye(sd.shape[1]))
+        # scores to units that are independent, of all draws at once
+        y = np.linalg.inv(low) @ (g * sd).transpose(1, 2, 0)
+        once = np.log(np.diagonal(low, axis1=1, axis2=2)).sum(axis=1)
+        best = np.maximum(best, (0.5 * (y**2).sum(axis=1) / size).T - once)
     return np.asarray(best - np.log(len(limits.PRIOR_SCALES)))
 
 

@@ -27,6 +27,7 @@ from automap.gap.candidates import (
     Candidate,
     effect_columns,
     formula_column,
+    signal_column,
     size_of,
 )
 from automap.gap.fit import Fit
@@ -53,19 +54,18 @@ def formula_columns(
     signals = at.along
     known = _catalogue_signals(fit, motion, signals, exclude) if texts else {}
     out: list[Column] = []
-    for text in texts:
-        signal = parse_formula(text)(signals)
-        size = float(np.std(signal))
-        if size < 1e-12:
-            continue
-        unit = (signal - signal.mean()) / size
+    formulas = [(text, parse_formula(text)(signals)) for text in texts]
+    formulas = [(text, signal) for text, signal in formulas if float(np.std(signal)) >= 1e-12]
+    units = np.array([(signal - signal.mean()) / np.std(signal) for _, signal in formulas])
+    said = {
+        channel: np.sum((units @ rows.T / len(rows.T)) ** 2, axis=1) > SAME_SIGNAL**2
+        for channel, rows in known.items()
+        if len(rows) and len(units)
+    }
+    for i, (text, signal) in enumerate(formulas):
         for channel in INERTIAL:
-            if (
-                channel in known
-                and np.sum((known[channel] @ unit / len(unit)) ** 2) > SAME_SIGNAL**2
-            ):
-                continue
-            out.append(formula_column((channel, text), at))
+            if channel not in said or not said[channel][i]:
+                out.append(signal_column((channel, text), signal, at))
     columns = [formula_column(term, at) for term in ALONE]
     # a car that never turns has no bend to remember
     out += [c for c in columns if c.prior_sd < size_of(c.term[0]) / LEAST_SPREAD]
@@ -150,13 +150,16 @@ def _catalogue_signals(
 
 def _at_right_angles(rows: Sequence[FloatArray]) -> FloatArray:
     """What spans the same as unit signals [k][n], by Gram and Schmidt: [at most k, n]."""
-    out: list[FloatArray] = []
+    out = np.empty((len(rows), len(rows[0])))
+    count = 0
     for row in rows:
-        own = row - sum(float(np.mean(row * u)) * u for u in out)
-        size = float(np.mean(own**2))
+        before = out[:count]
+        own = row - (before @ row / len(row)) @ before
+        size = float(own @ own) / len(own)
         if size > LEAST_OWN:
-            out.append(own / np.sqrt(size))
-    return np.array(out)
+            out[count] = own / np.sqrt(size)
+            count += 1
+    return out[:count]
 
 
 def effect_for(candidate: Candidate, linear: Linear) -> str:

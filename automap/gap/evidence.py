@@ -19,9 +19,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from automap.gap import limits
-from automap.gap.linear import Conditional, Part
-from automap.gap.whitening import LOOSE
-from automap.records import BoolArray, FloatArray, IntArray
+from automap.gap.linear import Conditional, Part, Side
+from automap.gap.stretches import Frame
+from automap.records import FloatArray, IntArray
 
 MEDIAN_SQUARE = 0.4549
 """Median of the square of a standard normal value."""
@@ -111,7 +111,7 @@ def inflation(known: Conditional, columns: IntArray) -> float:
     The median of their squares over what it is for a normal one (genomic control: Devlin and
     Roeder, Biometrics 55 (1999), 997-1004), shrunk where the columns are but a few different ones.
     """
-    columns = columns[[known.shows((int(i),)) for i in columns]]
+    columns = columns[known.shown[columns]]
     if len(columns) < 2:
         return 1.0
     info = known.info(tuple(columns))
@@ -137,8 +137,8 @@ def evidence(known: Conditional, part: Part, least_ratio: float = 1.0) -> Eviden
         return Evidence(-np.inf, zero, zero, scale, 1.0, -np.inf, 0.0, -np.inf, -np.inf)
     rows = _stacked(known, part)
     ratio = max(_ratio(rows, estimate), least_ratio)
-    if not linear.of_vehicle(part) and _contradicted(rows, estimate, least_ratio):
-        alone = rows.some(~np.isin(rows.channel, LOOSE))
+    if not linear.of_vehicle(part) and _contradicted(rows, linear.sides, estimate, least_ratio):
+        alone = rows.side(linear.sides[1])
         its_g, its_info = alone.phi.T @ alone.w, alone.phi.T @ alone.phi
         its_nats = _bayes_factor(its_g, its_info, sd) - np.log(len(limits.PRIOR_SCALES))
         its_cov = np.linalg.inv(its_info + np.diag(sd**-2.0))
@@ -150,7 +150,7 @@ def evidence(known: Conditional, part: Part, least_ratio: float = 1.0) -> Eviden
             rows, g, nats, cov, ratio = alone, its_g, its_nats, its_cov, its_ratio
             estimate = cov @ g
     expected = (rows.phi @ estimate) ** 2
-    starts = _stretches(rows.t, rows.drive, limits.BLOCKS_S[0])
+    starts = rows.frame.starts[limits.BLOCKS_S[0]]
     predicted = _predicted(rows.phi, rows.w, expected, starts, np.diag(sd**-2.0))
     fixed = 0.5 * float(estimate @ g)
     return Evidence(
@@ -173,8 +173,8 @@ def shown_by(known: Conditional, part: Part) -> tuple[int, float]:
     sd = known.linear.prior_sd[list(part)]
     info = known.info(part) + np.diag(sd**-2.0)
     along = rows.phi @ np.linalg.solve(info, known.score[list(part)])
-    gain = np.bincount(rows.channel, along * (2.0 * rows.w - along))
-    at = rows.channel == int(np.argmax(gain))
+    gain = np.bincount(rows.frame.channel, along * (2.0 * rows.w - along))
+    at = rows.frame.channel == int(np.argmax(gain))
     weight = along[at] ** 2
     return int(np.argmax(gain)), float(weight @ rows.w[at] ** 2 / max(float(weight.sum()), 1e-300))
 
@@ -186,7 +186,7 @@ def by_stretch(known: Conditional, part: Part) -> tuple[FloatArray, FloatArray]:
     sd = plain_nats(known, part)[1] * known.linear.prior_sd[list(part)]
     precision = known.info(part) + np.diag(sd**-2.0)
     along = rows.phi @ np.linalg.solve(precision, known.score[list(part)])
-    edges = _stretches(rows.t, rows.drive, limits.BLOCKS_S[0])
+    edges = rows.frame.starts[limits.BLOCKS_S[0]]
     sizes = np.add.reduceat(along**2, edges)
     shown = sizes > limits.LEAST_OWN * float(sizes.max())
     return np.add.reduceat(along * rows.w, edges)[shown], sizes[shown]
@@ -203,8 +203,8 @@ def apart(known: Conditional, one: Part, other: Part) -> float:
         along = rows.phi @ estimate
         gains.append(along * (rows.w - 0.5 * along))
     ahead, spreads = gains[0] - gains[1], []
-    for length_s in limits.BLOCKS_S:
-        sums = np.add.reduceat(ahead, _stretches(rows.t, rows.drive, length_s))
+    for starts in rows.frame.starts.values():
+        sums = np.add.reduceat(ahead, starts)
         spreads.append(np.sqrt(len(sums)) * np.std(sums))
     return float(ahead.sum() / max(*spreads, 1e-300))
 
@@ -219,27 +219,27 @@ def _bayes_factor(g: FloatArray, info: FloatArray, sd: FloatArray) -> float:
 @dataclass(frozen=True)
 class _Stacked:
     """Rows of all drives: columns ``phi`` [s, p] of a part less what is given, ``w`` [s] less what
-    that explains, times [s] in s, drives and channels [s]."""
+    that explains, and of which instants they are."""
 
     phi: FloatArray
     w: FloatArray
-    t: FloatArray
-    drive: IntArray
-    channel: IntArray
+    frame: Frame
 
-    def some(self, at: BoolArray) -> _Stacked:
-        """Some of the rows [s]."""
-        return _Stacked(self.phi[at], self.w[at], self.t[at], self.drive[at], self.channel[at])
+    def side(self, side: Side) -> _Stacked:
+        """Some of the rows."""
+        at, frame = side
+        return _Stacked(self.phi[at], self.w[at], frame)
 
 
-def _contradicted(rows: _Stacked, estimate: FloatArray, least_ratio: float) -> bool:
+def _contradicted(
+    rows: _Stacked, sides: Sequence[Side], estimate: FloatArray, least_ratio: float
+) -> bool:
     """Whether the receiver and the vehicle constraint say of an estimate what chance and what is
     not linear do not explain: then the vehicle slips or sways, and no sensor errs. The constraint
     has no say there. How far chance goes is told by each side's scatter about what it says itself:
     about what both say together it is the larger the more they differ."""
-    loose = np.isin(rows.channel, LOOSE)
     slopes, variance = [], 0.0
-    for side in (rows.some(loose), rows.some(~loose)):
+    for side in map(rows.side, sides):
         along = side.phi @ estimate
         size = float(along @ along)
         if size <= 0.0:
@@ -254,39 +254,26 @@ def _contradicted(rows: _Stacked, estimate: FloatArray, least_ratio: float) -> b
 def _ratio(rows: _Stacked, estimate: FloatArray) -> float:
     """The larger of the scatters over stretches of all lengths."""
     along = rows.phi @ estimate
-    return max(_scatter(along * rows.w, along**2, rows.t, rows.drive, s) for s in limits.BLOCKS_S)
+    of_rows, expected = along * rows.w, along**2
+    return max(_scatter(of_rows, expected, starts) for starts in rows.frame.starts.values())
 
 
 def _stacked(known: Conditional, part: Part) -> _Stacked:
-    linear, given = known.linear, list(known.given.columns)
-    phis, ws, ts, drives, channels = [], [], [], [], []
-    for number, rows in enumerate(linear.rows):
-        phi, w = linear.columns(rows, part), rows.w
-        if given:
-            others = linear.columns(rows, given)
+    phis = []
+    for rows, (others, _) in zip(known.linear.rows, known.left, strict=True):
+        phi = known.linear.columns(rows, part)
+        if known.given.columns:
             phi = phi - others @ known.weights[:, list(part)]
-            w = w - others @ known.value
         phis.append(phi)
-        ws.append(w)
-        ts.append(rows.t)
-        drives.append(np.full(len(w), number))
-        channels.append(rows.channel)
-    return _Stacked(*(np.concatenate(each) for each in (phis, ws, ts, drives, channels)))
+    return _Stacked(
+        np.concatenate(phis), np.concatenate([w for _, w in known.left]), known.linear.frame
+    )
 
 
-def _stretches(t: FloatArray, drive: IntArray, length_s: float) -> IntArray:
-    """First rows of stretches of some seconds along each drive."""
-    number = ((t - t[0]) / length_s).astype(np.int64) + drive * (1 << 32)
-    return np.flatnonzero(np.diff(number, prepend=-(1 << 40)))
-
-
-def _scatter(
-    along: FloatArray, expected: FloatArray, t: FloatArray, drive: IntArray, length_s: float
-) -> float:
-    """How much more the score along an estimate scatters from stretch to stretch than it should;
-    at least one, shrunk towards it where few stretches count."""
-    edges = _stretches(t, drive, length_s)
-    sums, sizes = np.add.reduceat(along, edges), np.add.reduceat(expected, edges)
+def _scatter(along: FloatArray, expected: FloatArray, starts: IntArray) -> float:
+    """How much more the score along an estimate scatters between stretches that begin at rows
+    ``starts`` than it should; at least one, shrunk towards it where few stretches count."""
+    sums, sizes = np.add.reduceat(along, starts), np.add.reduceat(expected, starts)
     total = float(sizes.sum())
     if total <= 0.0:
         return 1.0

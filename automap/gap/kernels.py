@@ -54,17 +54,17 @@ def propagate_columns(
     moved = np.zeros((N_NAV, n_col))
     psi = np.zeros((N_NAV, n_col))
     seen = np.zeros(n_col)
-    n_terms = terms.shape[0]
     decay = np.ones(n)
     i = 0
     n_t = t.shape[0]
     done = 0
     acting = np.zeros(n_col, dtype=np.bool_)
-    for m in range(n_terms):
-        acting[terms[m, 0]] = True
+    # what is nothing until an instant leaves nothing behind until then
+    begun = first_direct < n_col
     for k in range(n_nodes):
         if k > 0 and node_t[k] > node_t[k - 1]:
             psi[:, :] = 0.0
+            acting[:] = False
             now = node_t[k - 1]
             while i < n_t - 2 and t[i + 1] <= now:
                 i += 1
@@ -76,14 +76,16 @@ def propagate_columns(
                 now = nxt
                 if i < n_t - 2 and now >= t[i + 1]:
                     i += 1
-            _carry(e, moved, psi, trans[k])
+            begun = begun or acting.any()
+            if begun:
+                _carry(e, moved, psi, trans[k])
             span = node_t[k] - node_t[k - 1]
             outlasting(span, tau, kept, keep[k], decay)
             for j in range(N_NAV, n):
                 if tau[j] > 0.0:
                     for c in range(n_col):
                         e[j, c] *= decay[j]
-        for a in range(done, scalars[k]):
+        for a in range(done, scalars[k] if begun else done):
             for c in range(first_direct):
                 seen[c] = 0.0
             for c in range(first_direct, n_col):
@@ -135,6 +137,9 @@ def _advance(
         for m in range(terms.shape[0]):
             j, axis, b = terms[m, 0], terms[m, 2], terms[m, 3]
             u = weights[m] * (signals[i, b] + s * (signals[i + 1, b] - signals[i, b])) * dt
+            if u == 0.0:
+                continue
+            acting[j] = True
             if terms[m, 1] == 0:
                 psi[6, j] -= 0.5 * c[0, axis] * u
                 psi[7, j] -= 0.5 * c[1, axis] * u

@@ -9,7 +9,9 @@ Effects that the fit has already count from zero again: what their values explai
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -21,6 +23,7 @@ from automap.gap import limits
 from automap.gap.fit import Fit, whitened_innovations
 from automap.gap.kernels import propagate_columns
 from automap.gap.motion import LEANS, Motion, at_times, leaning, motion_of
+from automap.gap.stretches import Frame
 from automap.gap.whitening import LOOSE, Rows, moments, times, whitened_rows
 from automap.records import BoolArray, FloatArray, IntArray
 
@@ -28,6 +31,8 @@ BATCH = 96
 """Columns carried through the filter together: their rows stay in the processor's cache."""
 Part = tuple[int, ...]
 """Columns that act together."""
+Side = tuple[BoolArray, Frame]
+"""Which rows [s], and their frame."""
 
 
 @dataclass(frozen=True)
@@ -130,6 +135,20 @@ class Linear:
     info: FloatArray
     prior_sd: FloatArray
     values: FloatArray
+
+    @cached_property
+    def frame(self) -> Frame:
+        """Of which instants the rows of all drives are, one after the other."""
+        t, channel = (np.concatenate([getattr(r, k) for r in self.rows]) for k in ("t", "channel"))
+        return Frame(
+            t, np.repeat(np.arange(len(self.rows)), [len(r.w) for r in self.rows]), channel
+        )
+
+    @cached_property
+    def sides(self) -> tuple[Side, Side]:
+        """The rows of the vehicle constraint, and all others."""
+        loose = np.isin(self.frame.channel, LOOSE)
+        return (loose, self.frame.some(loose)), (~loose, self.frame.some(~loose))
 
     def of_vehicle(self, at: Sequence[int]) -> bool:
         """Whether candidates' columns act on the vehicle constraint itself."""
@@ -273,7 +292,8 @@ class Given:
 @dataclass(frozen=True)
 class Conditional:
     """Scores [v] and information of all columns with those given marginalised; ``weights`` [q, v]
-    of the given ones in each, ``value`` [q] their estimate; ``cross`` [q, v]."""
+    of the given ones in each, ``value`` [q] their estimate; ``told`` what was asked of parts
+    before."""
 
     given: Given
     score: FloatArray
@@ -281,12 +301,27 @@ class Conditional:
     weights: FloatArray
     value: FloatArray
     linear: Linear
+    told: dict[tuple[Part, float], Any] = field(default_factory=dict)
+
+    @cached_property
+    def shown(self) -> BoolArray:
+        """Which columns [v] have something of their own beside what is given: what is left of
+        nearly the same is what a linear model has wrong of either."""
+        return np.asarray(self.diagonal > limits.LEAST_OWN * np.diag(self.linear.info))
+
+    @cached_property
+    def left(self) -> tuple[tuple[FloatArray, FloatArray], ...]:
+        """Of each drive the columns [s, q] of what is given, and its rows [s] less what these
+        explain."""
+        out = []
+        for rows in self.linear.rows:
+            others = self.linear.columns(rows, self.given.columns)
+            out.append((others, rows.w - others @ self.value if self.given.columns else rows.w))
+        return tuple(out)
 
     def shows(self, part: Part) -> bool:
-        """Whether a part has something of its own beside what is given: what is left of nearly the
-        same is what a linear model has wrong of either."""
-        own = np.diag(self.linear.info)[list(part)]
-        return bool((self.diagonal[list(part)] > limits.LEAST_OWN * own).all())
+        """Whether all columns of a part have something of their own."""
+        return bool(self.shown[list(part)].all())
 
     def info(self, part: Part) -> FloatArray:
         """Information [p, p] of a part."""

@@ -15,10 +15,9 @@ from functools import reduce
 import numpy as np
 
 from automap.fusion.adapt import scale_nodes, scale_problem
-from automap.fusion.kernel_runs import SmoothRun, empty_store, run_forward
-from automap.fusion.kernels import ForwardStore
+from automap.fusion.kernel_runs import SmoothRun, run_forward
 from automap.fusion.level_climb import GAIN, climb
-from automap.fusion.level_likelihood import LevelLikelihood, level_likelihood
+from automap.fusion.level_likelihood import LevelLikelihood, Room, level_likelihood, room_for
 from automap.fusion.levels import ALL_LEVELS, TIME_LEVELS
 from automap.fusion.nodes import Nodes
 from automap.fusion.passes import Pass
@@ -189,9 +188,7 @@ def _likeliest(
     }
     smooth = [level for level in _BY_SLOPE if level in levels]
     inverse: FloatArray | None = None
-    most = _most_nodes(fits)
-    # claimed once: pages are dear
-    rooms = [empty_store(f.last.nodes.first(most), f.last.problem.model.size) for f in fits]
+    rooms = rooms_of(fits)
     for _ in range(2):
         top = climb(
             lambda trial: noise_slopes(fits, trial, rooms), factors, smooth, limits_of, inverse
@@ -199,7 +196,7 @@ def _likeliest(
         inverse = top.inverse
         best, factors = top.score, top.factors
         for level in (level for level in TIME_LEVELS if level in levels):
-            best, factors = _time_constant(level, fits, best, factors)
+            best, factors = _time_constant(level, fits, rooms, best, factors)
         if best - top.score < GAIN:
             break
     return best, factors
@@ -247,20 +244,33 @@ def _surely(count: int) -> float:
     return float(np.sqrt(count / chi2.ppf(0.95, count)))
 
 
-def noise_score(fits: Sequence[Fit], factors: Mapping[str, float]) -> float:
+def rooms_of(fits: Sequence[Fit]) -> list[Room]:
+    """What all levels of noise are asked with, claimed once: pages are dear, and the way from node
+    to node is long."""
+    same = dict.fromkeys(ALL_LEVELS, 1.0)
+    return [room_for(*_scaled(f, same, _most_nodes(fits))) for f in fits]
+
+
+def noise_score(
+    fits: Sequence[Fit], factors: Mapping[str, float], rooms: Sequence[Room] = ()
+) -> float:
     """Log-likelihood of fitted drives under other factors on the noise levels, nats."""
-    most = _most_nodes(fits)
-    return sum(_score(f, _relative(fits, factors), most) for f in fits)
+    relative = _relative(fits, factors)
+    total = 0.0
+    for fit, (_, legs) in zip(fits, rooms or rooms_of(fits), strict=True):
+        problem, nodes, about = _scaled(fit, relative, _most_nodes(fits))
+        run = run_forward(problem, nodes, fit.start, fit.last.shift, False, about, legs)
+        total += run.score if np.isfinite(run.score) else -np.inf
+    return total
 
 
 def noise_slopes(
-    fits: Sequence[Fit], factors: Mapping[str, float], rooms: Sequence[ForwardStore | None] = ()
+    fits: Sequence[Fit], factors: Mapping[str, float], rooms: Sequence[Room] = ()
 ) -> LevelLikelihood:
-    """Log-likelihood of fitted drives under other factors, and its slopes along them; ``rooms`` of
-    earlier calls are written over."""
+    """Log-likelihood of fitted drives under other factors, and its slopes along them."""
     relative = _relative(fits, factors)
     parts = []
-    for fit, room in zip(fits, rooms or [None] * len(fits), strict=True):
+    for fit, room in zip(fits, rooms or rooms_of(fits), strict=True):
         problem, nodes, about = _scaled(fit, relative, _most_nodes(fits))
         parts.append(level_likelihood(problem, nodes, fit.start, fit.last.shift, about, room))
     return reduce(operator.add, parts)
@@ -280,7 +290,11 @@ def _relative(fits: Sequence[Fit], factors: Mapping[str, float]) -> dict[str, fl
 
 
 def _time_constant(
-    level: str, fits: Sequence[Fit], best: float, factors: dict[str, float]
+    level: str,
+    fits: Sequence[Fit],
+    rooms: Sequence[Room],
+    best: float,
+    factors: dict[str, float],
 ) -> tuple[float, dict[str, float]]:
     """Move a time constant up or down by ever finer steps while that helps."""
     low, high = _limits(level)
@@ -289,7 +303,7 @@ def _time_constant(
             moved = False
             while low <= factors[level] * way <= high:
                 trial = factors | {level: factors[level] * way}
-                value = noise_score(fits, trial)
+                value = noise_score(fits, trial, rooms)
                 if not value > best + GAIN:
                     break
                 best, factors, moved = value, trial, True
@@ -302,14 +316,6 @@ def _scaled(fit: Fit, relative: Mapping[str, float], most: int) -> tuple[Problem
     last: Pass = fit.last
     nodes = scale_nodes(last.nodes.first(most), relative)
     return scale_problem(last.problem, relative), nodes, _first(last.smooth, most)
-
-
-def _score(fit: Fit, relative: Mapping[str, float], most: int) -> float:
-    problem, nodes, linearised_at = _scaled(fit, relative, most)
-    run = run_forward(
-        problem, nodes, fit.start, fit.last.shift, store=False, linearised_at=linearised_at
-    )
-    return run.score if np.isfinite(run.score) else -np.inf
 
 
 def _first(smooth: SmoothRun, most: int) -> SmoothRun:

@@ -20,7 +20,8 @@ import numpy as np
 
 from automap.effects.formula_text import parse_formula
 from automap.fusion.adapt import scale_nodes, scale_problem
-from automap.fusion.kernel_runs import run_forward
+from automap.fusion.kernel_runs import legs_about, run_forward
+from automap.fusion.kernels import Legs
 from automap.fusion.layout import NHC
 from automap.fusion.level_climb import GAIN
 from automap.fusion.level_likelihood import slopes_by_node
@@ -212,7 +213,8 @@ def _climbed(
 ) -> Ranged:
     """Levels moved in ``ways``, steps inside and outside, while the drives, of log-likelihood
     ``nats``, grow likelier."""
-    at = replace(at, nats=_score(fits, courses, at))
+    legs = [legs_about(f.last.problem, f.last.nodes, f.last.smooth) for f in fits]
+    at = replace(at, nats=_score(fits, courses, legs, at))
     for step in (2.0, 2.0**0.25):
         moved = True
         while moved:
@@ -222,19 +224,21 @@ def _climbed(
                 if not 1.0 / limits.LEVEL_RANGE < outside <= inside < limits.LEVEL_RANGE:
                     continue
                 trial = replace(at, inside=inside, outside=outside)
-                value = _score(fits, courses, trial)
+                value = _score(fits, courses, legs, trial)
                 if value > at.nats + GAIN:
                     at, moved = replace(trial, nats=value), True
     return at
 
 
-def _score(fits: Sequence[Fit], courses: Sequence[Course], at: Ranged) -> float:
+def _score(
+    fits: Sequence[Fit], courses: Sequence[Course], legs: Sequence[Legs], at: Ranged
+) -> float:
     """Log-likelihood of drives, nats."""
     total = 0.0
-    for fit, course in zip(fits, courses, strict=True):
+    for fit, course, its in zip(fits, courses, legs, strict=True):
         problem, nodes = _scaled(fit, course, at)
         last = fit.last
-        run = run_forward(problem, nodes, fit.start, last.shift, False, last.smooth)
+        run = run_forward(problem, nodes, fit.start, last.shift, False, last.smooth, its)
         total += run.score if np.isfinite(run.score) else -np.inf
     return total
 

@@ -19,6 +19,9 @@ from automap.gates import exceeds
 
 Key = tuple[str, tuple[str, ...]]
 """A part by name and parameters, which hold in any layout."""
+KEPT = 6
+"""So many choices are kept with what was told beside them: those that a rival is compared with are
+asked for again and again. Bounds the memory."""
 
 
 @dataclass(frozen=True)
@@ -82,10 +85,12 @@ class Selection:
     def given(self, chosen: Chosen) -> Conditional:
         """The model with what is chosen marginalised."""
         key = chosen.given(self.linear, self.always)
-        if key not in self._known:
-            self._known.clear()
-            self._known[key] = conditional(self.linear, key)
-        return self._known[key]
+        known = self._known.pop(key, None) or conditional(self.linear, key)
+        # the one that was asked for last stays longest
+        self._known[key] = known
+        if len(self._known) > KEPT:
+            del self._known[next(iter(self._known))]
+        return known
 
     def given_in(self, chosen: Chosen, linear: Linear) -> Given:
         """A choice, and what is free beside it, in another linear model that has its columns."""
@@ -121,7 +126,10 @@ class Selection:
         """Evidence of a part of a candidate, given too what is free beside it."""
         known = self._beside(known, name)
         ratio = self.inflated.get(follows_time(self.candidates[name].terms), 1.0)
-        return evidence(known, part, ratio)
+        if (part, ratio) not in known.told:
+            known.told[part, ratio] = evidence(known, part, ratio)
+        told: Evidence = known.told[part, ratio]
+        return told
 
     def _beside(self, known: Conditional, name: str) -> Conditional:
         """The same model with what is free beside a candidate marginalised too."""
@@ -163,20 +171,21 @@ class Selection:
         odds before correction are above ``least``; ``refused`` in place of the selection's own."""
         refused = self.refused if refused is None else refused
         known = self.given(chosen)
-        barred = twins_of(chosen.names)
+        its_names = chosen.names
+        barred = twins_of(its_names)
         has = {part for _, part, _ in chosen.parts}
+        shown = known.shown.tolist()
         open_to = [
             (c, part)
             for c in self.candidates.values()
             if c.name not in barred and (names is None or c.name in names)
             for part in c.parts
-            if part not in has and self.key(c.name, part) not in refused and known.shows(part)
+            if all(shown[i] for i in part)
+            and part not in has
+            and self.key(c.name, part) not in refused
         ]
         prior = np.array(
-            [
-                (c.log_prior if c.name not in chosen.names else 0.0) + c.log_choice
-                for c, _ in open_to
-            ]
+            [(c.log_prior if c.name not in its_names else 0.0) + c.log_choice for c, _ in open_to]
         )
         nats = nats_of_parts(known, [part for _, part in open_to])
         for i, (c, part) in enumerate(open_to):
@@ -188,7 +197,7 @@ class Selection:
             if nats[i] + prior[i] <= least:
                 break
             found = self.evidence(known, candidate.name, part)
-            free = candidate.unless in chosen.names
+            free = candidate.unless in its_names
             if candidate.positive and not free and found.estimate[0] <= 0.0:
                 continue
             if candidate.isotropic and self._axes_differ(known, candidate, found.overdispersion):

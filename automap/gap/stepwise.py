@@ -40,9 +40,11 @@ def select(selection: Selection, chosen: Chosen, limit: int) -> Chosen:
 def _swapped(selection: Selection, chosen: Chosen, limit: int) -> Chosen:
     """The choice with a candidate in the place of another where that raises the odds, with what
     stands out beside either: two effects may together do what one that is not there does nearly."""
-    for name in chosen.names[:-1]:
+    names = chosen.names[:-1]
+    alone = _extended(selection, chosen)[0] if names else 0.0
+    for name in names:
         own, _ = selection.odds_of(chosen, name)
-        best, instead = _extended(selection, chosen)[0], chosen
+        best, instead = alone, chosen
         for rival in selection.rivals(chosen, name)[: limits.RIVALS]:
             if rival.ahead < -0.5 * own:
                 continue

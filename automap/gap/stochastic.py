@@ -18,7 +18,7 @@ from automap.fusion.measurements.position import lasting_share
 from automap.fusion.nodes import model_fixes
 from automap.gap import limits
 from automap.gap.fit import Fit
-from automap.gap.noise import fit_noise, noise_score, rest_factors
+from automap.gap.noise import fit_noise, noise_score, rest_factors, rooms_of
 from automap.gap.noise_conditions import Ranged, conditional_noise, unconstrained
 from automap.gap.reading_steps import coarse
 from automap.gap.result import Finding, NoiseClaim, ParameterValue
@@ -44,7 +44,8 @@ def stochastic_findings(
     given, ``gap`` what is left on held-out data."""
     out = []
     fitted = dict(fits[0].model.factors)
-    score = _memo(lambda f: noise_score(fits, f))
+    rooms = rooms_of(fits)
+    score = _memo(lambda f: noise_score(fits, f, rooms))
     for name in WALKS:
         ratio = fitted[name] / stated_factors[name]
         if name in exclude or ratio < limits.WALK_FACTOR:
@@ -78,7 +79,8 @@ def noise_claims(
     that is; else what speaks for its noise must do so without the vehicle constraint.
     """
     fitted = dict(fits[0].model.factors)
-    score = _memo(lambda f: noise_score(fits, f))
+    rooms = rooms_of(fits)
+    score = _memo(lambda f: noise_score(fits, f, rooms))
     resting = rest_factors(fits)
     ratios = {level: fitted[level] / stated_factors[level] for level in SENSOR_LEVELS}
     ratios |= dict(zip(FIGURES, _whole(fits, fitted, stated_factors), strict=True))

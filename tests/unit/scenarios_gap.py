@@ -39,11 +39,16 @@ def _joint() -> Any:
     return Linear(tuple(layout), tuple(rows), None, score, info, sds, np.zeros(5))
 
 
+def _columns(frame: Any) -> dict[str, Any]:
+    return {name: getattr(frame, name) for name in ("t", "drive", "channel")}
+
+
 @scenario
 def gap_parts() -> Any:
     """What evidence is made of: ratios, stretches, folds and what the channels say."""
     from automap.gap import evidence as of
     from automap.gap.linear import Given, conditional
+    from automap.gap.stretches import stretches
 
     linear, rng = _joint(), np.random.default_rng(3)
     parts = ((1,), (1, 2), (3,), (4,), (2, 4))
@@ -53,7 +58,9 @@ def gap_parts() -> Any:
         rows = of._stacked(known, (1, 4))
         estimate = np.array([0.4, -0.3])
         along = rows.phi @ estimate
-        starts = of._stretches(rows.t, rows.drive, 8.0)
+        at = rows.frame.channel == CH_VEL
+        some = rows.side((at, rows.frame.some(at)))
+        starts = rows.frame.starts[8.0]
         told = [of.evidence(known, part, least) for part in parts for least in (1.0, 2.5)]
         found[name] = {
             "evidence": told,
@@ -63,10 +70,12 @@ def gap_parts() -> Any:
             "inflation": [of.inflation(known, np.array(c)) for c in ([1, 2, 3, 4], [3], [2, 4])],
             "shown": [of.shown_by(known, part) for part in parts],
             "apart": [of.apart(known, one, other) for one in parts[:3] for other in parts[2:]],
-            "rows": rows,
-            "some": rows.some(rows.channel == CH_VEL),
+            "rows": {"phi": rows.phi, "w": rows.w, **_columns(rows.frame)},
+            "some": {"phi": some.phi, "w": some.w, **_columns(some.frame)},
             "contradicted": [
-                of._contradicted(of._stacked(known, part), value * np.ones(len(part)), r)
+                of._contradicted(
+                    of._stacked(known, part), linear.sides, value * np.ones(len(part)), r
+                )
                 for part in parts
                 for value in (0.1, 0.9)
                 for r in (1.0, 9.0)
@@ -74,7 +83,7 @@ def gap_parts() -> Any:
             "ratio": of._ratio(rows, estimate),
             "starts": starts,
             "scatter": [
-                of._scatter(along * rows.w, along**2, rows.t, rows.drive, s)
+                of._scatter(along * rows.w, along**2, stretches(rows.frame.t, rows.frame.drive, s))
                 for s in (3.0, 8.0, 60.0)
             ],
             "predicted": of._predicted(rows.phi, rows.w, along**2, starts, np.diag([4.0, 9.0])),
@@ -139,7 +148,9 @@ def gap_levels() -> Any:
                 noise.fit_noise(fits, ("accel", "nhc_y"), factors),
                 noise.fit_noise(fits[:1]),
             ],
-            "time": noise._time_constant("wander_tau", fits, -1e9, dict(factors)),
+            "time": noise._time_constant(
+                "wander_tau", fits, noise.rooms_of(fits), -1e9, dict(factors)
+            ),
             "limits": [noise._limits(level) for level in ALL_LEVELS],
             "relative": noise._relative(fits, factors),
             "opened": (said, fitted.model.factors, fitted.estimate),

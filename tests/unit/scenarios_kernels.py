@@ -83,6 +83,15 @@ def kernels_mechanisation() -> Any:
     return found
 
 
+def _started(phi: Any, noise: Any) -> None:
+    """An interval as it begins, without noise."""
+    from automap.fusion.kernels.transition import start_interval
+    from tests.unit.figure_calls import plain
+
+    plain(start_interval)(phi)
+    noise[:] = 0.0
+
+
 @scenario
 def kernels_transition() -> Any:
     """Rows, noise, covariance and error estimate over an interval."""
@@ -96,7 +105,6 @@ def kernels_transition() -> Any:
         outlasting,
         propagate_covariance,
         reach,
-        start_interval,
     )
 
     rng = _rng(2)
@@ -115,7 +123,7 @@ def kernels_transition() -> Any:
     decay = np.where(tau > 0.0, rng.uniform(0.3, 0.9, n), 1.0)
     xi = rng.normal(size=n - 9)
     return {
-        "start": after(start_interval, phi, np.full(N_NOISE, 2.0)),
+        "start": after(_started, phi, np.full(N_NOISE, 2.0)),
         "reach": [after(reach, each) for each in (phi, part, np.zeros((9, n)))],
         "rows": after(add_transition, phi, terms, c, reading, force, 0.6),
         "noise": [
@@ -248,11 +256,24 @@ def _model(n: int, gap_s: float) -> Any:
     )
 
 
+def _integrated(samples: Any, model: Any, *rest: Any) -> Any:
+    """A state carried on as ``integrate`` does it, with the noise of its steps."""
+    from automap.fusion.kernels.integrate import integrate, sum_noise
+    from tests.unit.figure_calls import plain
+
+    *before, noise, rate, now, mid = rest
+    room = np.full((99, 3), np.nan), np.full(99, np.nan), np.zeros(99, np.int64)
+    i, done = plain(integrate)(samples, model, *before, rate, now, mid, 7, *room)
+    assert not np.isfinite(room[1][:7]).any()
+    plain(sum_noise)(samples, model, *(each[7:done] for each in room), noise)
+    return i
+
+
 @scenario
 def kernels_readings() -> Any:
     """Readings put right, at samples and between them, and integrated over a gap."""
     from automap.fusion.kernels.dense import _spread, run_dense
-    from automap.fusion.kernels.integrate import integrate, reading_at
+    from automap.fusion.kernels.integrate import reading_at
     from automap.fusion.kernels.readings import (
         acceleration,
         calm_rate,
@@ -296,7 +317,7 @@ def kernels_readings() -> Any:
             steps = np.concatenate([used.t, used.t[-1] + np.arange(1.0, 4.0) * 0.05])
             t0, t1 = np.interp([first, last], np.arange(len(steps)), steps)
             found[f"{name} {k}"] = after(
-                integrate,
+                _integrated,
                 *(used, model, i, t0, t1, pos, rng.normal(0.0, 9.0, 3), *_turned(rng), xi),
                 *(place, phi, noise, np.zeros(3), np.zeros(6), np.zeros(width)),
             )

@@ -424,7 +424,7 @@ def record_of(motion: Any) -> ImuData:
 def kernels_forward() -> Any:
     """The filter over a few nodes as Python, with signals beside the readings themselves."""
     from automap.fusion import kernels
-    from automap.fusion.kernel_runs import empty_store
+    from automap.fusion.kernel_runs import empty_legs, empty_store
     from automap.fusion.nodes import Shift, build_nodes
     from automap.fusion.problem import node_signals
     from tests.unit.figure_calls import plain
@@ -455,10 +455,15 @@ def kernels_forward() -> Any:
         ("about", about, nodes),
         ("score", about, nodes.first(0)),
     ):
-        store = empty_store(room, n)
+        store, legs = (
+            empty_store(room, n),
+            empty_legs(problem, problem.samples, nodes.t, len(nodes.t)),
+        )
+        if len(path):
+            plain(kernels.walk_path)(problem.samples, problem.arrays, nodes.t, path, params, legs)
         score = plain(kernels.run_forward)(
             *(problem.samples, problem.arrays, given, start.nominal, problem.model.prior_mean),
-            *(spread, path, params, store),
+            *(spread, path, params, legs, store),
         )
         found[name] = {"score": score, "store": store._asdict()}
     return found

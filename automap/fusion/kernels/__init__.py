@@ -12,14 +12,16 @@ Reading order: ``fusion.arrays`` (what goes in and out), ``readings`` (corrected
 ``forward``, ``smoother``, ``dense``.
 """
 
-from automap.fusion.arrays import ForwardStore, ModelArrays, NodeArrays, Samples
+from automap.fusion.arrays import ForwardStore, Legs, ModelArrays, NodeArrays, Samples
 from automap.fusion.kernels.dense import run_dense
 from automap.fusion.kernels.forward import run_forward
+from automap.fusion.kernels.integrate import walk_path
 from automap.fusion.kernels.smoother import run_smoother
 from automap.fusion.kernels.state import apply_correction
 
 __all__ = [
     "ForwardStore",
+    "Legs",
     "ModelArrays",
     "NodeArrays",
     "Samples",
@@ -27,4 +29,5 @@ __all__ = [
     "run_dense",
     "run_forward",
     "run_smoother",
+    "walk_path",
 ]

@@ -7,9 +7,9 @@ import math
 import numpy as np
 
 from automap.effects.term_sums import SIGNAL_COLUMN, new_room, set_signals
-from automap.fusion.arrays import ForwardStore, ModelArrays, NodeArrays, Samples
-from automap.fusion.kernels.integrate import integrate, reading_at
-from automap.fusion.kernels.readings import acceleration, calm_rate
+from automap.fusion.arrays import ForwardStore, Legs, ModelArrays, NodeArrays, Samples
+from automap.fusion.kernels.integrate import begin, go, sum_noise
+from automap.fusion.kernels.readings import acceleration
 from automap.fusion.kernels.state import inject, load_state, subtract
 from automap.fusion.kernels.transition import (
     N_NOISE,
@@ -17,13 +17,12 @@ from automap.fusion.kernels.transition import (
     end_interval,
     expand_noise,
     propagate_covariance,
-    start_interval,
 )
 from automap.fusion.kernels.update import block_gains, inflate, pack, update_block
 from automap.fusion.layout import N_NAV
 from automap.fusion.measurements.observe import HAS, observe
 from automap.fusion.measurements.state import AtNode
-from automap.fusion.mechanisation import N_EARTH, earth_terms, quat_to_dcm
+from automap.fusion.mechanisation import N_EARTH, quat_to_dcm
 from automap.jit import kernel
 from automap.records import FloatArray
 
@@ -38,15 +37,17 @@ def run_forward(
     p0: FloatArray,
     linearised_at: FloatArray,
     linearised_params: FloatArray,
+    legs: Legs,
     store: ForwardStore,
 ) -> float:
     """Filter from the first node to the last; returns the robust log-likelihood.
 
     ``x0`` [10] and ``xi0`` [n - 9] the nominal start, ``p0`` [n, n] its covariance.
     ``linearised_at`` [k, 10], ``linearised_params`` [k, n - 9]: states to linearise about (an
-    iteration of the smoother), or empty: then about the filter's own running estimate. With an
-    empty ``store`` only the likelihood is computed, from the innovations (F. C. Schweppe, IEEE
-    Transactions on Information Theory 11, 1965).
+    iteration of the smoother), and the ``legs`` between these; or empty: then about the filter's
+    own running estimate, and ``legs`` is room for one. With an empty ``store`` only the likelihood
+    is computed, from the innovations (F. C. Schweppe, IEEE Transactions on Information Theory 11,
+    1965).
     """
     n = p0.shape[0]
     keep = store.nominal.shape[0] > 0
@@ -58,7 +59,6 @@ def run_forward(
     c = np.zeros((3, 3))
     quat_to_dcm(q, c)
     p = p0.copy()
-    phi = np.zeros((N_NAV, n))
     noise = np.zeros(N_NOISE)
     qn = np.zeros((N_NAV, N_NAV))
     work = np.zeros((N_NAV, n))
@@ -92,42 +92,18 @@ def run_forward(
         for j in range(n - N_NAV):
             dx[N_NAV + j] = xi[j] - linearised_params[0, j]
         load_state(linearised_at[0], linearised_params[0], pos, vel, q, c, xi)
-    i = 0
-    while i < samples.t.shape[0] - 2 and samples.t[i + 1] <= nodes.t[0]:
-        i += 1
+    else:
+        begin(samples, model, legs, nodes.t[0], pos, xi)
     t = nodes.t[0]
-    earth_terms(pos, model.earth_on, place)
     for k in range(nodes.t.shape[0]):
-        # nodes at one instant share its reading: nothing to integrate
+        row = k if relinearise else 0
         span = nodes.t[k] - t
-        start_interval(phi, noise)
-        if k == 0:
-            reading_at(samples, model, i, t, xi, rate, mid)
-            now[:] = mid[:6]
-            calm_rate(samples, i, t, rate_now)
-        else:
-            earth_terms(pos, model.earth_on, place)
-            if span > 0.0:
-                i = integrate(
-                    samples,
-                    model,
-                    i,
-                    t,
-                    nodes.t[k],
-                    pos,
-                    vel,
-                    q,
-                    c,
-                    xi,
-                    place,
-                    phi,
-                    noise,
-                    rate,
-                    now,
-                    mid,
-                )
-                calm_rate(samples, i, nodes.t[k], rate_now)
-            t = nodes.t[k]
+        if k > 0 and not relinearise:
+            go(samples, model, legs, 0, 0, legs.at[0], t, nodes.t[k], pos, vel, q, c, xi)
+        t, i, phi = nodes.t[k], legs.at[row], legs.trans[row]
+        rate[:], now[:] = legs.rate[row], legs.now[row]
+        mid[:], place[:] = legs.mid[row], legs.place[row]
+        if k > 0:
             end_interval(
                 phi,
                 span,
@@ -141,10 +117,12 @@ def run_forward(
             )
             if relinearise:
                 carry_mean(dx, phi, decay, xi, linearised_params[k], step)
-                subtract(pos, vel, q, linearised_at[k], step)
                 for a in range(N_NAV):
-                    dx[a] += step[a]
+                    dx[a] += legs.off[k, a]
                 load_state(linearised_at[k], linearised_params[k], pos, vel, q, c, xi)
+            a, b = legs.steps[row - 1] if row > 0 else 0, legs.steps[row]
+            noise[:] = 0.0
+            sum_noise(samples, model, legs.dvn[a:b], legs.dt[a:b], legs.since[a:b], noise)
             expand_noise(noise, qn)
             propagate_covariance(p, phi, qn, decay, q_state, work)
         if not relinearise:

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from automap.fusion.arrays import ModelArrays, Samples
-from automap.fusion.kernels.readings import correct, correction_of, raw_at, shift_of
-from automap.fusion.kernels.transition import add_noise, add_transition
-from automap.fusion.mechanisation import strapdown_step
+from automap.fusion.arrays import Legs, ModelArrays, Samples
+from automap.fusion.kernels.readings import calm_rate, correct, correction_of, raw_at, shift_of
+from automap.fusion.kernels.state import load_state, subtract
+from automap.fusion.kernels.transition import add_noise, add_transition, start_interval
+from automap.fusion.mechanisation import earth_terms, strapdown_step
 from automap.jit import kernel
-from automap.records import FloatArray
+from automap.records import FloatArray, IntArray
 
 GAP_STEP_S = 0.02
 """Inside a gap of the samples the integration takes steps of this length."""
@@ -29,21 +30,24 @@ def integrate(
     xi: FloatArray,
     place: FloatArray,
     phi: FloatArray,
-    noise: FloatArray,
     rate: FloatArray,
     now: FloatArray,
     mid: FloatArray,
-) -> int:
-    """Carry the nominal state from ``t`` to ``t_end`` with transition rows and noise.
+    done: int,
+    dvns: FloatArray,
+    dts: FloatArray,
+    since: IntArray,
+) -> tuple[int, int]:
+    """Carry the nominal state from ``t`` to ``t_end`` with transition rows.
 
-    ``i`` the sample at or before ``t``; returns the one at or before ``t_end``. ``rate`` [3]
+    ``i`` the sample at or before ``t``; returns the one at or before ``t_end``, and the number of
+    steps that there are then: those from ``done`` on are noted (see ``Legs``). ``rate`` [3]
     receives the mean corrected rate, ``now`` [6] the corrected reading at the end, ``mid`` [6 + e]
     the last corrected reading and extra signals.
     """
     # taken out of the tuples once: in the loop that would count references at every access
-    times, readings, extra, shocks = samples.t, samples.raw, samples.extra, samples.shocks
+    times, readings, extra = samples.t, samples.raw, samples.extra
     terms, gap = model.terms, model.gap
-    qa0, qg0 = model.noise[0], model.noise[1]
     n_imu = times.shape[0]
     full = np.empty(6)
     matrix = np.empty((6, 6))
@@ -92,11 +96,10 @@ def integrate(
                 for b in range(3):
                     c_mid[a, b] += 0.5 * c[a, b]
             add_transition(phi, terms, c_mid, mid, dvn, dt)
-            qa, qg = qa0 + shocks[i, 0], qg0 + shocks[i, 1]
-            if wide:
-                qa += gap[1] * gap[1] * width
-                qg += gap[2] * gap[2] * width
-            add_noise(noise, dvn, dt, qa, qg)
+            for a in range(3):
+                dvns[done, a] = dvn[a]
+            dts[done], since[done] = dt, i
+            done += 1
         for a in range(3):
             rate[a] += mid[a] * dt
         for a in range(6):
@@ -108,7 +111,33 @@ def integrate(
         rate[a] /= max(t_end - start, 1e-9)
     for a in range(6):
         now[a] = ra[a]
-    return i
+    return i, done
+
+
+@kernel
+def sum_noise(
+    samples: Samples,
+    model: ModelArrays,
+    dvns: FloatArray,
+    dts: FloatArray,
+    since: IntArray,
+    noise: FloatArray,
+) -> None:
+    """Advance the process noise [29] over steps of integration [m] as ``Legs`` has them."""
+    times, shocks, gap = samples.t, samples.shocks, model.gap
+    qa0, qg0 = model.noise[0], model.noise[1]
+    # a row of its own: to take one out of all of them would count references at every step
+    dvn = np.empty(3)
+    for m in range(dts.shape[0]):
+        i = since[m]
+        for a in range(3):
+            dvn[a] = dvns[m, a]
+        qa, qg = qa0 + shocks[i, 0], qg0 + shocks[i, 1]
+        width = times[i + 1] - times[i]
+        if width > gap[0]:
+            qa += gap[1] * gap[1] * width
+            qg += gap[2] * gap[2] * width
+        add_noise(noise, dvn, dts[m], qa, qg)
 
 
 @kernel
@@ -132,3 +161,92 @@ def reading_at(
         rate[a] = mid[a]
     for a in range(samples.extra.shape[1]):
         mid[6 + a] = samples.extra[i, a]
+
+
+@kernel
+def go(
+    samples: Samples,
+    model: ModelArrays,
+    legs: Legs,
+    k: int,
+    done: int,
+    i: int,
+    t: float,
+    t_end: float,
+    pos: FloatArray,
+    vel: FloatArray,
+    q: FloatArray,
+    c: FloatArray,
+    xi: FloatArray,
+) -> None:
+    """Carry the state from a node at ``t``, where the sample before is ``i``, to the next, and
+    write row ``k`` of the legs, which has the readings of the node before where no time passes;
+    ``done`` steps are noted already."""
+    start_interval(legs.trans[k])
+    earth_terms(pos, model.earth_on, legs.place[k])
+    # nodes at one instant share its reading: nothing to integrate
+    if t_end > t:
+        i, done = integrate(
+            samples,
+            model,
+            i,
+            t,
+            t_end,
+            pos,
+            vel,
+            q,
+            c,
+            xi,
+            legs.place[k],
+            legs.trans[k],
+            legs.rate[k],
+            legs.now[k],
+            legs.mid[k],
+            done,
+            legs.dvn,
+            legs.dt,
+            legs.since,
+        )
+        calm_rate(samples, i, t_end, legs.now[k])
+    legs.at[k], legs.steps[k] = i, done
+
+
+@kernel
+def begin(
+    samples: Samples, model: ModelArrays, legs: Legs, t: float, pos: FloatArray, xi: FloatArray
+) -> None:
+    """Write the first row of the legs, at the first node."""
+    i = 0
+    while i < samples.t.shape[0] - 2 and samples.t[i + 1] <= t:
+        i += 1
+    start_interval(legs.trans[0])
+    earth_terms(pos, model.earth_on, legs.place[0])
+    reading_at(samples, model, i, t, xi, legs.rate[0], legs.mid[0])
+    legs.now[0, :] = legs.mid[0, :6]
+    calm_rate(samples, i, t, legs.now[0])
+    legs.at[0], legs.steps[0] = i, 0
+
+
+@kernel
+def walk_path(
+    samples: Samples,
+    model: ModelArrays,
+    node_t: FloatArray,
+    nominal: FloatArray,
+    params: FloatArray,
+    legs: Legs,
+) -> None:
+    """Write the legs between nodes at ``node_t`` [k] s, each from the state ``nominal`` [k, 10],
+    ``params`` [k, n - 9] of its first node."""
+    pos, vel, q, c = np.zeros(3), np.zeros(3), np.zeros(4), np.zeros((3, 3))
+    xi = np.zeros(params.shape[1])
+    load_state(nominal[0], params[0], pos, vel, q, c, xi)
+    begin(samples, model, legs, node_t[0], pos, xi)
+    for k in range(1, node_t.shape[0]):
+        t, i, done = node_t[k - 1], legs.at[k - 1], legs.steps[k - 1]
+        legs.rate[k, :] = legs.rate[k - 1]
+        legs.now[k, :] = legs.now[k - 1]
+        legs.mid[k, :] = legs.mid[k - 1]
+        go(samples, model, legs, k, done, i, t, node_t[k], pos, vel, q, c, xi)
+        subtract(pos, vel, q, nominal[k], legs.off[k])
+        load_state(nominal[k], params[k], pos, vel, q, c, xi)

@@ -15,12 +15,11 @@ N_NOISE = 29
 
 
 @kernel
-def start_interval(phi: FloatArray, noise: FloatArray) -> None:
-    """Identity transition rows [9, n] and no noise."""
+def start_interval(phi: FloatArray) -> None:
+    """Identity transition rows [9, n]."""
     phi[:, :] = 0.0
     for a in range(N_NAV):
         phi[a, a] = 1.0
-    noise[:] = 0.0
 
 
 @kernel
