@@ -134,13 +134,33 @@ def _aspect(
 @dataclass(frozen=True)
 class Pattern:
     """Frames [k] that show a sign or should, in the order of time: seconds in motion and which were
-    ``seen``; those that were ``due`` whether or not. ``known`` whether those without a box are
-    frames that a detector is known to have searched."""
+    ``seen``; those that were ``due`` whether or not; the ``score`` [h] of those that were seen.
+    ``known`` whether those without a box are frames that a detector is known to have searched."""
 
     t_s: FloatArray
     seen: BoolArray
     due: BoolArray
+    score: FloatArray
     known: bool = True
+
+
+def of_looks(pattern: Pattern) -> Pattern:
+    """The frames from one place as one look, which shows what most of them show: a car that waits
+    sees the same again, sign or not. What no look shows, clutter now and then, stays as it is."""
+    look = np.cumsum(np.diff(pattern.t_s, prepend=-1.0) > 0.0) - 1
+    number = np.bincount(look)
+    seen = 2.0 * np.bincount(look, pattern.seen) >= number
+    if not seen.any():
+        return pattern
+    of_boxes = look[pattern.seen]
+    score = np.bincount(of_boxes, pattern.score, len(number))[seen]
+    return Pattern(
+        pattern.t_s[np.unique(look, return_index=True)[1]],
+        seen,
+        np.bincount(look, pattern.due) > 0.0,
+        score / np.bincount(of_boxes, minlength=len(number))[seen],
+        pattern.known,
+    )
 
 
 def in_motion_s(trajectory: Trajectory) -> FloatArray:
@@ -175,7 +195,8 @@ def pattern_of(
     t_s = np.interp(since, (trajectory.t_ns - trajectory.t_ns[0]) * 1.0, moved_s)
     seen = np.arange(len(order)) < len(shown)
     should = np.concatenate([np.isin(shown, looked.frame[due]), np.ones(len(rest), np.bool_)])
-    return Pattern(t_s, seen[order], should[order], looked.known)
+    score = views.score[mark.rows][first]
+    return of_looks(Pattern(t_s, seen[order], should[order], score, looked.known))
 
 
 def patterns_of(

@@ -147,7 +147,7 @@ def _located(
     observations.note[views.row[misfits]] = "misfit"
 
     patterns = patterns_of(views, landmarks, trajectory, detections, found)
-    by_chance, alike = existence_odds(patterns, [views.score[mark.rows] for mark in landmarks])
+    by_chance, alike = existence_odds(patterns, [pattern.score for pattern in patterns])
     # a sign against whatever else stands there
     real = 1.0 / (1.0 / alike + 1.0 / face_odds(views, landmarks, rules.size))
     carried = carried_views(views, rules.size)
@@ -160,7 +160,7 @@ def _located(
             observations.note[views.row[mark.rows]] = "moving"
         elif existence_of([own]) < rules.min_existence:
             observations.note[views.row[mark.rows]] = "unconfirmed"
-        elif len(mark.rows) == 1 and mark.depth_m > rules.max_single_view_m:
+        elif len(pattern.score) == 1 and mark.depth_m > rules.max_single_view_m:
             observations.note[views.row[mark.rows]] = "too_far"
         else:
             kept.append(mark)

@@ -224,7 +224,7 @@ def geolocation_existence() -> Any:
                 )
                 for part in (np.array([[0.0, 0.0, 1279.0, 719.0]]), region)
             ],
-            "exist": existence.existence_odds(patterns, [views.score[m.rows] for m in marks]),
+            "exist": existence.existence_odds(patterns, [p.score for p in patterns]),
             "base": [
                 existence.expected_log_odds(rng.normal(m, 2.0, n), np.ones(n), (2.0, 2.0))
                 for m, n in ((-1.0, 7), (1.5, 12))

@@ -16,7 +16,7 @@ from automap.earth import local_ned
 from automap.geolocation import facing, limits
 from automap.geolocation.box_noise import scatter
 from automap.geolocation.class_sizes import _predicted, measured_size
-from automap.geolocation.due_frames import Pattern, searched_frames
+from automap.geolocation.due_frames import Pattern, of_looks, searched_frames
 from automap.geolocation.existence import _found_rate, pattern_nats, thing_nats
 from automap.geolocation.facing import (
     _GRID,
@@ -276,7 +276,27 @@ def test_frames_without_a_box_are_found_between_those_with_one() -> None:
 def pattern(seen: str, step_s: float = 0.1) -> Pattern:
     """Frames one after another from a text such as "1.0": seen, seen but not due, due alone."""
     t_s = step_s * np.arange(len(seen))
-    return Pattern(t_s, np.array([c != "0" for c in seen]), np.array([c != "." for c in seen]))
+    shown = np.array([c != "0" for c in seen])
+    return Pattern(t_s, shown, np.array([c != "." for c in seen]), np.full(shown.sum(), 0.9))
+
+
+def test_a_wait_is_one_look_that_shows_what_most_of_its_frames_show() -> None:
+    moving = pattern("1.0011")
+    for before, after in zip(vars(moving).values(), vars(of_looks(moving)).values(), strict=True):
+        assert np.array_equal(before, after)
+    waits = pattern("11" + "1" * 90 + "0" * 60 + "0" + "1" + "0" * 99 + "1")
+    waits.t_s[2:152], waits.t_s[153:253] = 0.2, 15.3
+    score = waits.score.copy()
+    score[2:92] = np.linspace(0.5, 0.7, 90)
+    told = of_looks(replace(waits, score=score))
+    assert told.t_s.tolist() == pytest.approx([0.0, 0.1, 0.2, 15.2, 15.3, 25.3])
+    assert told.seen.tolist() == [True, True, True, False, False, True]
+    assert told.due.tolist() == [True] * 6
+    assert told.score.tolist() == pytest.approx([0.9, 0.9, 0.6, 0.9])
+    # one box of a wait is what it was: hundreds of frames do not show it
+    odd = pattern("0" * 50 + "1" + "0" * 49)
+    odd.t_s[:] = 3.0
+    assert of_looks(odd) is odd
 
 
 def test_the_share_of_frames_with_a_sign_is_counted_between_its_first_and_last_box() -> None:
