@@ -17,10 +17,14 @@ import numpy as np
 from automap.gates import sd_by_median, sigmas
 from automap.geolocation import limits
 from automap.geolocation.landmark import Landmark, SizePrior
+from automap.geolocation.landmark_kernels import MARGIN
 from automap.geolocation.pass_errors import solve_with_pass_errors
 from automap.geolocation.view_errors import crowd
 from automap.geolocation.views import MeasurementNoise, Views
 from automap.records import FloatArray
+
+_MARGIN_ROUNDS = 4
+"""Of the expectation maximisation."""
 
 
 def measured_noise(
@@ -38,7 +42,34 @@ def measured_noise(
         noise.scales[k] * scatter([mark.residual[:, k] for mark in settled], crowds)
         for k in range(3)
     )
-    return replace(noise, scales=(right, down, height))
+    measured = replace(noise, scales=(right, down, height))
+    step = max(1, -(-len(often) // limits.MARGIN_SIGNS))
+    finer = replace(views, sd=views.sd * (np.array(measured.scales) / np.array(noise.scales)))
+    share = margin_scatter(finer, often[::step], prior)
+    return replace(measured, margin_sd_px=noise.margin_sd_px * share)
+
+
+def margin_scatter(views: Views, landmarks: Sequence[Landmark], prior: SizePrior) -> float:
+    """Factor on the one-sigma margin of a sign's boxes, from how margins differ between signs.
+
+    Expectation maximisation: what every sign tells of its own margin, with the variance that
+    remains, about the mean of all (which the camera's own margin is for).
+    """
+    share = 1.0
+    if len(landmarks) < 2 or not (views.margin_sd > 0.0).all():
+        return share
+    stated = np.array([views.margin_sd[mark.rows].mean() for mark in landmarks])
+    for _ in range(_MARGIN_ROUNDS):
+        scaled = replace(views, margin_sd=views.margin_sd * share)
+        settled = [solve_with_pass_errors(scaled, mark, prior) for mark in landmarks]
+        margin = np.array([mark.pass_bias[MARGIN] for mark in settled]) / stated
+        variance = np.array([mark.pass_bias_variance[MARGIN] for mark in settled]) / stated**2
+        square = float(np.sum((margin - margin.mean()) ** 2 + variance))
+        share = float(
+            np.sqrt((limits.MARGIN_FREEDOM + square) / (limits.MARGIN_FREEDOM + len(settled) - 1))
+        )
+        share = float(np.clip(share, *limits.MARGIN_LIMITS))
+    return share
 
 
 def scatter(

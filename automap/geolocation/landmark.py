@@ -74,7 +74,7 @@ class Landmark:
     the measurements alone; ``common`` [4, 12] their derivative by what is common to the views: turn
     (rad), time offset (s), log focal length, lever arm (m), box margin (rad), velocity error (m/s).
     Zero until ``solve_with_pass_errors``: ``pass_covariance`` [4, 4] what the errors of the pass
-    add, ``pass_bias`` [12] what these were found to be.
+    add, ``pass_bias`` [12] what these were found to be and ``pass_bias_variance`` [12].
     ``position`` [3] in the local frame; ``residual`` [n, 3] in sigmas, ``weight`` [n] of the
     direction (1 = fully used). ``cost`` robust sum of squares of all that was estimated; ``chi2``
     weighted sum of squares over ``dof``. ``ok`` is False when no place in front of all cameras was
@@ -88,6 +88,7 @@ class Landmark:
     pass_covariance: FloatArray
     common: FloatArray
     pass_bias: FloatArray
+    pass_bias_variance: FloatArray
     position: FloatArray
     residual: FloatArray
     weight: FloatArray
@@ -160,6 +161,7 @@ def fit_landmark(views: Views, rows: IntArray, prior: SizePrior, robust: bool = 
         pass_covariance=np.zeros((4, 4)),
         common=-covariance / max(1.0, chi2 / dof) @ A,
         pass_bias=np.zeros(N_COMMON),
+        pass_bias_variance=np.zeros(N_COMMON),
         position=place(views, anchor, parameters),
         residual=residual,
         weight=weight,

@@ -68,8 +68,9 @@ USUAL_SIZE_M = 0.7
 0.75 m high."""
 SCATTER_VIEWS = 6
 """Chosen: the unknowns of a sign and of its pass leave fewer views little to scatter by."""
-SCATTER_SIGNS = 300
-"""No more signs are asked for the scatter. Chosen: 1800 boxes tell it to 2 %; more take longer."""
+SCATTER_SIGNS, MARGIN_SIGNS = 300, 60
+"""No more signs are asked for the scatter and for the margins. Chosen: 1800 boxes tell the scatter
+to 2 %, 60 signs the margins to 9 %; more take longer."""
 STAMP_SCATTERS_S, USUAL_STAMP_SCATTER_S = (0.0025, 0.32), 0.03
 """Errors of stamps that are asked for, from what moves a sign at 10 m by less than boxes scatter at
 30 m/s, to where one frame a third of a second off shows little; and a frame's time, from where the
@@ -80,8 +81,9 @@ STAMP_SIGNS = 60
 """No more signs are asked for it. Chosen: a thousand boxes tell it to some hundredths."""
 STAMP_SCATTER_PROBABILITY = 1e-3
 """Stamps that are right are said to scatter so rarely."""
-SCATTER_FREEDOM = 20.0
-"""How many boxes outweigh what the settings say of scatter. Chosen: three signs seen often."""
+SCATTER_FREEDOM, MARGIN_FREEDOM = 20.0, 4.0
+"""How many boxes, and how many signs, outweigh what the settings say of scatter and margins.
+Chosen: three signs seen often, and the few signs with margins that a short drive has."""
 SCATTER_LIMITS = (0.3, 3.0)
 """Of the sigmas in the settings: with 1.5 px in these, boxes drawn by hand (half a pixel) to those
 of a poor detector (three pixels), and neighbours that err alike."""
@@ -89,6 +91,9 @@ MARGIN_ALIKE = 0.125
 """Of the variance of margins between signs, what the next drive finds again. Measured on drawn
 video with the shipped detector, 36 signs in two drives each: margins covary by 0.24 ± 0.14 of 1.9
 mrad^2 that the drives state."""
+MARGIN_LIMITS = (0.15, 2.0)
+"""Of the sigma of margins in the settings, 2 px; on the KITTI drives margins drawn by hand differ
+by 1 to 2.5 px."""
 MOST_ALIKE = 0.8
 """Correlation of neighbouring frames at most: nine boxes then count as one."""
 STRAY_PROBABILITY = 4.65e-4

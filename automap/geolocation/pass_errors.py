@@ -98,6 +98,7 @@ def solve_with_pass_errors(views: Views, landmark: Landmark, prior: SizePrior) -
     absorbed = np.linalg.solve(M, sd[:, None] * np.hstack([A.T, S]))
     alone = np.linalg.inv(N)
     total = np.linalg.inv(N - (A * sd) @ absorbed[:, :4])
+    remaining = np.linalg.inv(M - (A * sd).T @ alone @ (A * sd))
     return replace(
         landmark,
         parameters=parameters,
@@ -105,6 +106,7 @@ def solve_with_pass_errors(views: Views, landmark: Landmark, prior: SizePrior) -
         pass_covariance=np.asarray(total - alone),
         common=np.asarray(-total @ (A - (A * sd) @ absorbed[:, 4:])),
         pass_bias=sd * z,
+        pass_bias_variance=sd**2 * np.diag(remaining),
         position=place(views, landmark.anchor, parameters),
         residual=residual,
         weight=weight,

@@ -94,6 +94,7 @@ def report_result(context: StageContext, result: GeolocationResult) -> None:
     statuses = sorted({s.status for s in signs})
     context.metric("sign_status", {k: sum(s.status == k for s in signs) for k in statuses})
     context.metric("box_scatter_scales", list(result.noise.scales))
+    context.metric("box_margin_scatter_px", result.noise.margin_sd_px)
     context.metric("stamp_scatter_s", result.noise.stamp_sd_s)
     context.metric(
         "faces",

@@ -116,7 +116,7 @@ def geolocation_landmarks() -> Any:
 def geolocation_passes() -> Any:
     """Signs with the errors of their passes, what they tell of the camera, and their sizes."""
     from automap.geolocation import boresight, class_sizes, course_yaw, time_minima
-    from automap.geolocation.box_noise import measured_noise, scatter
+    from automap.geolocation.box_noise import margin_scatter, measured_noise, scatter
     from automap.geolocation.contradiction import disagreement
     from automap.geolocation.landmark import SizePrior
     from automap.geolocation.pass_errors import pass_sd
@@ -167,6 +167,7 @@ def geolocation_passes() -> Any:
             "usual": class_sizes.usual_sizes([*load_classes(), *CLASSES, "other", "white--circle"]),
             "sizes": class_sizes.sizes_of_others(views, marks, PRIOR),
             "noise": measured_noise(views, _landmarks(views), PRIOR, NOISE),
+            "margin": margin_scatter(views, _landmarks(views, (1, 7, 9)), PRIOR),
             "scatter": [
                 scatter(walk, each),
                 scatter(walk[:1], each[:1], 2.0),
