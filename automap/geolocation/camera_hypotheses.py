@@ -117,7 +117,7 @@ def better_explanations(
         _paced(plain, _best_in_time(_rates(found), fast)),
     ]  # fmt: skip
     # a box has many pairs, which repeat its evidence
-    gains = [(start - judge.loss(one)) * len(found) for one in tried]
+    gains = [(start - judge.loss(one)) * geometry.n_boxes for one in tried]
     least = gate(limits.START_PROBABILITY / len(tried), 4)
     order = sorted(range(len(tried)), key=lambda k: -gains[k])
     return [tried[k] for k in order if gains[k] > least]
@@ -132,7 +132,8 @@ def in_turned_picture(trajectory: Trajectory, found: Detections, camera: Camera)
     start = judge.loss(plain)
     if not np.isfinite(start):
         return False
-    gain = max(start - judge.loss(one) for one in _pictures(plain)) * len(found)
+    boxes = judge.geometry(plain).n_boxes
+    gain = max(start - judge.loss(one) for one in _pictures(plain)) * boxes
     return gain > gate(limits.MISFIT_PROBABILITY, 4)
 
 

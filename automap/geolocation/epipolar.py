@@ -18,7 +18,7 @@ from automap.frames import rpy_to_matrix
 from automap.gates import gate
 from automap.geolocation import limits
 from automap.interpolation import poses_at
-from automap.records import Camera, Detections, FloatArray, IntArray, Trajectory
+from automap.records import BoolArray, Camera, Detections, FloatArray, IntArray, Trajectory
 
 _STEPS = 4
 """Of Gauss-Newton at most, for every scale."""
@@ -66,17 +66,33 @@ def pair_geometry(
     camera: Camera,
     origin: tuple[float, float, float],
 ) -> PairGeometry:
-    """All pairs of boxes that may show one sign, seen from where the camera was."""
+    """All pairs of boxes that may show one sign, seen from where the camera was. Of a car that
+    waits boxes now and then do: they tell nothing new, and what stands beside it is no sign."""
     box = np.asarray(found.box, np.float64).reshape(-1, 4)
     middle = normalise(camera, 0.5 * (box[:, :2] + box[:, 2:]))
     height = np.log(np.maximum(box[:, 3] - box[:, 1], 1e-3))
     good = np.flatnonzero(np.isfinite(middle).all(axis=1) & (box[:, 3] > box[:, 1]))
     order = good[np.argsort(found.t_ns[good], kind="stable")]
+    order = order[_places_apart(trajectory, np.asarray(found.t_ns, np.int64)[order])]
     t_ns = np.asarray(found.t_ns, np.int64)[order]
     ray = np.column_stack([np.ones(len(order)), middle[order]])
     ray /= np.linalg.norm(ray, axis=1)[:, None]
     pairs = candidate_pairs(t_ns, found.class_name[order], height[order], found.track[order])
     return PairGeometry(trajectory, camera, origin, ray, t_ns, pairs)
+
+
+def _places_apart(trajectory: Trajectory, t_ns: IntArray) -> BoolArray:
+    """Which boxes at ``t_ns`` [n], ascending, are of the first frame from its place, or of the
+    first in a while."""
+    since = (trajectory.t_ns - trajectory.t_ns[0]) * 1e-9
+    speed = np.nan_to_num(np.linalg.norm(trajectory.vel_ned, axis=1))
+    way = np.append(0.0, np.cumsum(speed[1:] * np.diff(since)))
+    frame, of_box = np.unique(t_ns, return_inverse=True)
+    seconds = (frame - trajectory.t_ns[0]) * 1e-9
+    place = np.floor(np.interp(seconds, since, way) / limits.SAME_PLACE_M)
+    while_ = np.floor(seconds / limits.PAIR_IDLE_S)
+    first = (np.diff(place, prepend=-1.0) != 0.0) | (np.diff(while_, prepend=np.inf) != 0.0)
+    return np.asarray(first[of_box])
 
 
 def candidate_pairs(

@@ -109,6 +109,9 @@ SURE_TURN_RAD, SURE_TIME_S = 0.002, 0.005
 PAIR_APART_S, PAIR_WAY_M = 1.2, 1.0
 """Boxes that may be one sign are taken in pairs of up to that time and from that way on. Chosen:
 longer makes more false pairs, less way leaves the plane of a pair to the noise."""
+PAIR_IDLE_S = 2.0
+"""Of a car that waits boxes are taken so often. Chosen: a wait that a late camera's stamps put
+elsewhere keeps some."""
 PAIR_LOG_GROWTH = 0.7
 """Logarithm of how much a box grows or shrinks between the two: in 1.2 s at 15 m/s, 18 m nearer,
 it doubles where the sign was 36 m away."""

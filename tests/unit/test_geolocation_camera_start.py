@@ -10,7 +10,7 @@ from geolocation_scene import ORIGIN, boxes, camera, drive_path, roadside
 
 from automap.frames import matrix_to_rpy, rpy_to_matrix
 from automap.geolocation.camera_hypotheses import better_explanations, in_turned_picture
-from automap.geolocation.epipolar import first_correction
+from automap.geolocation.epipolar import _places_apart, first_correction
 from automap.geolocation.locate import locate_signs
 from automap.geolocation.supports import support_numbers
 from automap.geolocation.views import map_origin
@@ -35,6 +35,20 @@ def winding() -> Trajectory:
         vel_ned=velocity,
         rpy=np.column_stack([np.zeros_like(s), np.zeros_like(s), yaw]),
     )
+
+
+def test_of_a_car_that_waits_boxes_now_and_then_tell_of_the_camera() -> None:
+    path = drive_path(30.0)
+    speed = np.where((path.t_ns - path.t_ns[0]) * 1e-9 < 10.0, 8.0, 0.0)
+    path = replace(path, vel_ned=np.column_stack([speed, 0.0 * speed, 0.0 * speed]))
+    frames = path.t_ns[0] + (np.arange(0.05, 29.9, 0.1) * 1e9).astype(np.int64)
+    # two boxes a frame
+    kept = _places_apart(path, np.repeat(frames, 2)).reshape(-1, 2)
+    assert (kept[:, 0] == kept[:, 1]).all()
+    seconds = (frames[kept[:, 0]] - path.t_ns[0]) * 1e-9
+    assert np.sum(seconds < 10.0) == 100
+    assert np.diff(seconds[seconds > 12.0]) == pytest.approx(2.0, abs=0.11)
+    assert np.sum(seconds > 10.5) in (9, 10)
 
 
 def test_turn_and_offset_before_any_link(winding) -> None:
