@@ -158,7 +158,7 @@ def test_frames_that_should_show_a_sign_are_those_a_walk_along_the_frames_finds(
     searched = due_frames.Searched(np.arange(60), np.arange(60) * step + late, np.zeros((60, 4)))
     views: Any = SimpleNamespace(
         camera_names=("front",), camera=np.zeros(4, np.int64), centre=np.zeros((4, 3)),
-        t_ns=boxed * step + late, origin=ORIGIN,
+        t_ns=boxed * step + late, origin=ORIGIN, score=np.array([0.5, 0.6, 0.7, 0.8]),
     )  # fmt: skip
     mark: Any = SimpleNamespace(anchor=2, rows=np.arange(4), position=np.zeros(3), size_m=1.0)
     asked: list[int] = []
@@ -179,6 +179,7 @@ def test_frames_that_should_show_a_sign_are_those_a_walk_along_the_frames_finds(
     assert (found.t_s - offset_s) * 10.0 == pytest.approx(order)
     assert found.seen.tolist() == [k in boxed for k in order]
     assert found.due.tolist() == [k in due for k in order]
+    assert found.score.tolist() == [0.5, 0.6, 0.7, 0.8]
 
 
 def beliefs(n: int, rng: np.random.Generator) -> Any:
@@ -363,7 +364,7 @@ def test_two_passes_are_of_one_sign_by_their_distance_in_sigmas_and_their_classe
     b = one(rng.normal(size=3), np.array([0.01, 1.0]), y=3.0, x=1.0)
     slack = np.diag([limits.FACE_SD_M**2] * 2 + [limits.HEIGHT_SLACK_M**2])
     wanted = b.position @ np.linalg.inv(root @ root.T + slack) @ b.position
-    wanted += 0.75 * limits.MERGE_OTHER_CLASS
+    wanted += limits.MERGE_OTHER_CLASS
     assert merging._link_cost(a, b) == pytest.approx(wanted)
     assert merging._link_cost(b, a) == pytest.approx(wanted)
     away = one(b.position, np.array([-0.01, 1.0]), x=1.0)

@@ -34,7 +34,7 @@ def test_a_store_is_merged_as_all_drives_at_once(tmp_path: Path) -> None:
     whole = merge_drives(drives)
     assert sorted(found.founder) == sorted(whole.founders)
     order = [list(found.founder).index(key) for key in whole.founders]
-    assert found.levels == whole.levels
+    assert np.array_equal(found.levels, whole.levels)
     assert np.array_equal(found.lat[order], whole.adjusted.lat)
     assert np.array_equal(found.lon[order], whole.adjusted.lon)
     assert np.array_equal(found.cov_enu[order], whole.adjusted.cov_enu)
@@ -75,7 +75,7 @@ def test_drives_that_come_later_give_the_map_of_all_from_nothing(tmp_path: Path)
     whole = merge_store(two)
     assert sorted(found.founder) == sorted(whole.founder)
     order = [found.founder.index(key) for key in whole.founder]
-    assert found.levels == whole.levels
+    assert np.array_equal(found.levels, whole.levels)
     assert np.array_equal(found.lat[order], whole.lat)
     assert found.existence[order] == pytest.approx(whole.existence, abs=0.01)
 
@@ -96,7 +96,7 @@ def test_what_is_far_from_a_new_drive_is_not_touched(tmp_path: Path) -> None:
     names = [after.founder.index(first.founder[k]) for k in here]
     assert len(here) > 20
     assert 0 < after.grouped < after.cells
-    if after.levels == first.levels:
+    if np.array_equal(after.levels, first.levels):
         assert np.array_equal(after.lat[names], first.lat[here])
 
 
@@ -129,7 +129,7 @@ def test_a_merge_that_ended_before_the_levels_goes_on_as_if_it_had_not(tmp_path:
     found = merge_store(tmp_path)
     assert found.grouped == 0
     whole = merge_drives(drives_of(6, 5))
-    assert found.levels == whole.levels
+    assert np.array_equal(found.levels, whole.levels)
     assert sorted(found.lat) == sorted(whole.adjusted.lat)
 
 

@@ -121,7 +121,7 @@ def test_a_lasting_error_is_given_up_where_none_is_likelier_by_the_odds(
 
     monkeypatch.setattr(adapt, "climb", climb)
     monkeypatch.setattr(adapt, "_below_white", lambda *_: True)
-    monkeypatch.setattr(adapt, "empty_store", lambda *_: None)
+    monkeypatch.setattr(adapt, "room_for", lambda *_: None)
     problem: Any = SimpleNamespace(model=SimpleNamespace(size=2))
     path: Any = SimpleNamespace(nominal=np.zeros((3, 10)), params=np.zeros((3, 2)))
     nodes: Any = Part(np.arange(3.0), np.zeros(3, np.int64))
