@@ -207,7 +207,7 @@ def late_change(motion: Motion, acc: FloatArray, delays: Delays) -> LateChange |
     + s tau)^2. A course is of its own instant, and so is what turns it."""
     late = delays.all_s + delays.velocity_s
     grown = abs(delays.skew) * float(motion.t[-1])
-    if max(abs(late), delays.lag_s, grown, abs(delays.course_s), delays.course_m) < LEAST_S:
+    if max(abs(late), delays.lag_s, grown, abs(delays.course_s), abs(delays.course_m)) < LEAST_S:
         return None
     passed, once, then = motion.vel, acc, acc
     if delays.lag_s > 0.0:
