@@ -159,10 +159,12 @@ def legs_about(problem: Problem, nodes: Nodes, path: PathStates) -> Legs:
 
 def empty_legs(problem: Problem, samples: Samples, node_t: FloatArray, k: int) -> Legs:
     """Room for ``k`` legs between nodes at ``node_t``, and for their steps of integration."""
-    widths = np.append(np.diff(samples.t), max(node_t[-1] - samples.t[-1], 0.0))
+    widths = np.diff(samples.t)
     wide = widths[widths > problem.arrays.gap[0]]
-    # a step ends at a sample, at a node, or within a gap
-    steps = len(widths) + len(node_t) + len(wide) + int(wide.sum() / GAP_STEP_S) + 1
+    # a step ends at a sample, at a node, or within a gap, which may go on beyond the samples
+    beyond = max(samples.t[0] - node_t[0], 0.0) + max(node_t[-1] - samples.t[-1], 0.0)
+    within = int((wide.sum() + beyond) / GAP_STEP_S) + len(wide) + 2
+    steps = len(widths) + len(node_t) + within
     extra = samples.extra.shape[1]
     return Legs(
         trans=np.zeros((k, N_NAV, problem.model.size)),

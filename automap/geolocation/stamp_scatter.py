@@ -31,6 +31,7 @@ from automap.geolocation.landmark import (
     position_jacobian,
 )
 from automap.geolocation.pass_errors import pass_sd
+from automap.geolocation.view_errors import places_apart
 from automap.geolocation.views import Views, numbered_tracks
 from automap.records import FloatArray, IntArray
 
@@ -95,7 +96,9 @@ def tracked_or_linked(views: Views, landmarks: Sequence[Landmark]) -> list[IntAr
     has them, which ask no stamp, else as they were linked."""
     numbered = (views.track >= 0).sum() > 0.5 * len(views)
     groups = numbered_tracks(views) if numbered else [mark.rows for mark in landmarks if mark.ok]
-    often = [rows for rows in groups if len(rows) >= limits.SCATTER_VIEWS]
+    # boxes of a car that waits tell of no stamp, and take their time
+    apart = (places_apart(views, rows) for rows in groups)
+    often = [rows for rows in apart if len(rows) >= limits.SCATTER_VIEWS]
     return often[:: max(1, -(-len(often) // limits.STAMP_SIGNS))]
 
 

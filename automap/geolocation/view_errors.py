@@ -15,15 +15,26 @@ _MOST_OFF = float(np.log(2.0))
 
 def crowd(views: Views, rows: IntArray) -> FloatArray:
     """How many views [n] of one sign are from one place, each, as at a standstill."""
-    order = np.argsort(views.t_ns[rows], kind="stable")
-    centre = views.centre[rows[order]]
-    step = np.linalg.norm(np.diff(centre, axis=0, prepend=centre[:1]), axis=1)
-    cell = np.floor(np.cumsum(step) / limits.SAME_PLACE_M).astype(np.int64)
-    edges = np.flatnonzero(np.diff(cell, prepend=-1, append=-1))
+    order, edges = _places(views, rows)
     count = np.diff(edges)
     result = np.empty(len(rows))
     result[order] = np.repeat(count, count)
     return result
+
+
+def places_apart(views: Views, rows: IntArray) -> IntArray:
+    """Of views of one sign the first from each place, in the order of time."""
+    order, edges = _places(views, rows)
+    return rows[order[edges[:-1]]]
+
+
+def _places(views: Views, rows: IntArray) -> tuple[IntArray, IntArray]:
+    """Views [n] in the order of time, and where in that those from each place begin [k + 1]."""
+    order = np.argsort(views.t_ns[rows], kind="stable")
+    centre = views.centre[rows[order]]
+    step = np.linalg.norm(np.diff(centre, axis=0, prepend=centre[:1]), axis=1)
+    cell = np.floor(np.cumsum(step) / limits.SAME_PLACE_M).astype(np.int64)
+    return order, np.flatnonzero(np.diff(cell, prepend=-1, append=-1))
 
 
 def view_sd(views: Views, rows: IntArray) -> FloatArray:

@@ -68,7 +68,10 @@ def test_boxes_of_single_signs_are_the_detectors_tracks_where_most_have_one() ->
 
     often = limits.SCATTER_VIEWS
     track = np.array([3] * often + [5] * (often - 1) + [3] * often + [-1] * 9)
-    views: Any = Many(track=track, camera=np.array([0] * (2 * often - 1) + [1] * (often + 9)))
+    views: Any = Many(
+        track=track, camera=np.array([0] * (2 * often - 1) + [1] * (often + 9)),
+        t_ns=np.arange(300), centre=np.arange(300.0)[:, None] * [1.0, 0.0, 0.0],
+    )  # fmt: skip
     marks: Any = [
         SimpleNamespace(rows=np.arange(often), ok=True),
         SimpleNamespace(rows=np.arange(often), ok=False),

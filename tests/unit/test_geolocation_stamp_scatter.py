@@ -9,7 +9,13 @@ import pytest
 from geolocation_scene import boxes, camera, drive_path, roadside
 
 from automap.geolocation.landmark import SizePrior
-from automap.geolocation.stamp_scatter import Residuals, deviance, stamp_scatter, told
+from automap.geolocation.stamp_scatter import (
+    Residuals,
+    deviance,
+    stamp_scatter,
+    told,
+    tracked_or_linked,
+)
 from automap.geolocation.views import MeasurementNoise, Views, build_views
 from automap.records import IntArray
 
@@ -42,6 +48,26 @@ def test_the_stamps_error_is_found_whatever_the_boxes_scatter_by(
 @pytest.mark.parametrize("noise_px", [0.5, 3.0])
 def test_right_stamps_are_not_blamed_for_boxes_that_scatter(noise_px: float) -> None:
     assert stamp_scatter(*scene(0.0, noise_px, seed=9), SizePrior()) == 0.0
+
+
+def test_of_a_car_that_waits_one_box_is_asked_for_stamps() -> None:
+    views, groups = scene(0.0, 1.0, seed=9)
+    track = np.full(len(views), -1)
+    for number, own in enumerate(groups):
+        track[own] = number
+    # the fourth view of each sign again and again, from where it was
+    again = np.repeat([own[3] for own in groups], 200)
+    rows = np.concatenate([np.flatnonzero(track >= 0), again])
+    columns = {
+        name: value[rows]
+        for name, value in vars(views).items()
+        if isinstance(value, np.ndarray) and len(value) == len(views)
+    }
+    columns["t_ns"][-len(again) :] += np.tile(np.arange(200), len(groups))
+    held = replace(views, **columns | {"track": track[rows]})
+    told_of = tracked_or_linked(held, [])
+    assert [len(own) for own in told_of] == [len(own) for own in groups]
+    assert stamp_scatter(held, told_of, SizePrior()) == 0.0
 
 
 def test_without_boxes_nothing_is_told() -> None:
