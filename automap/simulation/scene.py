@@ -117,7 +117,7 @@ class RoadLine:
 
 
 def build_scene(scenario: Scenario, drive: DriveMotion, rng: np.random.Generator) -> Scene:
-    """Lay out the road, the scenery and the signs of a scenario."""
+    """Lay out the road, the scenery and the signs of a scenario; the ground where it is filmed."""
     start = scenario.start
     ref = (float(np.deg2rad(start.lat_deg)), float(np.deg2rad(start.lon_deg)), start.height_m)
     line = _road_line(scenario, drive, ref)
@@ -130,7 +130,10 @@ def build_scene(scenario: Scenario, drive: DriveMotion, rng: np.random.Generator
         things += _cars(scenario, line, rng)
     signs = _signs(scenario, line, rng)
     things += [Thing(sign.centre, (sign,)) for sign in signs]
-    return Scene(ref, _ground(scenario, line, rng), tuple(things), tuple(signs))
+    filmed = scenario.camera is not None and scenario.camera.box_sd_px is None
+    # strips of every few metres: of ten hours gigabytes, which only frames show
+    ground = _ground(scenario, line, rng) if filmed else ()
+    return Scene(ref, ground, tuple(things), tuple(signs))
 
 
 def _road_line(scenario: Scenario, drive: DriveMotion, ref: tuple[float, float, float]) -> RoadLine:

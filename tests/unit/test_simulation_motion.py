@@ -14,7 +14,18 @@ from automap.errors import ConfigError
 from automap.simulation.errors import check_errors
 from automap.simulation.imu import record_imu
 from automap.simulation.route import distance_over_time, profile_route
-from automap.simulation.scenario import Imu, Leg, Route, Scenario, Start, Stop, Vehicle
+from automap.simulation.scenario import (
+    CameraSetup,
+    Imu,
+    Leg,
+    Route,
+    Scenario,
+    SignPlacement,
+    Start,
+    Stop,
+    Vehicle,
+)
+from automap.simulation.scene import build_scene
 from automap.simulation.trajectory import DriveMotion, Motion, drive_motion
 
 ROUTE = Route(
@@ -193,3 +204,19 @@ def test_the_antenna_swings_about_the_imu(drive: DriveMotion) -> None:
         for m in (drive.at(t - h), drive.at(t), drive.at(t + h))
     )
     np.testing.assert_allclose(now[1], (after[0] - before[0]) / (2 * h), atol=1e-5)
+
+
+def test_the_ground_is_laid_where_it_is_filmed_and_moves_no_sign(drive: DriveMotion) -> None:
+    signs = [SignPlacement(at_m=60.0, sign="regulatory--stop--g1", offset_m=4.0, height_m=2.5)]
+    cameras = (CameraSetup(), CameraSetup(box_sd_px=0.5), None)
+    filmed, boxed, blind = (
+        build_scene(
+            scenario().model_copy(update={"camera": camera, "signs": signs}),
+            *(drive, np.random.default_rng(7)),
+        )
+        for camera in cameras
+    )
+    assert [bool(scene.ground) for scene in (filmed, boxed, blind)] == [True, False, False]
+    for other in (boxed, blind):
+        assert len(other.things) == len(filmed.things) > 10
+        assert (other.signs[0].centre == filmed.signs[0].centre).all()
