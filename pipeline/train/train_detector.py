@@ -121,7 +121,9 @@ def _in_use(path: Path) -> SignNet | None:
         return None
     net = SignNet()
     net.load_state_dict(torch.load(path, weights_only=True)["mean"])
-    return net.eval().requires_grad_(False)
+    net.eval()
+    net.requires_grad_(False)
+    return net
 
 
 def main() -> None:
