@@ -61,8 +61,8 @@ def rain(image: Image, rng: Random, streaks: float = 900.0, length: int = 16) ->
     return _clipped(values + 0.8 * soft[:, :, None])
 
 
-def motion_blur(image: Image, length: float = 8.0, angle_deg: float = 0.0) -> Image:
-    """Smeared along a line of ``length`` px."""
+def motion_kernel(length: float, angle_deg: float) -> npt.NDArray[np.float32]:
+    """Weights of a line of ``length`` px, of odd size: what each pixel's light is spread over."""
     n = int(np.ceil(length)) | 1
     kernel = np.zeros((n, n), np.float32)
     middle = (n - 1) / 2
@@ -70,7 +70,12 @@ def motion_blur(image: Image, length: float = 8.0, angle_deg: float = 0.0) -> Im
     reach = (length - 1) / 2 * np.array([np.cos(a), np.sin(a)])
     start, end = np.round(((middle - reach), (middle + reach))).astype(int).tolist()
     cv2.line(kernel, (start[0], start[1]), (end[0], end[1]), 1.0)
-    return np.asarray(cv2.filter2D(image, -1, kernel / kernel.sum()), np.uint8)
+    return np.asarray(kernel / kernel.sum(), np.float32)
+
+
+def motion_blur(image: Image, length: float = 8.0, angle_deg: float = 0.0) -> Image:
+    """Smeared along a line of ``length`` px."""
+    return np.asarray(cv2.filter2D(image, -1, motion_kernel(length, angle_deg)), np.uint8)
 
 
 def compress(image: Image, quality: int = 20) -> Image:

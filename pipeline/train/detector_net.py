@@ -12,6 +12,9 @@ KINDS = 2
 LARGEST_STEP = 5.6
 """Limit of the logarithm of a distance in units of the stride: 1080 px."""
 
+_SETTLED = 3.0
+"""Logit beyond which two networks say the same: a sign of 0.95 is found whatever else is there."""
+
 
 def _convolution(inputs: int, outputs: int, stride: int = 1) -> nn.Sequential:
     return nn.Sequential(
@@ -115,3 +118,19 @@ def detection_loss(maps: Tensor, heat: Tensor, weight: Tensor, box: Tensor, near
     edges = F.smooth_l1_loss(d / size, t / size, reduction="none", beta=0.05).sum(dim=1)
     total = share.sum().clamp(min=4.0)
     return focal + 2.0 * (((1.0 - giou) + 1.0 * edges) * share).sum() / total
+
+
+def loss_behind(maps: Tensor, other: Tensor, heat: Tensor, weight: Tensor) -> Tensor:
+    """How far the heat maps of ``maps`` lie behind those of another network, where they do.
+
+    At centres by how much lower the logit is, elsewhere by how much higher, weighed as the focal
+    loss weighs it; ``heat`` and ``weight`` as of ``detection_loss``. What the networks in use find
+    is kept so, and nothing is held back where the new one is ahead (after Yan et al. 2021,
+    *Positive-congruent training: towards regression-free model updates*).
+    """
+    logits, told = maps[:, :KINDS], other[:, :KINDS].clamp(-_SETTLED, _SETTLED)
+    positive = heat.ge(0.999).float()
+    missed = F.relu(told - logits) * positive
+    p = torch.sigmoid(logits).detach()
+    risen = F.relu(logits - told) * p**2 * (1.0 - heat) ** 4 * (1.0 - positive)
+    return ((missed + risen) * weight).sum() / positive.sum().clamp(min=4.0)

@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from automap.signs.classes import load_classes
 from pipeline.train.art import Face
+from pipeline.train.boards import other_board
 from pipeline.train.composed import on_board, prohibition
 from pipeline.train.layouts import bars, road_layout, words
 from pipeline.train.numbers import (
@@ -39,7 +40,7 @@ from pipeline.train.recipes import (
     stands_on_plate,
     words_of,
 )
-from pipeline.train.subjects import foreign_pictures, silhouettes
+from pipeline.train.subjects import foreign_pictures, mixed_picture, silhouettes
 from pipeline.train.symbols import strange_symbol
 from pipeline.train.variants import varied
 
@@ -53,18 +54,23 @@ _OTHER_NUMBER, _OTHER_LETTER, _OTHER_END = (
 _OTHER_ORDER = "blue-circle/strange"
 """Kinds of unknown faces drawn by rule; letters in red rings are among the numbers."""
 _STRANGE_GROUPS = ("yellow-diamond", "red-triangle-up", "red-circle", "blue-circle", "blue-square")
+_BOARDS, _BOARD = ("white-square", "yellow-square"), 0.3
+"""Groups of which plates are composed by rule, and the share of these."""
 _WORDED = "red-triangle-down/words"
 _WORDED_SHARE = 0.02
 """Red boards on their point with words, as Japan's for stop, and their share of unknown faces."""
 _GENERATED_KINDS = (
     _OTHER_NUMBER, _OTHER_LETTER, _OTHER_END, _WORDED,
-    *(f"{group}/strange" for group in _STRANGE_GROUPS),
+    *(f"{group}/strange" for group in (*_STRANGE_GROUPS, *_BOARDS)),
 )  # fmt: skip
-_STRANGE, _OTHERWISE = 0.25, (0.45, 0.25, 0.2, 0.1)
+_STRANGE, _OTHERWISE = 0.35, (0.45, 0.25, 0.2, 0.1)
 """Share of the unknown faces of these groups whose picture is one that no class shows; of these a
 picture that no sign shows, words, on warnings roads with side roads, and bars."""
-_FOREIGN = 0.35
-"""Share of these with the picture of a face of another subject than any class of the group."""
+_FOREIGN, _MIXED = 0.3, 0.35
+"""Shares of these with the picture of a face of another subject than any class of the group, and on
+warnings with one put together of two classes' pictures: what is near to classes and none teaches
+most (after Hendrycks, Mazeika and Dietterich 2019, *Deep anomaly detection with outlier
+exposure*). Parts of numbers and of arrows on discs are often those of another class."""
 _GENERATED, _GENERATED_LIMIT = 0.6, 0.85
 _TRANSPLANTED = 0.45
 _VARIANT = 0.25
@@ -166,6 +172,10 @@ class Drawings:
         grounds = [ground_of(face.image) for face in grounded]
         self._grounds = [colour for colour in grounds if colour.max() > _BRIGHT]
         self._foreign = {} if held else foreign_pictures(by_base, _STRANGE_GROUPS)
+        of_classes: dict[str, list[Face]] = {}
+        for name, drawn in self.art.items() if not held else ():
+            of_classes.setdefault(classes[name].group, []).extend(drawn)
+        self._shown = {g: silhouettes(of_classes.get(g, []), None) for g in _WARNINGS}
         self._prohibited = {
             kind: pictures
             for kind in self.kinds
@@ -210,8 +220,12 @@ class Drawings:
     def _strange(self, group: str, rng: Random) -> Image | None:
         """A face of a class or of none with a picture that no sign shows; None if it has none."""
         symbol, foreign = _of_no_class(group, rng), self._foreign[group]
-        if foreign and rng.random() < _FOREIGN:
+        chance, shown = rng.random(), self._shown.get(group, [])
+        if foreign and chance < _FOREIGN:
             symbol = foreign[int(rng.integers(len(foreign)))]
+        elif len(shown) > 1 and chance < _FOREIGN + _MIXED:
+            mixed = mixed_picture(shown, rng)
+            symbol = symbol if mixed is None else mixed
         if group == "red-circle":
             return prohibition(symbol, bool(rng.random() < 0.5), rng)
         return redrawn(_one(self._of_group[group], rng), symbol, rng)
@@ -257,6 +271,9 @@ class Drawings:
                 return self._perhaps_varied(other_order(rng), group, rng), _OTHER_ORDER
             if group == "white-circle":
                 return end_face(other_end(rng), rng), _OTHER_END
+        if group in _BOARDS and rng.random() < _BOARD:
+            image, group = other_board(rng)
+            return self._perhaps_varied(image, group, rng), f"{group}/strange"
         if group in _STRANGE_GROUPS and rng.random() < _STRANGE:
             strange = self._strange(group, rng)
             if strange is not None:

@@ -2,9 +2,18 @@
 
 from __future__ import annotations
 
+from functools import cache
+
+import numpy as np
 import torch
 from torch import Tensor
 from torch.nn import functional as F  # noqa: N812
+
+from pipeline.train.degrade import motion_kernel
+
+_LENGTHS, _SLOPE_DEG, _KERNELS = (3.0, 14.0), 40.0, 256
+"""Of motion blur, px: the longest is 10 px of a camera's picture enlarged 1.4 times, as one of 1360
+px is that is searched. Slopes are normal; how many lines are kept to choose from."""
 
 
 def moved(image: Tensor, turn: float, scale: float, shift: float) -> Tensor:
@@ -47,3 +56,33 @@ def relit(image: Tensor, noisy: float, blurred: float) -> Tensor:
     spread = uniform(0.0, 7.0, 1, 1, 1) * (uniform(0.0, 1.0, 1, 1, 1) < noisy)
     image = image + spread * torch.randn(image.shape, **at)
     return image.clamp(0.0, 255.0).round()
+
+
+def in_motion(image: Tensor, share: float) -> Tensor:
+    """Pictures [n, 3, h, w], a ``share`` of them smeared along a line of any length and slope."""
+    n, _, high, wide = image.shape
+    chosen = torch.nonzero(torch.rand(n, device=image.device) < share)[:, 0]
+    if len(chosen) == 0:
+        return image
+    lines = _lines(image.device)
+    line = lines[torch.randint(0, len(lines), (len(chosen),), device=image.device)]
+    reach = line.shape[-1] // 2
+    part = F.pad(image[chosen], (reach, reach, reach, reach), mode="reflect")
+    weight = line[:, None].repeat_interleave(3, dim=0)
+    smeared = F.conv2d(part.reshape(1, -1, *part.shape[2:]), weight, groups=len(weight))
+    result = image.clone()
+    result[chosen] = smeared.reshape(len(chosen), 3, high, wide)
+    return result
+
+
+@cache
+def _lines(device: torch.device) -> Tensor:
+    """Kernels [count, size, size] of motion blur, all of one size."""
+    rng = np.random.default_rng(41)
+    size = int(np.ceil(_LENGTHS[1])) | 1
+    lines = np.zeros((_KERNELS, size, size), np.float32)
+    for into in lines:
+        kernel = motion_kernel(rng.uniform(*_LENGTHS), rng.normal(0.0, _SLOPE_DEG))
+        first = (size - len(kernel)) // 2
+        into[first : first + len(kernel), first : first + len(kernel)] = kernel
+    return torch.from_numpy(lines).to(device)

@@ -24,12 +24,13 @@ from torch import Tensor, nn
 from pipeline.train.art import load_faces
 from pipeline.train.cache import face_data
 from pipeline.train.classifier_data import CropMaker, label_of, labels
-from pipeline.train.classifier_net import FaceNet, Folded, membership
+from pipeline.train.classifier_net import FaceNet, Folded, membership, trained
 from pipeline.train.detector_data import SampleMaker
 from pipeline.train.detector_net import SignNet
 from pipeline.train.export import MODELS
 from pipeline.train.street_data import Street
 from pipeline.train.train_classifier import SHARES
+from pipeline.train.train_detector import IN_USE
 
 _CROPS, _PICTURES = 512, 64
 _STEPS = 67203
@@ -119,7 +120,6 @@ def _out_of_blocks(weight: Tensor) -> Tensor:
 
 def with_outputs(net: FaceNet, had: list[str], wanted: list[str]) -> FaceNet:
     """A classifier of outputs ``had`` with ``wanted`` ones, the new of which say nothing yet."""
-    grown = FaceNet(len(wanted), net.hidden.out_features)
     state = net.state_dict()
     weight = torch.zeros(len(wanted), net.out.in_features)
     bias = torch.full((len(wanted),), _UNSEEN)
@@ -127,9 +127,7 @@ def with_outputs(net: FaceNet, had: list[str], wanted: list[str]) -> FaceNet:
         if name in had:
             weight[row] = state["out.weight"][had.index(name)]
             bias[row] = state["out.bias"][had.index(name)]
-    grown.load_state_dict({**state, "out.weight": weight, "out.bias": bias})
-    grown.eval()
-    return grown
+    return trained({"mean": {**state, "out.weight": weight, "out.bias": bias}, "labels": wanted})
 
 
 def _normalise(net: nn.Module, convolution: nn.Module, norm: nn.BatchNorm2d, x: Tensor) -> None:
@@ -200,7 +198,9 @@ def main() -> None:
 def _keep_detector(streets: list[Street], faces: list[Any], out: Path) -> None:
     pictures = training_pictures(SampleMaker(streets, faces), _PICTURES)
     state = recovered_detector(MODELS / "sign-detector.onnx", pictures).state_dict()
-    torch.save({"net": state, "mean": state}, out)
+    # its training goes on from these, and keeps what they find
+    for kept in (out, out.with_name(IN_USE)):
+        torch.save({"net": state, "mean": state}, kept)
 
 
 if __name__ == "__main__":

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 
+import cv2
 import numpy as np
 import numpy.typing as npt
 
@@ -13,7 +14,12 @@ from pipeline.train.art import Face
 from pipeline.train.pictograms import silhouette_of
 
 Image = npt.NDArray[np.uint8]
+Random = np.random.Generator
 
+_SIDE = 96
+_ALIKE, _TRIES = 0.5, 4
+"""Overlap (intersection over union) from which on a picture of two parts is taken for one of those
+that they are of, and how many pairs are tried. Chosen: drawings of one class overlap more."""
 _OF_MANNER = frozenset({"ahead", "left", "right", "end", "zone", "road", "crossing", "only"})
 """Words of names that tell no subject."""
 _OF_WAYS = frozenset({"turn", "curve", "winding", "direction", "lane", "keep", "pas", "straight",
@@ -51,3 +57,36 @@ def silhouettes(faces: list[Face], shape: str | None = "circle") -> list[Image]:
     """The pictures, white on black, of faces of one shape, or of any but plates."""
     chosen = [f.image for f in faces if (f.shape == shape if shape else not f.plate)]
     return [picture for picture in map(silhouette_of, chosen) if picture is not None]
+
+
+def mixed_picture(pictures: Sequence[Image], rng: Random) -> Image | None:
+    """Part of one picture and part of another, cut along a line through the middle, white on black.
+
+    None if those that were tried are too much alike, or too like what came out.
+    """
+    for _ in range(_TRIES):
+        one, two = (_squared(pictures[int(k)]) for k in rng.integers(0, len(pictures), 2))
+        # most cuts part the upper from the lower half or the left one from the right
+        angle = rng.integers(4) * np.pi / 2 if rng.random() < 0.7 else rng.uniform(0.0, 2 * np.pi)
+        y, x = np.mgrid[0:_SIDE, 0:_SIDE] - (_SIDE - 1) / 2
+        first = np.cos(angle) * x + np.sin(angle) * y > rng.uniform(-0.1, 0.1) * _SIDE
+        both = np.where(first, one, two)
+        if max(_overlap(both, one), _overlap(both, two)) < _ALIKE:
+            return np.asarray(both, np.uint8)
+    return None
+
+
+def _squared(picture: Image) -> Image:
+    """A picture in the middle of a square that it just fits."""
+    scale = _SIDE / max(picture.shape)
+    size = (max(1, round(picture.shape[1] * scale)), max(1, round(picture.shape[0] * scale)))
+    drawn = cv2.resize(picture, size, interpolation=cv2.INTER_AREA)
+    square = np.zeros((_SIDE, _SIDE), np.uint8)
+    y, x = (_SIDE - size[1]) // 2, (_SIDE - size[0]) // 2
+    square[y : y + size[1], x : x + size[0]] = drawn
+    return square
+
+
+def _overlap(one: Image, two: Image) -> float:
+    a, b = one > 127, two > 127
+    return float((a & b).sum() / max((a | b).sum(), 1))

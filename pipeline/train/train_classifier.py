@@ -200,14 +200,18 @@ def main() -> None:
 
 
 def take_up(taught: Taught, checkpoint: Path) -> None:
-    """Let a training go on from a checkpoint of the network alone; its teacher begins anew."""
-    taught.net.load_state_dict(torch.load(checkpoint, weights_only=True)["mean"])
+    """Let a training go on from a checkpoint of the network alone, whose teacher begins anew, or
+    of both."""
+    state = torch.load(checkpoint, weights_only=True)["mean"]
+    both = any(key.startswith("net.") for key in state)
+    (taught if both else taught.net).load_state_dict(state)
     torch.save({"mean": taught.state_dict()}, checkpoint)
 
 
 def keep_taught(checkpoint: Path) -> None:
-    """Leave the network alone in a checkpoint of it and its teacher."""
+    """Leave the network alone in a checkpoint of it and its teacher, and both in one beside it."""
     state = torch.load(checkpoint, weights_only=True)
+    torch.save(state, checkpoint.with_stem(f"{checkpoint.stem}-taught"))
     mine = {k.removeprefix("net."): v for k, v in state["mean"].items() if k.startswith("net.")}
     torch.save({**state, "mean": mine}, checkpoint)
 

@@ -10,6 +10,7 @@ import pytest
 from automap.signs.classes import load_classes
 from automap.signs.faces import draw_face
 from pipeline.train.art import Face
+from pipeline.train.boards import other_board
 from pipeline.train.composed import crossing_face, mandatory, on_board, prohibition
 from pipeline.train.drawings import Drawings, group_of_kind
 from pipeline.train.layouts import bars, road_layout, words
@@ -17,6 +18,7 @@ from pipeline.train.numbers import letter_symbol, on_plate, worded_board
 from pipeline.train.people import person
 from pipeline.train.pictograms import ground_of, redrawn, regrounded, silhouette_of
 from pipeline.train.recipes import other_prohibition, recipes, words_of
+from pipeline.train.subjects import mixed_picture
 from pipeline.train.symbols import (
     cropped,
     forked_arrow,
@@ -179,6 +181,8 @@ def test_strange_pictures_make_unknown_faces() -> None:
     )  # fmt: skip
     drawings = Drawings([warning, camel])
     kinds = {drawings.other(rng)[1] for _ in range(60)}
+    # boards with words come whatever faces there are
+    kinds.discard("red-triangle-down/words")
     assert kinds == {"yellow-diamond/warning--camel-crossing", "yellow-diamond/strange"}
     assert kinds <= set(drawings.kinds)
     assert {group_of_kind(kind) for kind in kinds} == {"yellow-diamond"}
@@ -299,3 +303,36 @@ def test_boards_with_words_are_mostly_red_with_something_white_inside(corners: i
         assert red_share(face) > (0.22 if corners == 3 else 0.4)
         rows = slice(8, 56) if corners == 3 else slice(36, 76)
         assert face[rows, 30:82, 1].max() > 150
+
+
+def test_boards_are_plates_of_their_group_with_something_on_them() -> None:
+    rng = np.random.default_rng(21)
+    groups = set()
+    for _ in range(60):
+        face, group = other_board(rng)
+        groups.add(group)
+        assert int(face[:, :, 3].min()) == 255
+        inner = face[8:-8, 8:-8, :3].reshape(-1, 3).astype(int)
+        # no ink is as bright in green
+        ground = inner[inner[:, 1].argmax()]
+        assert (ground[0] < 90) == (group == "yellow-square")
+        drawn = (np.abs(inner - ground).max(axis=1) > 60).mean()
+        assert 0.005 < drawn < 0.9
+        assert 0.5 < face.shape[0] / face.shape[1] < 2.0
+    assert groups == {"white-square", "yellow-square"}
+
+
+def test_a_mixed_picture_is_none_of_its_two() -> None:
+    rng = np.random.default_rng(22)
+    upright = np.zeros((96, 96), np.uint8)
+    upright[:, 40:56] = 255
+    lying = np.asarray(upright.T, np.uint8)
+    mixed = [mixed_picture([upright, lying], rng) for _ in range(30)]
+    made = [picture for picture in mixed if picture is not None]
+    assert len(made) > 5
+    for picture in made:
+        for one in (upright, lying):
+            both, any_ = (picture > 127) & (one > 127), (picture > 127) | (one > 127)
+            assert 0.1 < both.sum() / any_.sum() < 0.5
+    # of two that are alike there is none
+    assert mixed_picture([upright, upright], rng) is None

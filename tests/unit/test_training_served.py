@@ -11,11 +11,12 @@ import pytest
 torch = pytest.importorskip("torch", reason="the training needs torch")
 
 from pipeline.train.classifier_net import FaceNet, trained  # noqa: E402
+from pipeline.train.detector_net import loss_behind  # noqa: E402
 from pipeline.train.loop import Options, Recipe, fit, rate_share  # noqa: E402
-from pipeline.train.moved import moved, relit  # noqa: E402
+from pipeline.train.moved import in_motion, moved, relit  # noqa: E402
 from pipeline.train.served import Serving, Store, served  # noqa: E402
-from pipeline.train.train_classifier import Taught, keep_taught  # noqa: E402
-from pipeline.train.train_detector import _again  # noqa: E402
+from pipeline.train.train_classifier import Taught, keep_taught, take_up  # noqa: E402
+from pipeline.train.train_detector import _turned  # noqa: E402
 
 CPU = torch.device("cpu")
 
@@ -79,13 +80,45 @@ def test_a_mirrored_picture_has_mirrored_targets() -> None:
     heat = torch.zeros(16, 2, 8, 8)
     heat[..., 1] = 1.0
     box = torch.arange(4.0).reshape(1, 4, 1, 1).repeat(16, 1, 8, 8)
-    picture, heat, _, box, near = _again(image, heat, heat, box, heat[:, 0])
+    picture, heat, _, box, near = _turned(image, heat, heat, box, heat[:, 0])
     for k in range(16):
         bright = int(picture[k, 0, 0].argmax())
         left_first = bright == 1
         assert int(heat[k, 0, 0].argmax()) == bright == int(near[k, 0].argmax())
         assert box[k, :, 0, 0].tolist() == ([0, 1, 2, 3] if left_first else [2, 1, 0, 3])
     assert len({int(picture[k, 0, 0].argmax()) for k in range(16)}) == 2
+
+
+def test_pictures_in_motion_keep_their_light_and_spread_it_along_a_line() -> None:
+    torch.manual_seed(2)
+    image = torch.zeros(40, 3, 33, 33)
+    image[:, :, 16, 16] = 255.0
+    smeared = in_motion(image, 0.5)
+    spread = (smeared > 0.0).sum(dim=(2, 3))[:, 0]
+    assert torch.allclose(smeared.sum(dim=(1, 2, 3)), torch.full((40,), 3 * 255.0), rtol=1e-4)
+    assert 5 < int((spread > 1).sum()) < 35
+    assert int(spread.max()) <= 30
+    assert bool((smeared[spread == 1] == image[spread == 1]).all())
+    # channels alike, since it is the camera that moved
+    assert torch.allclose(smeared[:, 0], smeared[:, 2], atol=1e-3)
+
+
+def test_a_network_is_held_back_only_where_it_lies_behind() -> None:
+    heat = torch.zeros(1, 2, 4, 4)
+    heat[0, 0, 1, 1] = 1.0
+    weight = torch.ones_like(heat)
+    told = torch.full((1, 6, 4, 4), -4.0)
+    told[0, 0, 1, 1] = 1.0
+
+    def behind(at_centre: float, elsewhere: float) -> float:
+        maps = torch.full((1, 6, 4, 4), -4.0)
+        maps[0, 0, 1, 1], maps[0, 1, 3, 3] = at_centre, elsewhere
+        return float(loss_behind(maps, told, heat, weight))
+
+    assert behind(1.0, -4.0) == behind(2.0, -6.0) == 0.0
+    assert behind(0.0, -4.0) == pytest.approx(1.0 / 4.0)
+    assert behind(-1.0, -4.0) == pytest.approx(2.0 / 4.0)
+    assert behind(1.0, 0.0) > 0.1
 
 
 def test_the_rate_falls_to_zero_when_the_time_is_over() -> None:
@@ -116,8 +149,23 @@ def test_a_training_of_a_given_time_ends_and_leaves_the_taught_network(tmp_path:
     keep_taught(tmp_path / "classifier.pt")
     state = torch.load(tmp_path / "classifier.pt", weights_only=True)
     assert state["step"] > 0
+    both = torch.load(tmp_path / "classifier-taught.pt", weights_only=True)["mean"]
+    assert len(both) == 2 * len(state["mean"])
     again = trained(state)
     assert np.abs((again.out.bias - before).detach().numpy()).max() > 0.0
+
+
+@pytest.mark.parametrize("both", [True, False])
+def test_a_training_goes_on_with_its_teacher_or_begins_it_anew(tmp_path: Path, both: bool) -> None:
+    torch.manual_seed(0)
+    before, now = Taught(3), Taught(3)
+    kept = before.state_dict() if both else before.net.state_dict()
+    torch.save({"mean": kept}, tmp_path / "classifier.pt")
+    take_up(now, tmp_path / "classifier.pt")
+    assert torch.equal(now.net.out.weight, before.net.out.weight)
+    assert torch.equal(now.teacher.out.weight, before.teacher.out.weight) == both
+    started = torch.load(tmp_path / "classifier.pt", weights_only=True)["mean"]
+    assert torch.equal(started["net.out.weight"], before.net.out.weight)
 
 
 def test_a_network_of_other_widths_comes_back_from_its_checkpoint() -> None:

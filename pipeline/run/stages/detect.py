@@ -171,7 +171,8 @@ STAGE = Stage(
     # 8: pictures that stay while the vehicle drives are not searched; networks trained in full
     # 9: bends that know an offset better than the manifest
     # 10: the classifier trained on, with what blue discs show and words on boards
-    version=10,
+    # 11: the detector trained on, with pictures in motion and what it found before kept
+    version=11,
     run=run,
     inputs=_inputs,
     # where the camera was when says which frames are worth a search
