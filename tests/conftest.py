@@ -8,6 +8,7 @@ from collections import Counter
 from pathlib import Path
 
 import pytest
+from hypothesis import settings
 
 PROJECT = Path(__file__).resolve().parent.parent
 
@@ -21,8 +22,11 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_configure() -> None:
-    """Have interrupts end what is tested, also where a shell began all this in the background,
-    which ignores them."""
+    """Give examples all the time they take, and have interrupts end what is tested, also where a
+    shell began all this in the background, which ignores them."""
+    # how long an example takes hangs on what else the machine does
+    settings.register_profile("automap", deadline=None)
+    settings.load_profile("automap")
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
 

@@ -190,7 +190,7 @@ def test_pixels_outside_the_lens_model_have_no_direction() -> None:
     assert np.isnan(rays[1]).all()
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(
     k1=st.floats(-0.25, 0.25),
     k2=st.floats(-0.05, 0.05),

@@ -146,7 +146,7 @@ def test_unknown_positions_and_heights_stay_unknown() -> None:
     assert result.lon_deg[0] != 149.0
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(
     st.floats(114, 153),
     st.floats(-43, -12),

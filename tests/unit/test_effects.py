@@ -156,7 +156,7 @@ def test_each_parameter_adds_its_own_signal(name: str) -> None:
         assert np.abs(still).max() == 0.0
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(st.integers(0, 2**32 - 1))
 def test_the_filter_takes_out_what_the_simulator_puts_in(seed: int) -> None:
     rng = np.random.default_rng(seed)

@@ -97,7 +97,7 @@ def test_copies_of_rows_and_a_clock_that_was_set_back_are_no_bursts() -> None:
     st.lists(st.integers(0, 10**9), min_size=0, max_size=400),
     st.integers(-(2**60), 2**60),
 )
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_any_stamps_come_out_increasing_or_not_at_all(steps: list[int], begin: int) -> None:
     t_ns = begin + np.cumsum(np.array([0, *steps], dtype=np.int64))
     even = straight_stamps(t_ns, noise(len(t_ns)))

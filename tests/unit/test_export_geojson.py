@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from export_inputs import CLOCK, HOSTILE, sign
 from geojson_pydantic import FeatureCollection
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from automap.errors import InputError
@@ -114,7 +114,6 @@ def test_box_crosses_the_date_line_the_short_way() -> None:
     assert turned["features"][0]["geometry"]["coordinates"][0] == pytest.approx(-179.98)
 
 
-@settings(deadline=None)
 @given(st.lists(st.floats(-180, 180), min_size=1, max_size=8))
 def test_longitude_range_holds_all(lon: list[float]) -> None:
     west, east = longitude_range(np.array(lon))

@@ -42,7 +42,7 @@ def _bend(lat0: float = REF[0]) -> Trajectory:
     )  # fmt: skip
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(st.tuples(metres, metres, metres), st.floats(-1.2, 1.2))
 def test_there_and_back_is_where_it_began(arm: tuple[float, float, float], lat0: float) -> None:
     start = _bend(lat0)

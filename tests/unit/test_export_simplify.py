@@ -12,7 +12,7 @@ from automap.export.path import simplified_path, split_at_date_line
 from automap.export.simplify import keep_indices
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(st.integers(0, 2**32 - 1), st.integers(2, 300), st.floats(0.05, 5.0))
 def test_every_point_stays_within_the_tolerance(seed: int, size: int, tolerance: float) -> None:
     rng = np.random.default_rng(seed)

@@ -6,7 +6,7 @@ import json
 
 import numpy as np
 import pytest
-from hypothesis import example, given, settings
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from automap.export.csv_text import csv_cell
@@ -26,11 +26,7 @@ NUMBERS = st.lists(
     st.floats(allow_nan=True, allow_infinity=True, width=64), min_size=1, max_size=20
 )
 
-TIMELESS = settings(deadline=None)
-"""The first call compiles."""
 
-
-@TIMELESS
 @given(NUMBERS, st.integers(0, 9))
 def test_fixed_decimals_are_those_of_python(values: list[float], decimals: int) -> None:
     texts = fixed_column(np.array(values), decimals, missing="null").texts()
@@ -43,7 +39,6 @@ def test_fixed_decimals_are_those_of_python(values: list[float], decimals: int) 
         assert text == (nothing.lstrip("-") if expected == nothing else expected)
 
 
-@TIMELESS
 @given(st.lists(st.integers(0, 8 * 10**15), min_size=1, max_size=20), st.integers(0, 9))
 # the product with 1e7 is rounded from .48 to a half
 @example([281474976933431], 7)
@@ -55,7 +50,6 @@ def test_the_last_decimal_of_what_lies_beside_a_half(places: list[int], decimals
     assert texts == [f"{value:.{decimals}f}" for value in values]
 
 
-@TIMELESS
 @given(NUMBERS, st.integers(2, 9))
 def test_significant_digits_are_those_of_python(values: list[float], digits: int) -> None:
     texts = significant_column(np.array(values), digits, missing="").texts()
@@ -80,13 +74,11 @@ def test_common_numbers_are_written_as_everywhere() -> None:
         assert fixed_column(values, decimals).texts() == expected
 
 
-@TIMELESS
 @given(st.lists(st.integers(-(2**63), 2**63 - 1), min_size=1, max_size=20))
 def test_integers(values: list[int]) -> None:
     assert integer_column(np.array(values, np.int64)).texts() == [str(value) for value in values]
 
 
-@TIMELESS
 @given(st.lists(st.text(), max_size=20))
 def test_texts_are_converted_wherever_they_need_it(values: list[str]) -> None:
     special = special_characters('"\\')
@@ -113,7 +105,6 @@ def test_rings() -> None:
     assert ring_column(rings).texts() == ["149.1000000,-35.2000000 -179.9999999,0.0000000"]
 
 
-@TIMELESS
 @given(st.text())
 def test_cells_of_a_spreadsheet_come_back(text: str) -> None:
     cell = csv_cell(text)

@@ -132,7 +132,7 @@ def test_one_camera_sees_an_object_once() -> None:
         assert len(np.unique(index[thing == k])) == 1
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(st.integers(0, 2**31), st.integers(0, 12))
 def test_whatever_comes_in_is_accounted_for(seed: int, n: int) -> None:
     rng = np.random.default_rng(seed)

@@ -227,9 +227,7 @@ def test_what_cannot_be_known_is_asked(tmp_path: Path) -> None:
     assert "not taken: other.csv" in silent
 
 
-@settings(
-    max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
-)
+@settings(max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     st.sampled_from(["a.csv", "a.txt", "a.zip", "a.mp4", "a.bag", "a.mcap", "a.ubx", "video"]),
     st.one_of(

@@ -91,7 +91,7 @@ def test_a_hopeless_csv_is_one_sentence(tmp_path: Path, content: bytes, said: st
     assert str(path) in str(caught.value)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(
     st.lists(
         st.tuples(
@@ -112,7 +112,7 @@ def test_numbers_survive_the_way_through_csv(
     np.testing.assert_array_equal(table.columns["gx"], [v for _, v in rows])
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 @given(st.lists(st.integers(0, 60), min_size=1, max_size=60))
 def test_kept_stamps_increase_and_every_row_is_accounted_for(values: list[int]) -> None:
     t_ns = np.array(values, dtype=np.int64) * 100_000_000

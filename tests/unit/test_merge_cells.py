@@ -58,7 +58,7 @@ def at_edge(scene: Scene, lon: float, level_lat: float = -0.6) -> list[DriveSign
     return [moved(drive, edge - half, lon) for drive in scene.drives]
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 @given(
     st.one_of(
         st.floats(-POLE, POLE),

@@ -53,7 +53,7 @@ def _stamp(ns: int, form: str) -> tuple[str, str]:
     return when.strftime(form), ""
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 @given(
     language=st.sampled_from(sorted(HEADERS)),
     separator=st.sampled_from([",", ";", "\t", "|"]),

@@ -218,7 +218,7 @@ def test_pubx() -> None:
     assert fixes.height_m[0] == 100.5
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(
     start=st.floats(-4.0, 4.0),
     boundary=st.sampled_from([WEEK * tb.WEEK_S, WEEK * tb.WEEK_S + 3 * tb.DAY_S]),
@@ -347,7 +347,7 @@ def test_unusable_files_are_one_clear_sentence(data: bytes, words: str) -> None:
     assert str(caught.value).startswith("test.log")
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.data())
 def test_damage_never_breaks_the_reader(data: st.DataObject) -> None:
     parts = [pvt(GPS), gga(GPS), rmc(GPS), posllh(GPS + 1), sol(GPS + 1), zda(GPS + 1)]

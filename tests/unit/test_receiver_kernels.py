@@ -62,7 +62,6 @@ def assert_both_alike(data: bytes, monkeypatch: pytest.MonkeyPatch) -> None:
 
 @settings(
     max_examples=30,
-    deadline=None,
     suppress_health_check=[HealthCheck.function_scoped_fixture],
 )
 @given(

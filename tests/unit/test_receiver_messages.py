@@ -18,7 +18,7 @@ from automap.io.ubx import decode_ubx, physical
 from automap.io.ubx_layouts import LAYOUTS
 from automap.io.ubx_names import MESSAGE_NAMES, message_name
 
-FAST = settings(max_examples=25, deadline=None)
+FAST = settings(max_examples=25)
 
 
 @pytest.mark.parametrize("name", sorted(LAYOUTS))

@@ -35,7 +35,7 @@ def _cut(data: bytes, cuts: list[int]) -> list[bytes]:
 
 
 @given(st.lists(st.integers(0, 700), max_size=12))
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_pieces_do_not_matter_to_messages(cuts: list[int]) -> None:
     noise = b"\xb5\x62\x01\x07\x00garbage$GP\xb5"
     data = nav_pvt(1000) + noise + _gga() + b"\r\n" + nav_pvt(2000) + ubx_frame(0x0A04, b"x" * 40)
@@ -114,7 +114,7 @@ FRAME = load_format("mpu9150-frame")
 
 
 @given(st.lists(st.integers(0, 600), max_size=12), st.binary(max_size=40))
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_pieces_and_noise_do_not_matter_to_frames(cuts: list[int], noise: bytes) -> None:
     noise = noise.replace(b"\xaa", b"\x11").replace(b"\x55", b"\x11")
     frames = [encode(FRAME, [1000 * i, i, 2, 3, 4, 5, 6, 7]) for i in range(20)]

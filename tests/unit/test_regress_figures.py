@@ -87,7 +87,7 @@ def test_the_same_trajectory_has_not_moved(lat: float, lon: float) -> None:
     assert max(c.sigmas for c in changes if c.sigmas is not None) < 0.02
 
 
-@settings(deadline=None, max_examples=25)
+@settings(max_examples=25)
 @given(share=st.sampled_from([0.05, 0.09, 0.11, 0.5]), axis=st.integers(0, 8))
 def test_a_shift_is_judged_by_the_stated_sigma_of_its_component(share: float, axis: int) -> None:
     run = trajectory()
@@ -242,7 +242,7 @@ def test_changed_inputs_and_settings_are_told_and_not_judged() -> None:
     assert moved(changes) == set()
 
 
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 @given(part=st.floats(0.0, 0.99))
 def test_a_baseline_cut_short_is_refused_in_one_sentence(
     tmp_path_factory: pytest.TempPathFactory, part: float

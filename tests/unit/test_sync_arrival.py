@@ -242,7 +242,7 @@ def test_order_of_the_epochs_does_not_matter() -> None:
     np.testing.assert_allclose(first.gps_s(probe), second.gps_s(probe), atol=2e-5)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(
     n=st.integers(1, 60),
     dt=st.sampled_from([0.05, 0.2, 1.0, 10.0]),

@@ -99,7 +99,7 @@ def test_wrong_axes_are_found_and_named(accel: FloatArray, gyro: FloatArray) -> 
     _is_best(judged, accel, gyro)
 
 
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=12)
 @example(angles=(0.0, 3.0, -2.25), of_accel=9, of_gyro=33)
 @given(
     st.tuples(*[st.floats(-np.pi, np.pi)] * 3),

@@ -144,7 +144,7 @@ def test_what_is_no_action_is_refused(value: Any) -> None:
         action_of(value)
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(
     st.lists(
         st.tuples(

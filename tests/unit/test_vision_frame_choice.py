@@ -29,7 +29,7 @@ def path(distance: FloatArray, yaw: FloatArray | None = None) -> CameraPath:
     return CameraPath(np.column_stack([distance, zero, zero]), C, np.ones(n, np.bool_))
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(speed=st.floats(0.5, 20.0), rate=st.sampled_from([10.0, 25.0, 30.0, 60.0]))
 def test_frames_are_a_step_of_road_apart(speed: float, rate: float) -> None:
     frames = times(30.0, rate, 0.05)

@@ -53,7 +53,7 @@ def expected(coarse: list[bool], signs: list[bool]) -> list[int]:
     return wanted
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(
     frames=st.lists(st.tuples(st.booleans(), st.booleans()), max_size=40),
     workers=st.integers(1, 3),

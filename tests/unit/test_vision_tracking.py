@@ -116,7 +116,7 @@ def street(
     return World(place, rng.uniform(0.5, 1.0, len(at)), names, rng, missed=missed), path
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(
     seed=st.integers(0, 10_000),
     speed=st.floats(4.0, 25.0),
