@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from automap.effects import Signals
-from automap.effects.user import OF_FIXES
+from automap.effects.user import INERTIAL, OF_FIXES
 from automap.gap.fit import Fit
 
 QUANTITIES = (
@@ -48,8 +48,8 @@ QUANTITIES = (
     "time",
     "time^2",
     # what sun or standing air warms at rest, and wind cools
-    "lag(step(1 - speed), 20)",
-    "lag(speed, 20)",
+    "lag(step(1 - speed), 20.0)",
+    "lag(speed, 20.0)",
 )
 ON_FIXES = tuple(
     (on, text)
@@ -71,8 +71,8 @@ REMEMBERED = (
     # courses that a receiver holds until they have turned by more, and that hang behind by so much
     ("velocity_across", "(speed * (heading - play(heading, 0.01)))"),
     # receivers that run on; of velocities that is what a low-pass does, which has a name
-    ("position_along", "lag(acceleration, 2)"),
-    ("position_across", "lag(lateral_acceleration, 2)"),
+    ("position_along", "lag(acceleration, 2.0)"),
+    ("position_across", "lag(lateral_acceleration, 2.0)"),
 )
 """Formulas of what has been: channel and text. Widths and times are refined where one is found."""
 ON_VEHICLE = (
@@ -95,10 +95,11 @@ def warm(fit: Fit) -> bool:
     return temperature is not None and bool(np.isfinite(temperature).any())
 
 
-def formula_texts(signals: Signals, has_temperature: bool) -> list[str]:
-    """The dictionary for drives like one of these signals."""
-    out = list(QUANTITIES)
+def formula_terms(signals: Signals, has_temperature: bool) -> list[tuple[str, str]]:
+    """The dictionary for drives like one of these signals: channel and text of each."""
+    texts = list(QUANTITIES)
     if has_temperature:
         rise = f"(temperature - {float(np.median(signals.temperature)):.1f})"
-        out += [f"{rise}^2", "temperature_rate", f"{rise} * speed"]
-    return out
+        # of a sensor whose core follows its case, what lies between the two
+        texts += [f"{rise}^2", "(temperature - lag(temperature, 40.0))", f"{rise} * speed"]
+    return [*((on, text) for text in texts for on in INERTIAL), *ALONE]

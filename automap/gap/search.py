@@ -218,6 +218,9 @@ class Search:
         fewer = self._beyond_drift(here, selection, found)
         if fewer != found:
             return fewer
+        formed = self.screening.formed(here, selection, found)
+        if formed != found:
+            return formed
         rival = self._decided(here, selection, found)
         if rival is not None and frozenset(rival.names) not in self.challenged:
             self.challenged |= {frozenset(found.names), frozenset(rival.names)}
@@ -335,18 +338,25 @@ class Search:
             nats = self.screening.nats(joint, selection, chosen, name)
             for rival in selection.close_rivals(chosen, name):
                 other = rival.name
-                same = frozenset(rival.chosen.names) == frozenset(chosen.names)
+                together = selection.beside(rival, chosen, name)
+                its = together or rival.chosen
+                same = frozenset(its.names) == frozenset(chosen.names)
+                same |= together is not None and frozenset(its.names) in self.challenged
                 if same or self.screening.effects.get(other, other) in against:
                     continue
                 self.log(f"checking whether {name} is {other}")
-                fitted = self.screening.states(here, selection, rival.chosen)
-                if other in self.screening.not_borne_out(fitted, selection, rival.chosen):
+                fitted = self.screening.states(here, selection, its)
+                if {other, name} & set(self.screening.not_borne_out(fitted, selection, its)):
                     continue
                 of_vehicle = selection.of_vehicle(chosen, {name})
-                of_vehicle |= selection.of_vehicle(rival.chosen, {other})
+                of_vehicle |= selection.of_vehicle(its, {other})
                 ahead, sigmas = self.judge.ahead(fitted, here, of_vehicle)
-                ahead += self._log_prior(selection, rival.chosen)
-                ahead -= self._log_prior(selection, chosen)
+                ahead += self._log_prior(selection, its) - self._log_prior(selection, chosen)
+                if together is not None:
+                    # what explains something else is no rival, and is added as any name is
+                    if ahead >= limits.LEAST_ODDS and sigmas >= limits.APART and ahead > best:
+                        best, instead = ahead, together
+                    continue
                 rival_formula = bool(selection.candidates[other].terms)
                 if abs(sigmas) < limits.APART and not rival_formula:
                     self.close[name] = (*self.close.get(name, ()), other)
