@@ -7,6 +7,7 @@ dictionary, courses of time that were refined, and which effect stands for which
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -42,7 +43,7 @@ from automap.gap.linear import (
 )
 from automap.gap.motion import Motion, motion_of
 from automap.gap.noise import Fitted, Joint, Log, fitted_about
-from automap.gap.refinement import ColumnsFor, Terms, likeliest, nearby
+from automap.gap.refinement import About, Terms, likeliest, nearby
 from automap.gap.result import equation
 from automap.gap.selection import Chosen, Key, Selection
 from automap.gap.slow import box_columns, lasts, variants, with_shapes
@@ -81,7 +82,8 @@ class Screening:
         self.base, self.exclude, self.log = base, frozenset(exclude), log
         self.effects: dict[str, str] = {}
         self.refinements: dict[str, tuple[Column, ...]] = {}
-        self.asked: set[tuple[str, frozenset[str]]] = set()
+        self.seeds: dict[str, str] = {}
+        self.asked: Counter[str] = Counter()
         self.names = self._library()
         self.options = base.model.options
         fit = base.fits[0]
@@ -91,13 +93,7 @@ class Screening:
     def selection(self, here: Fitted, slow: bool, may_act: bool = True) -> Selection:
         """The fit made linear, and its candidates, of which more than those fitted ``may_act``;
         ``slow``: courses of time among them."""
-        values, options = self._with_constant(here, here.values())
-        # what was held may act beside what is found
-        carried = replace(here.model, values={**here.model.values, **values}, options=options)
-        fits = [fit_drive(f.opened, carried, linearised_at=f) for f in here.fits]
-        by_effect = {effect: name for name, effect in self.effects.items()}
-        # what has no parameters is there
-        known = {by_effect.get(e, e): v or ON for e, v in values.items()}
+        fits, known = self._held(here)
 
         def columns(fit: Fit, motion: Motion, at: NodeMotion) -> list[Column]:
             boxes = box_columns(fit, motion) if slow else []
@@ -107,6 +103,16 @@ class Screening:
         linear = with_shapes(linear) if slow else linear
         candidates = candidates_of(linear.layout, self.names)
         return Selection(linear, {c.name: c for c in candidates})
+
+    def _held(self, here: Fitted) -> tuple[list[Fit], dict[str, dict[str, float]]]:
+        """The fits with what they estimate held at its values, and these by candidates' names."""
+        values, options = self._with_constant(here, here.values())
+        # what was held may act beside what is found
+        carried = replace(here.model, values={**here.model.values, **values}, options=options)
+        fits = [fit_drive(f.opened, carried, linearised_at=f) for f in here.fits]
+        by_effect = {effect: name for name, effect in self.effects.items()}
+        # what has no parameters is there
+        return fits, {by_effect.get(e, e): v or ON for e, v in values.items()}
 
     def _with_constant(
         self, here: Fitted, values: dict[str, dict[str, float]]
@@ -137,8 +143,8 @@ class Screening:
             if not finer or name in self.refinements:
                 continue
             self.log(f"refining {name}")
-            rest = [n for n in chosen.names if n != name]
-            best = likeliest(here.fits, [candidate.terms, *finer], rest, self._beside(rest))
+            about = self._about(here, [n for n in chosen.names if n != name])
+            best = likeliest(about, [candidate.terms, *finer])
             if lasts(best, length):
                 chosen = self._in_form(here, selection, chosen, name, best, 1.0)
             else:
@@ -151,34 +157,37 @@ class Screening:
         nothing can be added any more: before, it follows what else is missing."""
         for name in chosen.names:
             candidate = selection.candidates[name]
-            rest = frozenset(chosen.names) - {name}
-            if len(candidate.terms) != 1 or (name, rest) in self.asked:
+            seed = self.seeds.get(name, name)
+            if len(candidate.terms) != 1 or self.asked[seed] >= limits.TRIALS:
                 continue
             ((on, _),) = candidate.terms
             if left_out_effect(on) is not None or follows_time(candidate.terms):
                 continue
             self.log(f"looking for the form of {name}")
-            self.asked.add((name, rest))
-            of = self._beside(rest)
-            best, tried = nearby(here.fits, self.signals, candidate.terms, rest, of)
+            self.asked[seed] += 1
+            about = self._about(here, [n for n in chosen.names if n != name])
+            best, tried = nearby(about, self.signals, candidate.terms)
             if best != candidate.terms:
                 choices = candidate.choices * tried
                 chosen = self._in_form(here, selection, chosen, name, best, choices)
         return chosen
 
-    def _beside(self, rest: Collection[str]) -> ColumnsFor:
-        """How the columns of formulas beside those of the effects ``rest`` are made."""
+    def _about(self, here: Fitted, rest: Collection[str]) -> About:
+        """What formulas are asked about: a fit, and the effects ``rest`` beside them."""
+        fits, known = self._held(here)
 
         def of(tried: Sequence[Terms]) -> ColumnsOf:
+            single = [terms[0] for terms in tried if len(terms) == 1]
+            asked = {equation(terms) for terms in tried}
+
             def columns(fit: Fit, motion: Motion, at: NodeMotion) -> list[Column]:
-                out = [c for c in self.columns(fit, motion, at, rest) if c.effect in rest]
-                single = [terms[0] for terms in tried if len(terms) == 1]
+                out = self.columns(fit, motion, at, {*rest, *known} - asked)
                 out += formula_columns(fit, motion, at, single, self.exclude)
                 return out + [c for t in tried if len(t) > 1 for c in term_columns(at, t)]
 
             return columns
 
-        return of
+        return About(fits, known, rest, of)
 
     def _in_form(
         self,
@@ -195,6 +204,7 @@ class Screening:
         at = node_motion(here.fits[0], motion)
         columns = tuple(c.in_layout() for c in term_columns(at, terms, choices))
         self.refinements[finer] = columns
+        self.seeds[finer] = self.seeds.get(name, name)
         its = selection.candidates[name]
         prior = its.log_prior + math.log(its.choices / choices)
         selection.candidates[finer] = replace(

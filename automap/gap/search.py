@@ -100,7 +100,8 @@ class Search:
                 other = self._reconsidered(here, selection, found)
                 if other is None:
                     break
-                found = other
+                found, brief = self.screening.refined(here, selection, other)
+                self._bar(brief)
                 here = self._fit(here, selection, found)
             else:
                 slow, factors = True, here.model.factors
@@ -339,11 +340,13 @@ class Search:
             for rival in selection.close_rivals(chosen, name):
                 other = rival.name
                 together = selection.beside(rival, chosen, name)
-                its = together or rival.chosen
+                its, brief = self.screening.refined(here, selection, together or rival.chosen)
                 same = frozenset(its.names) == frozenset(chosen.names)
                 same |= together is not None and frozenset(its.names) in self.challenged
-                if same or self.screening.effects.get(other, other) in against:
+                own = other == self.screening.seeds.get(name)
+                if same or own or brief or self.screening.effects.get(other, other) in against:
                     continue
+                other = its.names[-1]
                 self.log(f"checking whether {name} is {other}")
                 fitted = self.screening.states(here, selection, its)
                 if {other, name} & set(self.screening.not_borne_out(fitted, selection, its)):
@@ -355,7 +358,7 @@ class Search:
                 if together is not None:
                     # what explains something else is no rival, and is added as any name is
                     if ahead >= limits.LEAST_ODDS and sigmas >= limits.APART and ahead > best:
-                        best, instead = ahead, together
+                        best, instead = ahead, its
                     continue
                 rival_formula = bool(selection.candidates[other].terms)
                 if abs(sigmas) < limits.APART and not rival_formula:
@@ -368,7 +371,7 @@ class Search:
                 elif rival_formula and not formula:
                     wins &= clear
                 if wins and (instead is None or ahead > best):
-                    best, instead = ahead, rival.chosen
+                    best, instead = ahead, its
             if instead is not None:
                 return instead
         return None
