@@ -1,4 +1,7 @@
-"""Which formulas are tried: quantities on every axis of the sensors, and those of one channel."""
+"""Which formulas are tried: quantities on every axis of the sensors, and those of one channel.
+
+One of a family: from there the others are found (``neighbours``).
+"""
 
 from __future__ import annotations
 
@@ -29,11 +32,7 @@ QUANTITIES = (
     "force_y^3",
     "rate_z^3",
     "max(force_x, 0)",
-    "min(force_x, 0)",
     "max(force_y, 0)",
-    "max(rate_z, 0)",
-    "abs(force_x)",
-    "abs(force_y)",
     "rate^2",
     "rate_y^2",
     "tanh(acceleration / 0.1)",
@@ -46,23 +45,26 @@ QUANTITIES = (
     "jerk_y",
     "jerk_z",
     "time",
-    "time^2",
     # what sun or standing air warms at rest, and wind cools
     "lag(step(1 - speed), 20.0)",
     "lag(speed, 20.0)",
 )
-ON_FIXES = tuple(
-    (on, text)
-    for on in OF_FIXES
-    for text in ("speed", "speed^2", "acceleration", "lateral_acceleration", "abs(rate_z)")
-    # a latency, a lever arm and a factor on velocities say these already
-    if (on, text)
-    not in {
-        ("velocity_along", "speed"),
-        ("position_along", "speed"),
-        ("velocity_along", "acceleration"),
-        ("velocity_across", "lateral_acceleration"),
-    }
+ON_FIXES = (
+    *(
+        (on, text)
+        for on in OF_FIXES
+        for text in ("speed", "acceleration", "lateral_acceleration", "abs(rate_z)")
+        # a latency, a lever arm and a factor on velocities say these already
+        if (on, text)
+        not in {
+            ("velocity_along", "speed"),
+            ("position_along", "speed"),
+            ("velocity_along", "acceleration"),
+            ("velocity_across", "lateral_acceleration"),
+        }
+    ),
+    ("velocity_along", "speed^2"),
+    ("position_along", "speed^2"),
 )
 REMEMBERED = (
     # an axis that hangs behind what it measures by a play: hysteresis
@@ -79,7 +81,6 @@ ON_VEHICLE = (
     # a slip that does not grow with the force alone, a wind, an axle that bends under load
     ("nhc_y", "speed * lateral_acceleration^3"),
     ("nhc_y", "speed^2 * lateral_acceleration"),
-    ("nhc_y", "speed * abs(lateral_acceleration)"),
     ("nhc_y", "speed * acceleration"),
     ("nhc_y", "speed * sin(heading)"),
     ("nhc_y", "speed * cos(heading)"),

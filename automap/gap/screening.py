@@ -82,7 +82,7 @@ class Screening:
         self.base, self.exclude, self.log = base, frozenset(exclude), log
         self.effects: dict[str, str] = {}
         self.refinements: dict[str, tuple[Column, ...]] = {}
-        self.seeds: dict[str, str] = {}
+        self._seeds: dict[str, str] = {}
         self.asked: Counter[str] = Counter()
         self.names = self._library()
         self.options = base.model.options
@@ -157,7 +157,7 @@ class Screening:
         nothing can be added any more: before, it follows what else is missing."""
         for name in chosen.names:
             candidate = selection.candidates[name]
-            seed = self.seeds.get(name, name)
+            seed = self.seed(name)
             if len(candidate.terms) != 1 or self.asked[seed] >= limits.TRIALS:
                 continue
             ((on, _),) = candidate.terms
@@ -171,6 +171,10 @@ class Screening:
                 choices = candidate.choices * tried
                 chosen = self._in_form(here, selection, chosen, name, best, choices)
         return chosen
+
+    def seed(self, name: str) -> str:
+        """The formula that a candidate is another form of, itself where it is none."""
+        return self._seeds.get(name, name)
 
     def _about(self, here: Fitted, rest: Collection[str]) -> About:
         """What formulas are asked about: a fit, and the effects ``rest`` beside them."""
@@ -204,7 +208,8 @@ class Screening:
         at = node_motion(here.fits[0], motion)
         columns = tuple(c.in_layout() for c in term_columns(at, terms, choices))
         self.refinements[finer] = columns
-        self.seeds[finer] = self.seeds.get(name, name)
+        if finer != name:
+            self._seeds[finer] = self.seed(name)
         its = selection.candidates[name]
         prior = its.log_prior + math.log(its.choices / choices)
         selection.candidates[finer] = replace(

@@ -89,9 +89,10 @@ class Search:
                 here, found = self._better_twins(here, new, selection, found)
                 del new
                 idle = self.screening.not_borne_out(here, selection, found)
+                # these parameters do not act; others of the same effect may
+                out = Chosen(tuple(p for p in found.parts if p[0] in idle))
+                self._bar(selection.alike(out))
                 for name in idle:
-                    # these parameters do not act; others of the same effect may
-                    self._bar(selection.key(n, part) for n, part, _ in found.parts if n == name)
                     found = found.without(name)
                 if idle:
                     # what is not told must not stay in the model
@@ -214,7 +215,8 @@ class Search:
         selection.inflate(found)
         fewer = pruned(selection, found)
         if fewer != found:
-            self._bar(selection.keys(found) - selection.keys(fewer))
+            idle = Chosen(tuple(p for p in found.parts if p not in fewer.parts))
+            self._bar(selection.alike(idle))
             return fewer
         fewer = self._beyond_drift(here, selection, found)
         if fewer != found:
@@ -343,7 +345,7 @@ class Search:
                 its, brief = self.screening.refined(here, selection, together or rival.chosen)
                 same = frozenset(its.names) == frozenset(chosen.names)
                 same |= together is not None and frozenset(its.names) in self.challenged
-                own = other == self.screening.seeds.get(name)
+                own = self.screening.seed(other) == self.screening.seed(name)
                 if same or own or brief or self.screening.effects.get(other, other) in against:
                     continue
                 other = its.names[-1]

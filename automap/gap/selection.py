@@ -160,6 +160,24 @@ class Selection:
         """All parts of a choice by their parameters' names."""
         return frozenset(self.key(name, part) for name, part, _ in chosen.parts)
 
+    def alike(self, chosen: Chosen) -> frozenset[Key]:
+        """The parts of a choice, and courses of time that show much the same as one of these."""
+        info = self.linear.info
+        size = np.maximum(np.diag(info), 1e-300)
+        out = set(self.keys(chosen))
+        for name, part, _ in chosen.parts:
+            if len(part) > 1 or not follows_time(self.candidates[name].terms):
+                continue
+            (i,) = part
+            near = set(np.flatnonzero(info[i] ** 2 > limits.ALIKE * size[i] * size).tolist())
+            out |= {
+                self.key(c.name, its)
+                for c in self.candidates.values()
+                for its in c.parts
+                if its[0] in near and len(its) == 1 and follows_time(c.terms)
+            }
+        return frozenset(out)
+
     def best(
         self,
         chosen: Chosen,
