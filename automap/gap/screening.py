@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -24,7 +24,6 @@ from automap.gap.candidates import (
     named_columns,
     term_columns,
 )
-from automap.gap.confirm import Confirmed
 from automap.gap.dictionary import (
     effect_for,
     formula_columns,
@@ -54,26 +53,6 @@ HELD = 1e-6
 """Share of its prior sd that is left to a parameter that is not to act."""
 
 
-@dataclass(frozen=True)
-class Found:
-    """Where a search ended: the set as fitted, the base model's fit, the joint estimate with all
-    parameters of each effect free, the last selection with what it chose, which effect stands for
-    each candidate, which names the drives cannot tell from each, what of it held-out data let
-    stand, the fit made linear as it is where nothing else acts, and nats of those of which the
-    filter says how many."""
-
-    base: Fitted
-    fitted: Fitted
-    full: Joint
-    selection: Selection
-    chosen: Chosen
-    effects: Mapping[str, str]
-    not_told_apart: Mapping[str, tuple[str, ...]]
-    stands: Confirmed
-    nothing_else: Selection
-    nats: Mapping[str, float] = field(default_factory=dict)
-
-
 class Screening:
     """Candidates of drives whose base model is fitted; ``exclude`` effects that the library does
     without. ``effects`` the name of the effect that stands for a candidate in the filter."""
@@ -84,6 +63,7 @@ class Screening:
         self.refinements: dict[str, tuple[Column, ...]] = {}
         self._seeds: dict[str, str] = {}
         self.asked: Counter[str] = Counter()
+        self._held_at: tuple[Fitted, list[Fit], dict[str, dict[str, float]]] | None = None
         self.names = self._library()
         self.options = base.model.options
         fit = base.fits[0]
@@ -93,6 +73,7 @@ class Screening:
     def selection(self, here: Fitted, slow: bool, may_act: bool = True) -> Selection:
         """The fit made linear, and its candidates, of which more than those fitted ``may_act``;
         ``slow``: courses of time among them."""
+        self._held_at = None
         fits, known = self._held(here)
 
         def columns(fit: Fit, motion: Motion, at: NodeMotion) -> list[Column]:
@@ -178,7 +159,9 @@ class Screening:
 
     def _about(self, here: Fitted, rest: Collection[str]) -> About:
         """What formulas are asked about: a fit, and the effects ``rest`` beside them."""
-        fits, known = self._held(here)
+        if self._held_at is None or self._held_at[0] is not here:
+            self._held_at = here, *self._held(here)
+        _, fits, known = self._held_at
 
         def of(tried: Sequence[Terms]) -> ColumnsOf:
             single = [terms[0] for terms in tried if len(terms) == 1]
@@ -336,27 +319,6 @@ def _joined(
     known: Mapping[str, Mapping[str, float]], more: Mapping[str, Mapping[str, float]]
 ) -> dict[str, dict[str, float]]:
     return {e: {**known.get(e, {}), **more.get(e, {})} for e in {**known, **more}}
-
-
-def in_layout(chosen: Chosen, old: Sequence[Column], new: Selection) -> Chosen:
-    """A choice of columns of an ``old`` layout with those of another; what that does not have is
-    left out."""
-    place = {(c.effect, c.parameter): i for i, c in enumerate(new.linear.layout)}
-    parts = []
-    for name, part, scale in chosen.parts:
-        candidate = new.candidates.get(name)
-        if candidate is None:
-            continue
-        if candidate.terms:
-            parts.append((name, candidate.parts[0], scale))
-            continue
-        columns = [old[i] for i in part]
-        rows = tuple(
-            place[(c.effect, c.parameter)] for c in columns if (c.effect, c.parameter) in place
-        )
-        if len(rows) == len(part):
-            parts.append((name, rows, scale))
-    return Chosen(tuple(parts))
 
 
 def estimate_nats(values: FloatArray, cov: FloatArray, prior_sd: FloatArray) -> float:

@@ -20,10 +20,11 @@ from automap.gap import limits
 from automap.gap.candidates import is_course
 from automap.gap.confirm import Confirmed, confirmed
 from automap.gap.drive import OpenDrive
+from automap.gap.found import Found, in_layout
 from automap.gap.judge import Judge
 from automap.gap.noise import Fitted, Log, fitted_about, noise_score, with_levels, with_noise
 from automap.gap.scoring import likelier
-from automap.gap.screening import Found, Screening, in_layout
+from automap.gap.screening import Screening
 from automap.gap.selection import Chosen, Key, Selection
 from automap.gap.stepwise import pruned, select, swallowed
 

@@ -26,11 +26,12 @@ from automap.gap.dictionary import (
 )
 from automap.gap.drive import open_drive
 from automap.gap.fit import Fit, fit_drive
+from automap.gap.found import in_layout
 from automap.gap.linear import node_motion
 from automap.gap.motion import motion_of
 from automap.gap.noise import Fitted
 from automap.gap.result import equation
-from automap.gap.screening import Screening, in_layout
+from automap.gap.screening import Screening
 from automap.gap.selection import Chosen, Selection
 from automap.gap.stepwise import select
 from tests.unit.gap_linear import columns_named, linear_of, screened
