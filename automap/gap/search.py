@@ -53,7 +53,7 @@ class Search:
         self.borne_out: dict[str, float] = {}
         self.swallowed: set[str] = set()
         self.tried: dict[Key, int] = {}
-        self.challenged: set[frozenset[str]] = set()
+        self.challenged: set[frozenset[frozenset[str]]] = set()
         self.outdone: set[tuple[str, str]] = set()
         self.spoken_against: list[Confirmed] = []
         self.each_drive: list[str] = []
@@ -70,6 +70,7 @@ class Search:
             selection.refused = frozenset(
                 k for k, count in self.tried.items() if count >= limits.TRIALS
             )
+            selection.outdone = frozenset(self.outdone)
             self.log(f"selecting beside {', '.join(chosen.names) or 'nothing'}")
             closing = number >= limits.MAX_ROUNDS - limits.CLOSING_ROUNDS
             limit = len(chosen.names) if closing else limits.MAX_FINDINGS
@@ -226,9 +227,12 @@ class Search:
         if formed != found:
             return formed
         rival = self._decided(here, selection, found)
-        if rival is not None and frozenset(rival.names) not in self.challenged:
-            self.challenged |= {frozenset(found.names), frozenset(rival.names)}
-            return rival
+        if rival is not None:
+            pair = frozenset({frozenset(found.names), frozenset(rival.names)})
+            if pair not in self.challenged:
+                # decided once; either may be asked again beside a third that came in between
+                self.challenged.add(pair)
+                return rival
         self.log("checking on held-out data")
         self.judge.forget()
         stands = self._confirmed(here, selection, found)
@@ -338,14 +342,15 @@ class Search:
         joint = here.joint()
         for name in chosen.names:
             formula = bool(selection.candidates[name].terms)
-            best, instead = 0.0, None
+            best, instead, winner = 0.0, None, ""
             nats = self.screening.nats(joint, selection, chosen, name)
             for rival in selection.close_rivals(chosen, name):
                 other = rival.name
                 together = selection.beside(rival, chosen, name)
                 its, brief = self.screening.refined(here, selection, together or rival.chosen)
                 same = frozenset(its.names) == frozenset(chosen.names)
-                same |= together is not None and frozenset(its.names) in self.challenged
+                pair = frozenset({frozenset(chosen.names), frozenset(its.names)})
+                same |= together is not None and pair in self.challenged
                 own = self.screening.seed(other) == self.screening.seed(name)
                 if same or own or brief or self.screening.effects.get(other, other) in against:
                     continue
@@ -361,7 +366,7 @@ class Search:
                 if together is not None:
                     # what explains something else is no rival, and is added as any name is
                     if ahead >= limits.LEAST_ODDS and sigmas >= limits.APART and ahead > best:
-                        best, instead = ahead, its
+                        best, instead, winner = ahead, its, ""
                     continue
                 rival_formula = bool(selection.candidates[other].terms)
                 if abs(sigmas) < limits.APART and not rival_formula:
@@ -374,8 +379,10 @@ class Search:
                 elif rival_formula and not formula:
                     wins &= clear
                 if wins and (instead is None or ahead > best):
-                    best, instead = ahead, its
+                    best, instead, winner = ahead, its, other
             if instead is not None:
+                if winner:
+                    self.outdone.add((winner, name))
                 return instead
         return None
 
@@ -397,7 +404,7 @@ class Search:
         """The choice with what is proposed under other noise beside it."""
         model = replace(here.model, factors=dict(factors))
         loud = self.screening.selection(fitted_about(model, here.estimate, here.fits), slow)
-        loud.refused = selection.refused
+        loud.refused, loud.outdone = selection.refused, selection.outdone
         known = in_layout(found, selection.linear.layout, loud)
         if slow:
             known = self._swallowed(here, loud, known)

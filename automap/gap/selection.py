@@ -69,15 +69,16 @@ class Move:
 
 @dataclass
 class Selection:
-    """A linear model, what may be missing from it, and parts that stay out (``refused``),
-    and names that stay in (``needed``); ``always`` columns that every choice has beside it;
-    ``inflated`` by how much scores are larger than noise makes them, of what follows time and of
+    """A linear model, what may be missing from it, parts that stay out (``refused``), names that
+    stay in (``needed``), and which of two the filter has found likelier (``outdone``, that one and
+    the other); ``always`` columns that every choice has beside it; ``inflated`` by how much scores are larger than noise makes them, of what follows time and of
     all else."""
 
     linear: Linear
     candidates: dict[str, Candidate]
     refused: frozenset[Key] = frozenset()
     needed: frozenset[str] = frozenset()
+    outdone: frozenset[tuple[str, str]] = frozenset()
     inflated: Mapping[bool, float] = field(default_factory=dict)
     always: Given = field(default_factory=Given)
     _known: dict[Given, Conditional] = field(default_factory=dict)
