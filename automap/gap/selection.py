@@ -71,8 +71,8 @@ class Move:
 class Selection:
     """A linear model, what may be missing from it, parts that stay out (``refused``), names that
     stay in (``needed``), and which of two the filter has found likelier (``outdone``, that one and
-    the other); ``always`` columns that every choice has beside it; ``inflated`` by how much scores are larger than noise makes them, of what follows time and of
-    all else."""
+    the other); ``always`` columns that every choice has beside it; ``inflated`` by how much scores
+    are larger than noise makes them, of what follows time and of all else."""
 
     linear: Linear
     candidates: dict[str, Candidate]
