@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -30,7 +30,7 @@ from automap.gap.fit import ORIGIN, Fit, prior_sd
 from automap.gap.limits import REFERENCE_TAU_S
 from automap.gap.linear import Column, Direct, Inertial, NodeMotion
 from automap.gap.motion import Motion, at_times, lagged, late_change
-from automap.gap.result import equation
+from automap.gap.result import coefficient_names, equation
 from automap.records import FloatArray
 
 FIX_AGE, VELOCITY_AGE = "gnss_latency", "gnss_velocity_latency"
@@ -110,16 +110,17 @@ def candidates_of(layout: Sequence[Column], effects: Collection[str]) -> list[Ca
                 beside=beside,
             )
         )
-    # those that are the likeliest of many share the prior of all of these
-    plain = sum(layout[groups[n][0]].choices == 1.0 for n in formulas)
-    many = sum(c for n in formulas if (c := layout[groups[n][0]].choices) > 1.0)
+    texts = {n: tuple(layout[i].term for i in groups[n]) for n in formulas}
+    choices = {n: layout[groups[n][0]].choices for n in formulas}
+    # courses of time that are the likeliest of many share the prior of all of these
+    courses = {n for n in formulas if choices[n] > 1.0 and follows_time(texts[n])}
+    plain, many = len(formulas) - len(courses), sum(choices[n] for n in courses)
     kinds = (plain > 0) + (many > 0)
     for name in formulas:
-        rows = groups[name]
-        terms = tuple(layout[i].term for i in rows)
-        choices = layout[rows[0]].choices
-        prior = outside - math.log(kinds * (plain if choices == 1.0 else many))
-        out.append(Candidate(name, (tuple(rows),), prior, terms=terms, choices=choices))
+        # what is near another formula shares the prior of what is tried in the place of that
+        like = many if name in courses else plain * choices[name]
+        its = (outside - math.log(kinds * like), 0.0, texts[name])
+        out.append(Candidate(name, (tuple(groups[name]),), *its, choices=choices[name]))
     return out
 
 
@@ -277,6 +278,17 @@ def formula_column(
     """A term of a formula, channel and text, as a column along one drive; ``name`` of the formula,
     where that has more terms."""
     return signal_column(term, parse_formula(term[1])(at.along), at, name, parameter)
+
+
+def term_columns(
+    at: NodeMotion, terms: Sequence[tuple[str, str]], choices: float = 1.0
+) -> list[Column]:
+    """The columns of one formula along one drive, the likeliest of so many ``choices``."""
+    columns = [
+        formula_column(term, at, equation(terms), name)
+        for name, term in zip(coefficient_names(len(terms)), terms, strict=True)
+    ]
+    return [replace(c, choices=choices) for c in columns]
 
 
 def signal_column(

@@ -5,7 +5,7 @@ What a search takes from it becomes an effect, so that the filter can estimate i
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 
@@ -26,14 +26,12 @@ from automap.effects.user import (
 from automap.gap.candidates import (
     Candidate,
     effect_columns,
-    formula_column,
     signal_column,
     size_of,
 )
 from automap.gap.fit import Fit
-from automap.gap.formula_texts import ALONE
 from automap.gap.limits import SAME_SIGNAL
-from automap.gap.linear import Column, Linear, NodeMotion
+from automap.gap.linear import Column, NodeMotion
 from automap.gap.motion import Motion
 from automap.gap.result import coefficient_names, equation
 from automap.records import FloatArray
@@ -47,33 +45,57 @@ LEAST_OWN = 1e-6
 
 
 def formula_columns(
-    fit: Fit, motion: Motion, at: NodeMotion, texts: Sequence[str], exclude: Collection[str]
+    fit: Fit,
+    motion: Motion,
+    at: NodeMotion,
+    terms: Sequence[tuple[str, str]],
+    exclude: Collection[str],
 ) -> list[Column]:
-    """All formulas of ``texts`` as columns of one drive, and the effects to ``exclude`` told as
-    such."""
-    signals = at.along
-    known = _catalogue_signals(fit, motion, signals, exclude) if texts else {}
-    out: list[Column] = []
-    formulas = [(text, parse_formula(text)(signals)) for text in texts]
-    formulas = [(text, signal) for text, signal in formulas if float(np.std(signal)) >= 1e-12]
-    units = np.array([(signal - signal.mean()) / np.std(signal) for _, signal in formulas])
-    said = {
-        channel: np.sum((units @ rows.T / len(rows.T)) ** 2, axis=1) > SAME_SIGNAL**2
-        for channel, rows in known.items()
-        if len(rows) and len(units)
-    }
-    for i, (text, signal) in enumerate(formulas):
-        for channel in INERTIAL:
-            if channel not in said or not said[channel][i]:
-                out.append(signal_column((channel, text), signal, at))
-    columns = [formula_column(term, at) for term in ALONE]
+    """Formulas of one term each, channel and text, as columns of one drive, but for those of
+    readings that effects of the library say; it does without those to ``exclude``."""
+    signals = {text: parse_formula(text)(at.along) for _, text in terms}
+    inertial = [text for on, text in terms if on in INERTIAL]
+    said = _said(fit, motion, at.along, {t: signals[t] for t in inertial}, exclude)
+    columns = [
+        signal_column((on, text), signals[text], at)
+        for on, text in terms
+        if np.isfinite(signals[text]).all() and (on, text) not in said
+    ]
     # a car that never turns has no bend to remember
-    out += [c for c in columns if c.prior_sd < size_of(c.term[0]) / LEAST_SPREAD]
-    for effect in exclude:
+    return [c for c in columns if c.prior_sd < size_of(c.term[0]) / LEAST_SPREAD]
+
+
+def _said(
+    fit: Fit,
+    motion: Motion,
+    along: Signals,
+    signals: Mapping[str, FloatArray],
+    exclude: Collection[str],
+) -> set[tuple[str, str]]:
+    """Channel and text of formulas on readings, of ``signals`` [n] by their texts, that effects of
+    the catalogue make up."""
+    shown = {t: s for t, s in signals.items() if float(np.std(s)) >= LEAST_SPREAD}
+    if not shown:
+        return set()
+    units = np.array([(s - s.mean()) / np.std(s) for s in shown.values()])
+    out = set()
+    for channel, rows in _catalogue_signals(fit, motion, along, exclude).items():
+        if len(rows):
+            share = np.sum((units @ rows.T / len(rows.T)) ** 2, axis=1)
+            alike = zip(shown, share > SAME_SIGNAL**2, strict=True)
+            out |= {(channel, text) for text, same in alike if same}
+    return out
+
+
+def left_out_columns(
+    fit: Fit, motion: Motion, at: NodeMotion, effects: Collection[str]
+) -> list[Column]:
+    """The columns of effects that the library does without, told as formulas."""
+    out = []
+    for effect in effects:
         if effect in CATALOGUE and CATALOGUE[effect].family in ("imu", "gnss", "vehicle", "clock"):
             sds = {p.name: p.prior_sd for p in CATALOGUE[effect].parameters}
-            for column in effect_columns(effect, fit, motion, at, sds):
-                out.append(_as_formula(column))
+            out += [_as_formula(c) for c in effect_columns(effect, fit, motion, at, sds)]
     return out
 
 
@@ -162,8 +184,8 @@ def _at_right_angles(rows: Sequence[FloatArray]) -> FloatArray:
     return out[:count]
 
 
-def effect_for(candidate: Candidate, linear: Linear) -> str:
-    """The name of the effect that stands for a candidate in the filter.
+def effect_for(candidate: Candidate, prior_sds: FloatArray) -> str:
+    """The name of the effect that stands for a candidate with ``prior_sds`` [p] in the filter.
 
     A named effect stands for itself, and so does one of the catalogue that the library was to do
     without; a formula becomes an effect, once for the same terms.
@@ -183,11 +205,10 @@ def effect_for(candidate: Candidate, linear: Linear) -> str:
     while name in CATALOGUE:
         number += 1
         name = f"{PREFIX}{channel}_{number}"
-    sds = linear.prior_sd[list(candidate.parts[0])]
     names = coefficient_names(len(candidate.terms))
     terms = [
         UserTerm(parameter, on, parse_formula(text), float(sd), formula=text)
-        for parameter, (on, text), sd in zip(names, candidate.terms, sds, strict=True)
+        for parameter, (on, text), sd in zip(names, candidate.terms, prior_sds, strict=True)
     ]
     add_user_effect(user_effect(name, "a formula that the data show", *terms))
     return name

@@ -17,6 +17,7 @@ from automap.gap.constancy import drifts
 from automap.gap.dictionary import forget_formulas
 from automap.gap.drive import GapDrive, OpenDrive, in_vehicle_axes, open_drive
 from automap.gap.fit import Fit, GapModel, Values, base_model, fit_drive, without
+from automap.gap.found import Found
 from automap.gap.leftover import given_up, in_noise
 from automap.gap.linear import Column, NodeMotion
 from automap.gap.misfit import Misfit, Place, misfits, places, worst_by_channel
@@ -53,7 +54,7 @@ from automap.gap.scoring import (
     total_score,
     whitener_of,
 )
-from automap.gap.screening import Found, Screening
+from automap.gap.screening import Screening
 from automap.gap.search import Search
 from automap.gap.stochastic import noise_claims, noise_levels, stochastic_findings
 

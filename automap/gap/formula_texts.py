@@ -1,11 +1,14 @@
-"""Which formulas are tried: quantities on every axis of the sensors, and those of one channel."""
+"""Which formulas are tried: quantities on every axis of the sensors, and those of one channel.
+
+One of a family: from there the others are found (``neighbours``).
+"""
 
 from __future__ import annotations
 
 import numpy as np
 
 from automap.effects import Signals
-from automap.effects.user import OF_FIXES
+from automap.effects.user import INERTIAL, OF_FIXES
 from automap.gap.fit import Fit
 
 QUANTITIES = (
@@ -29,11 +32,7 @@ QUANTITIES = (
     "force_y^3",
     "rate_z^3",
     "max(force_x, 0)",
-    "min(force_x, 0)",
     "max(force_y, 0)",
-    "max(rate_z, 0)",
-    "abs(force_x)",
-    "abs(force_y)",
     "rate^2",
     "rate_y^2",
     "tanh(acceleration / 0.1)",
@@ -46,23 +45,26 @@ QUANTITIES = (
     "jerk_y",
     "jerk_z",
     "time",
-    "time^2",
     # what sun or standing air warms at rest, and wind cools
-    "lag(step(1 - speed), 20)",
-    "lag(speed, 20)",
+    "lag(step(1 - speed), 20.0)",
+    "lag(speed, 20.0)",
 )
-ON_FIXES = tuple(
-    (on, text)
-    for on in OF_FIXES
-    for text in ("speed", "speed^2", "acceleration", "lateral_acceleration", "abs(rate_z)")
-    # a latency, a lever arm and a factor on velocities say these already
-    if (on, text)
-    not in {
-        ("velocity_along", "speed"),
-        ("position_along", "speed"),
-        ("velocity_along", "acceleration"),
-        ("velocity_across", "lateral_acceleration"),
-    }
+ON_FIXES = (
+    *(
+        (on, text)
+        for on in OF_FIXES
+        for text in ("speed", "acceleration", "lateral_acceleration", "abs(rate_z)")
+        # a latency, a lever arm and a factor on velocities say these already
+        if (on, text)
+        not in {
+            ("velocity_along", "speed"),
+            ("position_along", "speed"),
+            ("velocity_along", "acceleration"),
+            ("velocity_across", "lateral_acceleration"),
+        }
+    ),
+    ("velocity_along", "speed^2"),
+    ("position_along", "speed^2"),
 )
 REMEMBERED = (
     # an axis that hangs behind what it measures by a play: hysteresis
@@ -71,15 +73,14 @@ REMEMBERED = (
     # courses that a receiver holds until they have turned by more, and that hang behind by so much
     ("velocity_across", "(speed * (heading - play(heading, 0.01)))"),
     # receivers that run on; of velocities that is what a low-pass does, which has a name
-    ("position_along", "lag(acceleration, 2)"),
-    ("position_across", "lag(lateral_acceleration, 2)"),
+    ("position_along", "lag(acceleration, 2.0)"),
+    ("position_across", "lag(lateral_acceleration, 2.0)"),
 )
 """Formulas of what has been: channel and text. Widths and times are refined where one is found."""
 ON_VEHICLE = (
     # a slip that does not grow with the force alone, a wind, an axle that bends under load
     ("nhc_y", "speed * lateral_acceleration^3"),
     ("nhc_y", "speed^2 * lateral_acceleration"),
-    ("nhc_y", "speed * abs(lateral_acceleration)"),
     ("nhc_y", "speed * acceleration"),
     ("nhc_y", "speed * sin(heading)"),
     ("nhc_y", "speed * cos(heading)"),
@@ -95,10 +96,11 @@ def warm(fit: Fit) -> bool:
     return temperature is not None and bool(np.isfinite(temperature).any())
 
 
-def formula_texts(signals: Signals, has_temperature: bool) -> list[str]:
-    """The dictionary for drives like one of these signals."""
-    out = list(QUANTITIES)
+def formula_terms(signals: Signals, has_temperature: bool) -> list[tuple[str, str]]:
+    """The dictionary for drives like one of these signals: channel and text of each."""
+    texts = list(QUANTITIES)
     if has_temperature:
         rise = f"(temperature - {float(np.median(signals.temperature)):.1f})"
-        out += [f"{rise}^2", "temperature_rate", f"{rise} * speed"]
-    return out
+        # of a sensor whose core follows its case, what lies between the two
+        texts += [f"{rise}^2", "(temperature - lag(temperature, 40.0))", f"{rise} * speed"]
+    return [*((on, text) for text in texts for on in INERTIAL), *ALONE]

@@ -18,9 +18,10 @@ from automap.gap import limits
 from automap.gap.candidates import is_course
 from automap.gap.chance import p_value
 from automap.gap.evidence import shown_by
+from automap.gap.found import Found, in_layout
 from automap.gap.misfit import LIKE, Misfit
 from automap.gap.noise import INERTIAL_LEVELS, fitted_about, noise_score
-from automap.gap.screening import Found, Screening, in_layout
+from automap.gap.screening import Screening
 from automap.gap.selection import Chosen, Selection
 from automap.records import FloatArray
 

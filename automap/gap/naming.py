@@ -15,6 +15,7 @@ from automap.gap.chance import null_maxima, p_value, strongest_by_chance
 from automap.gap.doubt import doubt
 from automap.gap.evidence import shown_by
 from automap.gap.fit import ORIGIN, Fit, Values
+from automap.gap.found import Found, in_layout
 from automap.gap.limits import ALIKE, SHOWS
 from automap.gap.linear import Part, linearised
 from automap.gap.misfit import LIKE, Misfit
@@ -31,7 +32,6 @@ from automap.gap.result import (
     advice,
     coefficient_names,
 )
-from automap.gap.screening import Found, in_layout
 from automap.gap.selection import Chosen, Move, Rival, Selection, twins_of
 from automap.records import FloatArray, IntArray
 

@@ -18,10 +18,10 @@ from automap.fusion.layout import CH_VEL, N_NAV
 from automap.gap import limits
 from automap.gap.drive import OpenDrive, count_outliers
 from automap.gap.fit import Fit, Values, without
+from automap.gap.found import Found
 from automap.gap.noise import fitted_about, with_noise
 from automap.gap.result import Finding, ParameterValue, advice
 from automap.gap.scoring import epochs, fit_held_out, likelier, total_score, whitener_of
-from automap.gap.screening import Found
 from automap.gates import exceeds
 from automap.records import FloatArray
 

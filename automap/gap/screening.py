@@ -6,8 +6,10 @@ dictionary, courses of time that were refined, and which effect stands for which
 
 from __future__ import annotations
 
+import math
+from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -15,44 +17,40 @@ from automap.effects import CATALOGUE
 from automap.fusion.delay_states import LATENCY_STATE
 from automap.fusion.options import FusionOptions
 from automap.gap import limits
-from automap.gap.candidates import candidates_of, library, named_columns
-from automap.gap.confirm import Confirmed
-from automap.gap.dictionary import effect_for, formula_columns
-from automap.gap.evidence import nats_of_parts
+from automap.gap.candidates import (
+    candidates_of,
+    follows_time,
+    library,
+    named_columns,
+    term_columns,
+)
+from automap.gap.dictionary import (
+    effect_for,
+    formula_columns,
+    left_out_columns,
+    left_out_effect,
+)
 from automap.gap.fit import CONSTANTS, ORIGIN, SKEW, Fit, fit_drive
-from automap.gap.formula_texts import formula_texts, warm
-from automap.gap.linear import Column, Given, NodeMotion, conditional, linearised, motion_signals
+from automap.gap.formula_texts import formula_terms, warm
+from automap.gap.linear import (
+    Column,
+    ColumnsOf,
+    NodeMotion,
+    linearised,
+    motion_signals,
+    node_motion,
+)
 from automap.gap.motion import Motion, motion_of
 from automap.gap.noise import Fitted, Joint, Log, fitted_about
+from automap.gap.refinement import About, Terms, likeliest, nearby
 from automap.gap.result import equation
 from automap.gap.selection import Chosen, Key, Selection
-from automap.gap.slow import box_columns, lasts, term_columns, variants, with_shapes
+from automap.gap.slow import box_columns, lasts, variants, with_shapes
 from automap.records import FloatArray
 
-Terms = tuple[tuple[str, str], ...]
 ON = {"on": 1.0}
 HELD = 1e-6
 """Share of its prior sd that is left to a parameter that is not to act."""
-
-
-@dataclass(frozen=True)
-class Found:
-    """Where a search ended: the set as fitted, the base model's fit, the joint estimate with all
-    parameters of each effect free, the last selection with what it chose, which effect stands for
-    each candidate, which names the drives cannot tell from each, what of it held-out data let
-    stand, the fit made linear as it is where nothing else acts, and nats of those of which the
-    filter says how many."""
-
-    base: Fitted
-    fitted: Fitted
-    full: Joint
-    selection: Selection
-    chosen: Chosen
-    effects: Mapping[str, str]
-    not_told_apart: Mapping[str, tuple[str, ...]]
-    stands: Confirmed
-    nothing_else: Selection
-    nats: Mapping[str, float] = field(default_factory=dict)
 
 
 class Screening:
@@ -62,22 +60,21 @@ class Screening:
     def __init__(self, base: Fitted, exclude: Collection[str], log: Log) -> None:
         self.base, self.exclude, self.log = base, frozenset(exclude), log
         self.effects: dict[str, str] = {}
-        self.courses: dict[str, Terms] = {}
+        self.refinements: dict[str, tuple[Column, ...]] = {}
+        self._seeds: dict[str, str] = {}
+        self.asked: Counter[str] = Counter()
+        self._held_at: tuple[Fitted, list[Fit], dict[str, dict[str, float]]] | None = None
         self.names = self._library()
         self.options = base.model.options
         fit = base.fits[0]
-        self.texts = formula_texts(motion_signals(fit, motion_of(fit.last)), warm(fit))
+        self.signals = motion_signals(fit, motion_of(fit.last))
+        self.dictionary = formula_terms(self.signals, warm(fit))
 
     def selection(self, here: Fitted, slow: bool, may_act: bool = True) -> Selection:
         """The fit made linear, and its candidates, of which more than those fitted ``may_act``;
         ``slow``: courses of time among them."""
-        values, options = self._with_constant(here, here.values())
-        # what was held may act beside what is found
-        carried = replace(here.model, values={**here.model.values, **values}, options=options)
-        fits = [fit_drive(f.opened, carried, linearised_at=f) for f in here.fits]
-        by_effect = {effect: name for name, effect in self.effects.items()}
-        # what has no parameters is there
-        known = {by_effect.get(e, e): v or ON for e, v in values.items()}
+        self._held_at = None
+        fits, known = self._held(here)
 
         def columns(fit: Fit, motion: Motion, at: NodeMotion) -> list[Column]:
             boxes = box_columns(fit, motion) if slow else []
@@ -87,6 +84,16 @@ class Screening:
         linear = with_shapes(linear) if slow else linear
         candidates = candidates_of(linear.layout, self.names)
         return Selection(linear, {c.name: c for c in candidates})
+
+    def _held(self, here: Fitted) -> tuple[list[Fit], dict[str, dict[str, float]]]:
+        """The fits with what they estimate held at its values, and these by candidates' names."""
+        values, options = self._with_constant(here, here.values())
+        # what was held may act beside what is found
+        carried = replace(here.model, values={**here.model.values, **values}, options=options)
+        fits = [fit_drive(f.opened, carried, linearised_at=f) for f in here.fits]
+        by_effect = {effect: name for name, effect in self.effects.items()}
+        # what has no parameters is there
+        return fits, {by_effect.get(e, e): v or ON for e, v in values.items()}
 
     def _with_constant(
         self, here: Fitted, values: dict[str, dict[str, float]]
@@ -114,32 +121,99 @@ class Screening:
         for name in chosen.names:
             candidate = selection.candidates[name]
             finer = variants(candidate.terms, length)
-            if not finer or name in self.courses:
+            if not finer or name in self.refinements:
                 continue
             self.log(f"refining {name}")
-            rest = [n for n in chosen.names if n != name]
-            best = self._likeliest(here, rest, [candidate.terms, *finer])
-            if not lasts(best, length):
+            about = self._about(here, [n for n in chosen.names if n != name])
+            best = likeliest(about, [candidate.terms, *finer])
+            if lasts(best, length):
+                chosen = self._in_form(here, selection, chosen, name, best, 1.0)
+            else:
                 brief += [selection.key(n, part) for n, part, _ in chosen.parts if n == name]
                 chosen = chosen.without(name)
-                continue
-            self.courses[equation(best)] = best
-            selection.candidates[equation(best)] = replace(
-                candidate, name=equation(best), terms=best
-            )
-            chosen = Chosen(
-                tuple(
-                    (equation(best) if n == name else n, part, scale)
-                    for n, part, scale in chosen.parts
-                )
-            )
         return chosen, brief
+
+    def formed(self, here: Fitted, selection: Selection, chosen: Chosen) -> Chosen:
+        """The choice with each other formula in the form near it that fits best. Asked where
+        nothing can be added any more: before, it follows what else is missing."""
+        for name in chosen.names:
+            candidate = selection.candidates[name]
+            seed = self.seed(name)
+            if len(candidate.terms) != 1 or self.asked[seed] >= limits.TRIALS:
+                continue
+            ((on, _),) = candidate.terms
+            if left_out_effect(on) is not None or follows_time(candidate.terms):
+                continue
+            self.log(f"looking for the form of {name}")
+            self.asked[seed] += 1
+            about = self._about(here, [n for n in chosen.names if n != name])
+            best, tried = nearby(about, self.signals, candidate.terms)
+            if best != candidate.terms:
+                choices = candidate.choices * tried
+                chosen = self._in_form(here, selection, chosen, name, best, choices)
+        return chosen
+
+    def seed(self, name: str) -> str:
+        """The formula that a candidate is another form of, itself where it is none."""
+        return self._seeds.get(name, name)
+
+    def _about(self, here: Fitted, rest: Collection[str]) -> About:
+        """What formulas are asked about: a fit, and the effects ``rest`` beside them."""
+        if self._held_at is None or self._held_at[0] is not here:
+            self._held_at = here, *self._held(here)
+        _, fits, known = self._held_at
+
+        def of(tried: Sequence[Terms]) -> ColumnsOf:
+            single = [terms[0] for terms in tried if len(terms) == 1]
+            asked = {equation(terms) for terms in tried}
+
+            def columns(fit: Fit, motion: Motion, at: NodeMotion) -> list[Column]:
+                out = self.columns(fit, motion, at, {*rest, *known} - asked)
+                out += formula_columns(fit, motion, at, single, self.exclude)
+                return out + [c for t in tried if len(t) > 1 for c in term_columns(at, t)]
+
+            return columns
+
+        return About(fits, known, rest, of)
+
+    def _in_form(
+        self,
+        here: Fitted,
+        selection: Selection,
+        chosen: Chosen,
+        name: str,
+        terms: Terms,
+        choices: float,
+    ) -> Chosen:
+        """The choice with a formula in another form, which is a candidate from then on."""
+        finer = equation(terms)
+        motion = motion_of(here.fits[0].last)
+        at = node_motion(here.fits[0], motion)
+        columns = tuple(c.in_layout() for c in term_columns(at, terms, choices))
+        self.refinements[finer] = columns
+        if finer != name:
+            self._seeds[finer] = self.seed(name)
+        its = selection.candidates[name]
+        prior = its.log_prior + math.log(its.choices / choices)
+        selection.candidates[finer] = replace(
+            its, name=finer, terms=terms, log_prior=prior, choices=choices
+        )
+        return Chosen(tuple((finer if n == name else n, p, s) for n, p, s in chosen.parts))
+
+    def _prior_sds(self, selection: Selection, name: str, columns: Sequence[int]) -> FloatArray:
+        """Prior sds [p] of the parameters of a candidate in these columns: those of a formula are
+        of the form that it has got."""
+        if name in self.refinements:
+            return np.array([c.prior_sd for c in self.refinements[name]])
+        return selection.linear.prior_sd[list(columns)]
 
     def estimate(self, selection: Selection, chosen: Chosen) -> dict[str, float]:
         """What the filter is to estimate of a choice: effect -> factor on its prior sds."""
         out = {}
         for name in chosen.names:
-            self.effects[name] = effect_for(selection.candidates[name], selection.linear)
+            candidate = selection.candidates[name]
+            sds = self._prior_sds(selection, name, candidate.parts[0])
+            self.effects[name] = effect_for(candidate, sds)
             out[self.effects[name]] = chosen.scale_of(name)
         return out
 
@@ -186,7 +260,7 @@ class Screening:
         if not rows:
             return np.inf
         most = limits.ONE_IN_A_THOUSAND * max(limits.PRIOR_SCALES)
-        usual = selection.linear.prior_sd[columns]
+        usual = self._prior_sds(selection, name, columns)
         if not candidate.terms and (np.abs(joint.values[rows]) > most * usual).any():
             # a delay of ten seconds is none: what the filter has found is something else
             return -np.inf
@@ -208,7 +282,7 @@ class Screening:
         rows, columns = self._rows(joint, selection, chosen, name)
         if not rows:
             return 0.0
-        sds = chosen.scale_of(name) * selection.linear.prior_sd[columns]
+        sds = chosen.scale_of(name) * self._prior_sds(selection, name, columns)
         return estimate_nats(joint.values[rows], joint.cov[np.ix_(rows, rows)], sds)
 
     def _library(self) -> list[str]:
@@ -223,38 +297,21 @@ class Screening:
         has_wheels = any(d.session.odometer is not None for d in drives)
         return library(frozenset(included), has_wheels, self.base.model.options.earth_rotation)
 
-    def _likeliest(self, here: Fitted, rest: Collection[str], tried: Sequence[Terms]) -> Terms:
-        """The course of time that explains most beside the effects ``rest``."""
-
-        def columns(fit: Fit, motion: Motion, at: NodeMotion) -> list[Column]:
-            kept = self.columns(fit, motion, at, rest)
-            return kept + [c for terms in tried for c in term_columns(at, terms)]
-
-        linear = linearised(here.fits, columns, {})
-        parts: dict[str, list[int]] = {}
-        given = Given()
-        for i, column in enumerate(linear.layout):
-            if column.effect in rest:
-                given = given.joined((i,), linear, 1.0)
-            else:
-                parts.setdefault(column.effect, []).append(i)
-        known = conditional(linear, given)
-        every = [tuple(part) for part in parts.values()]
-        best = every[int(np.argmax(nats_of_parts(known, every)))]
-        return tuple(linear.layout[i].term for i in best)
-
     def columns(
         self, fit: Fit, motion: Motion, at: NodeMotion, wanted: Collection[str] | None = None
     ) -> list[Column]:
         """Columns of one drive, of all candidates or of those ``wanted``."""
-        names, texts = self.names, self.texts
+        names, formulas, left_out = self.names, self.dictionary, self.exclude
         if wanted is not None:
             names = [name for name in names if name in wanted]
-            texts = [text for text in texts if any(text in name for name in wanted)]
+            formulas = [term for term in formulas if equation([term]) in wanted]
+            hidden = {left_out_effect(name.partition(" +=")[0]) for name in wanted}
+            left_out = frozenset(e for e in left_out if e in hidden)
         out = named_columns(names, fit, motion, at)
-        out += formula_columns(fit, motion, at, texts, self.exclude)
-        for terms in self.courses.values():
-            out += term_columns(at, terms)
+        out += formula_columns(fit, motion, at, formulas, self.exclude)
+        out += left_out_columns(fit, motion, at, left_out)
+        for known in self.refinements.values():
+            out += term_columns(at, [c.term for c in known], known[0].choices)
         return [c for c in out if wanted is None or c.effect in wanted]
 
 
@@ -262,27 +319,6 @@ def _joined(
     known: Mapping[str, Mapping[str, float]], more: Mapping[str, Mapping[str, float]]
 ) -> dict[str, dict[str, float]]:
     return {e: {**known.get(e, {}), **more.get(e, {})} for e in {**known, **more}}
-
-
-def in_layout(chosen: Chosen, old: Sequence[Column], new: Selection) -> Chosen:
-    """A choice of columns of an ``old`` layout with those of another; what that does not have is
-    left out."""
-    place = {(c.effect, c.parameter): i for i, c in enumerate(new.linear.layout)}
-    parts = []
-    for name, part, scale in chosen.parts:
-        candidate = new.candidates.get(name)
-        if candidate is None:
-            continue
-        if candidate.terms:
-            parts.append((name, candidate.parts[0], scale))
-            continue
-        columns = [old[i] for i in part]
-        rows = tuple(
-            place[(c.effect, c.parameter)] for c in columns if (c.effect, c.parameter) in place
-        )
-        if len(rows) == len(part):
-            parts.append((name, rows, scale))
-    return Chosen(tuple(parts))
 
 
 def estimate_nats(values: FloatArray, cov: FloatArray, prior_sd: FloatArray) -> float:

@@ -20,10 +20,11 @@ from automap.gap import limits
 from automap.gap.candidates import is_course
 from automap.gap.confirm import Confirmed, confirmed
 from automap.gap.drive import OpenDrive
+from automap.gap.found import Found, in_layout
 from automap.gap.judge import Judge
 from automap.gap.noise import Fitted, Log, fitted_about, noise_score, with_levels, with_noise
 from automap.gap.scoring import likelier
-from automap.gap.screening import Found, Screening, in_layout
+from automap.gap.screening import Screening
 from automap.gap.selection import Chosen, Key, Selection
 from automap.gap.stepwise import pruned, select, swallowed
 
@@ -52,7 +53,7 @@ class Search:
         self.borne_out: dict[str, float] = {}
         self.swallowed: set[str] = set()
         self.tried: dict[Key, int] = {}
-        self.challenged: set[frozenset[str]] = set()
+        self.challenged: set[frozenset[frozenset[str]]] = set()
         self.outdone: set[tuple[str, str]] = set()
         self.spoken_against: list[Confirmed] = []
         self.each_drive: list[str] = []
@@ -69,6 +70,7 @@ class Search:
             selection.refused = frozenset(
                 k for k, count in self.tried.items() if count >= limits.TRIALS
             )
+            selection.outdone = frozenset(self.outdone)
             self.log(f"selecting beside {', '.join(chosen.names) or 'nothing'}")
             closing = number >= limits.MAX_ROUNDS - limits.CLOSING_ROUNDS
             limit = len(chosen.names) if closing else limits.MAX_FINDINGS
@@ -89,9 +91,10 @@ class Search:
                 here, found = self._better_twins(here, new, selection, found)
                 del new
                 idle = self.screening.not_borne_out(here, selection, found)
+                # these parameters do not act; others of the same effect may
+                out = Chosen(tuple(p for p in found.parts if p[0] in idle))
+                self._bar(selection.alike(out))
                 for name in idle:
-                    # these parameters do not act; others of the same effect may
-                    self._bar(selection.key(n, part) for n, part, _ in found.parts if n == name)
                     found = found.without(name)
                 if idle:
                     # what is not told must not stay in the model
@@ -100,7 +103,8 @@ class Search:
                 other = self._reconsidered(here, selection, found)
                 if other is None:
                     break
-                found = other
+                found, brief = self.screening.refined(here, selection, other)
+                self._bar(brief)
                 here = self._fit(here, selection, found)
             else:
                 slow, factors = True, here.model.factors
@@ -213,15 +217,22 @@ class Search:
         selection.inflate(found)
         fewer = pruned(selection, found)
         if fewer != found:
-            self._bar(selection.keys(found) - selection.keys(fewer))
+            idle = Chosen(tuple(p for p in found.parts if p not in fewer.parts))
+            self._bar(selection.alike(idle))
             return fewer
         fewer = self._beyond_drift(here, selection, found)
         if fewer != found:
             return fewer
+        formed = self.screening.formed(here, selection, found)
+        if formed != found:
+            return formed
         rival = self._decided(here, selection, found)
-        if rival is not None and frozenset(rival.names) not in self.challenged:
-            self.challenged |= {frozenset(found.names), frozenset(rival.names)}
-            return rival
+        if rival is not None:
+            pair = frozenset({frozenset(found.names), frozenset(rival.names)})
+            if pair not in self.challenged:
+                # decided once; either may be asked again beside a third that came in between
+                self.challenged.add(pair)
+                return rival
         self.log("checking on held-out data")
         self.judge.forget()
         stands = self._confirmed(here, selection, found)
@@ -331,22 +342,32 @@ class Search:
         joint = here.joint()
         for name in chosen.names:
             formula = bool(selection.candidates[name].terms)
-            best, instead = 0.0, None
+            best, instead, winner = 0.0, None, ""
             nats = self.screening.nats(joint, selection, chosen, name)
             for rival in selection.close_rivals(chosen, name):
                 other = rival.name
-                same = frozenset(rival.chosen.names) == frozenset(chosen.names)
-                if same or self.screening.effects.get(other, other) in against:
+                together = selection.beside(rival, chosen, name)
+                its, brief = self.screening.refined(here, selection, together or rival.chosen)
+                same = frozenset(its.names) == frozenset(chosen.names)
+                pair = frozenset({frozenset(chosen.names), frozenset(its.names)})
+                same |= together is not None and pair in self.challenged
+                own = self.screening.seed(other) == self.screening.seed(name)
+                if same or own or brief or self.screening.effects.get(other, other) in against:
                     continue
+                other = its.names[-1]
                 self.log(f"checking whether {name} is {other}")
-                fitted = self.screening.states(here, selection, rival.chosen)
-                if other in self.screening.not_borne_out(fitted, selection, rival.chosen):
+                fitted = self.screening.states(here, selection, its)
+                if {other, name} & set(self.screening.not_borne_out(fitted, selection, its)):
                     continue
                 of_vehicle = selection.of_vehicle(chosen, {name})
-                of_vehicle |= selection.of_vehicle(rival.chosen, {other})
+                of_vehicle |= selection.of_vehicle(its, {other})
                 ahead, sigmas = self.judge.ahead(fitted, here, of_vehicle)
-                ahead += self._log_prior(selection, rival.chosen)
-                ahead -= self._log_prior(selection, chosen)
+                ahead += self._log_prior(selection, its) - self._log_prior(selection, chosen)
+                if together is not None:
+                    # what explains something else is no rival, and is added as any name is
+                    if ahead >= limits.LEAST_ODDS and sigmas >= limits.APART and ahead > best:
+                        best, instead, winner = ahead, its, ""
+                    continue
                 rival_formula = bool(selection.candidates[other].terms)
                 if abs(sigmas) < limits.APART and not rival_formula:
                     self.close[name] = (*self.close.get(name, ()), other)
@@ -358,8 +379,10 @@ class Search:
                 elif rival_formula and not formula:
                     wins &= clear
                 if wins and (instead is None or ahead > best):
-                    best, instead = ahead, rival.chosen
+                    best, instead, winner = ahead, its, other
             if instead is not None:
+                if winner:
+                    self.outdone.add((winner, name))
                 return instead
         return None
 
@@ -381,7 +404,7 @@ class Search:
         """The choice with what is proposed under other noise beside it."""
         model = replace(here.model, factors=dict(factors))
         loud = self.screening.selection(fitted_about(model, here.estimate, here.fits), slow)
-        loud.refused = selection.refused
+        loud.refused, loud.outdone = selection.refused, selection.outdone
         known = in_layout(found, selection.linear.layout, loud)
         if slow:
             known = self._swallowed(here, loud, known)

@@ -69,15 +69,16 @@ class Move:
 
 @dataclass
 class Selection:
-    """A linear model, what may be missing from it, and parts that stay out (``refused``),
-    and names that stay in (``needed``); ``always`` columns that every choice has beside it;
-    ``inflated`` by how much scores are larger than noise makes them, of what follows time and of
-    all else."""
+    """A linear model, what may be missing from it, parts that stay out (``refused``), names that
+    stay in (``needed``), and which of two the filter has found likelier (``outdone``, that one and
+    the other); ``always`` columns that every choice has beside it; ``inflated`` by how much scores
+    are larger than noise makes them, of what follows time and of all else."""
 
     linear: Linear
     candidates: dict[str, Candidate]
     refused: frozenset[Key] = frozenset()
     needed: frozenset[str] = frozenset()
+    outdone: frozenset[tuple[str, str]] = frozenset()
     inflated: Mapping[bool, float] = field(default_factory=dict)
     always: Given = field(default_factory=Given)
     _known: dict[Given, Conditional] = field(default_factory=dict)
@@ -159,6 +160,24 @@ class Selection:
     def keys(self, chosen: Chosen) -> frozenset[Key]:
         """All parts of a choice by their parameters' names."""
         return frozenset(self.key(name, part) for name, part, _ in chosen.parts)
+
+    def alike(self, chosen: Chosen) -> frozenset[Key]:
+        """The parts of a choice, and courses of time that show much the same as one of these."""
+        info = self.linear.info
+        size = np.maximum(np.diag(info), 1e-300)
+        out = set(self.keys(chosen))
+        for name, part, _ in chosen.parts:
+            if len(part) > 1 or not follows_time(self.candidates[name].terms):
+                continue
+            (i,) = part
+            near = set(np.flatnonzero(info[i] ** 2 > limits.ALIKE * size[i] * size).tolist())
+            out |= {
+                self.key(c.name, its)
+                for c in self.candidates.values()
+                for its in c.parts
+                if its[0] in near and len(its) == 1 and follows_time(c.terms)
+            }
+        return frozenset(out)
 
     def best(
         self,
@@ -306,6 +325,20 @@ class Selection:
         its = tuple(i for p in rival.chosen.parts if p not in rest.parts for i in p[1])
         own = tuple(i for _, p, _ in mine for i in p)
         return apart(self.given(rest), own, its) > limits.APART
+
+    def beside(self, rival: Rival, chosen: Chosen, name: str) -> Chosen | None:
+        """The choice with a rival of a candidate beside it where each is needed beside the other,
+        as any name is: the two explain different things. None where one may stand for the other."""
+        rest = chosen.without(name)
+        own, its = (
+            tuple(p for p in c.parts if p not in rest.parts) for c in (chosen, rival.chosen)
+        )
+        mine, other = self.given(rival.chosen), self.given(chosen)
+        if not all([*(mine.shows(p) for _, p, _ in own), *(other.shows(p) for _, p, _ in its)]):
+            return None
+        together = Chosen((*chosen.parts, *its))
+        found = [self.odds_of(together, n) for n in (name, rival.name)]
+        return together if min(odds for odds, _ in found) >= limits.LEAST_ODDS else None
 
     def close_rivals(
         self, chosen: Chosen, name: str, barred: frozenset[Key] = frozenset()

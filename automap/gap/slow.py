@@ -17,18 +17,14 @@ from automap.effects.formula_text import parse_formula
 from automap.effects.signals import FIELDS, Signals
 from automap.effects.user import INERTIAL
 from automap.gap import limits
-from automap.gap.candidates import follows_time, formula_column, is_course, size_of
+from automap.gap.candidates import follows_time, is_course, size_of
 from automap.gap.fit import Fit
 from automap.gap.limits import LEAST_BOXES, PLATEAUS
-from automap.gap.linear import Column, Inertial, Linear, NodeMotion
+from automap.gap.linear import Column, Inertial, Linear
 from automap.gap.motion import Motion
 from automap.gap.result import coefficient_names, equation
 from automap.records import FloatArray, IntArray
 
-AMOUNT = re.compile(r"((?:lag|play)\((?:[^,()]|\([^,()]*\))+, )([\d.e+-]+)(?=\))")
-"""How long something that remembers does so, or how wide its play is, in its text."""
-WIDER = 4.0
-"""Factor by which that may be off what was tried: of a play of that width half is left."""
 BOX = "box"
 PLATEAU = "(step(time - {:.5g}) - step(time - {:.5g}))"
 OVERSAMPLED = 2.0
@@ -228,14 +224,6 @@ def _time_signals(time: FloatArray) -> Signals:
     return Signals(*(time if name == "time" else nothing for name in FIELDS))
 
 
-def term_columns(at: NodeMotion, terms: Sequence[tuple[str, str]]) -> list[Column]:
-    """The columns of one formula along one drive."""
-    return [
-        formula_column(term, at, equation(terms), name)
-        for name, term in zip(coefficient_names(len(terms)), terms, strict=True)
-    ]
-
-
 def lasts(terms: Sequence[tuple[str, str]], length_s: float) -> bool:
     """Whether a course of time is no plateau of fewer boxes than one is seen by: for so short a
     time vehicles sway, and receivers err, by themselves."""
@@ -247,13 +235,8 @@ def lasts(terms: Sequence[tuple[str, str]], length_s: float) -> bool:
 def variants(
     terms: Sequence[tuple[str, str]], length_s: float
 ) -> list[tuple[tuple[str, str], ...]]:
-    """A course of time with its period, time constant or instant moved in small steps, what
-    remembers with other widths and times, nothing for other formulas."""
-    if len(terms) == 1 and AMOUNT.search(terms[0][1]):
-        ((on, text),) = terms
-        value = float(AMOUNT.findall(text)[0][1])
-        moved = value * np.geomspace(1.0 / WIDER, WIDER, FINER)
-        return [((on, AMOUNT.sub(rf"\g<1>{v:.3g}", text)),) for v in moved]
+    """A course of time with its period, time constant or instant moved in small steps, nothing for
+    other formulas."""
     if not is_course(terms):
         if not follows_time(terms):
             return []

@@ -46,7 +46,7 @@ def _swapped(selection: Selection, chosen: Chosen, limit: int) -> Chosen:
         own, _ = selection.odds_of(chosen, name)
         best, instead = alone, chosen
         for rival in selection.rivals(chosen, name)[: limits.RIVALS]:
-            if rival.ahead < -0.5 * own:
+            if rival.ahead < -0.5 * own or (name, rival.name) in selection.outdone:
                 continue
             more, with_more = _extended(selection, rival.chosen)
             if rival.ahead + more > best + 1.0 and len(with_more.names) <= limit:

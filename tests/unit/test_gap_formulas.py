@@ -11,7 +11,7 @@ import pytest
 
 from automap.effects import CATALOGUE
 from automap.effects.memory_kernels import play
-from automap.effects.user import set_user_effects, user_effects
+from automap.effects.user import INERTIAL, set_user_effects, user_effects
 from automap.effects.user_tables import effects_of_formulas
 from automap.gap import GapDrive, base_model, limits
 from automap.gap.candidates import Candidate
@@ -21,15 +21,17 @@ from automap.gap.dictionary import (
     forget_formulas,
     formula_columns,
     left_out,
+    left_out_columns,
     left_out_effect,
 )
 from automap.gap.drive import open_drive
 from automap.gap.fit import Fit, fit_drive
+from automap.gap.found import in_layout
 from automap.gap.linear import node_motion
 from automap.gap.motion import motion_of
 from automap.gap.noise import Fitted
 from automap.gap.result import equation
-from automap.gap.screening import Screening, in_layout
+from automap.gap.screening import Screening
 from automap.gap.selection import Chosen, Selection
 from automap.gap.stepwise import select
 from tests.unit.gap_linear import columns_named, linear_of, screened
@@ -72,7 +74,7 @@ def test_the_instant_of_a_step_is_found_between_boxes() -> None:
     told = re.findall(r"time - ([\d.]+)", finer)
     assert float(told[0]) == pytest.approx(STEP_AT_S, abs=1.0)
     # it is a candidate of its own then, and stays one
-    assert selection.candidates[finer].terms == search.courses[finer]
+    assert selection.candidates[finer].terms == tuple(c.term for c in search.refinements[finer])
     assert finer in search.selection(search.base, False).candidates
 
 
@@ -84,9 +86,8 @@ def test_an_axis_that_hangs_behind_is_told_with_its_play() -> None:
     selection = search.selection(search.base, False)
     chosen = select(selection, Chosen(), 1)
     assert chosen.names == ("accel_y += k * (force_y - play(force_y, 0.5))",)
-    finer, brief = search.refined(search.base, selection, chosen)
-    assert brief == []
-    (name,) = finer.names
+    assert search.refined(search.base, selection, chosen) == (chosen, [])
+    (name,) = search.formed(search.base, selection, chosen).names
     (width,) = re.findall(r", ([\d.]+)\)", name)
     assert float(width) == pytest.approx(0.8, rel=0.2)
 
@@ -104,7 +105,7 @@ def test_a_course_that_hangs_behind_is_told_with_its_play() -> None:
     selection = search.selection(search.base, False)
     chosen = select(selection, Chosen(), 1)
     assert chosen.names == ("velocity_across += k * (speed * (heading - play(heading, 0.01)))",)
-    finer, _ = search.refined(search.base, selection, chosen)
+    finer = search.formed(search.base, selection, chosen)
     (width,) = re.findall(r", ([\d.]+)\)", finer.names[0])
     # the noise of fixes, 3 mrad at 15 m/s, moves a held course on before the car has turned so far
     assert float(width) == pytest.approx(0.02, rel=0.5)
@@ -124,7 +125,7 @@ def test_what_lasts_for_a_moment_is_no_plateau() -> None:
     left, brief = search.refined(search.base, selection, chosen)
     assert left.names == ()
     assert brief == [selection.key(move.name, move.part)]
-    assert search.courses == {}
+    assert search.refinements == {}
 
 
 def test_what_the_library_does_without_is_told_axis_by_axis() -> None:
@@ -156,7 +157,9 @@ def test_what_effects_of_the_catalogue_make_up_is_no_formula(plain: Fit) -> None
     at = node_motion(plain, motion)
 
     def told(exclude: set[str]) -> dict[tuple[str, str], str]:
-        columns = formula_columns(plain, motion, at, ["max(force_x, 0)", "speed"], exclude)
+        terms = [(on, text) for text in ("max(force_x, 0)", "speed") for on in INERTIAL]
+        columns = formula_columns(plain, motion, at, terms, exclude)
+        columns += left_out_columns(plain, motion, at, exclude)
         return {c.term: c.effect for c in columns}
 
     one_sided = ("accel_x", "max(force_x, 0)")
@@ -193,7 +196,7 @@ WAVE = (("gyro_z", "sin(2 * pi * time / 50)"), ("gyro_z", "cos(2 * pi * time / 5
 
 def test_an_effect_of_a_formula_has_a_parameter_a_term() -> None:
     candidate, selection = formula(*WAVE)
-    name = effect_for(candidate, selection.linear)
+    name = effect_for(candidate, selection.linear.prior_sd)
     assert name == f"{PREFIX}gyro_z"
     assert [(p.name, p.prior_sd) for p in CATALOGUE[name].parameters] == [("k", 0.1), ("k2", 0.2)]
     assert candidate.name == (
@@ -203,7 +206,7 @@ def test_an_effect_of_a_formula_has_a_parameter_a_term() -> None:
 
 def test_formulas_of_one_channel_have_names_of_their_own() -> None:
     first, second = formula(("gyro_z", "speed")), formula(("gyro_z", "time"))
-    names = [effect_for(c, s.linear) for c, s in (first, second, first)]
+    names = [effect_for(c, s.linear.prior_sd) for c, s in (first, second, first)]
     assert names == ["formula_gyro_z", "formula_gyro_z_2", "formula_gyro_z"]
 
 
@@ -212,10 +215,10 @@ def test_only_formulas_that_a_search_tried_are_forgotten() -> None:
     set_user_effects(effects_of_formulas({"mine": table}, "mine.toml"))
     candidate, selection = formula(("gyro_z", "speed"))
     # what the user defined stays the user's
-    first = effect_for(candidate, selection.linear)
+    first = effect_for(candidate, selection.linear.prior_sd)
     assert first == "formula_gyro_z"
     other, more = formula(("accel_x", "speed"))
-    second = effect_for(other, more.linear)
+    second = effect_for(other, more.linear.prior_sd)
     forget_formulas([second])
     assert [e.name for e in user_effects()] == ["mine", second]
     forget_formulas([])
@@ -225,10 +228,10 @@ def test_only_formulas_that_a_search_tried_are_forgotten() -> None:
 def test_names_and_effects_that_were_left_out_stand_for_themselves() -> None:
     _, selection = formula(("gyro_z", "speed"))
     named = Candidate("gyro_scale", ((0,),), -1.0)
-    assert effect_for(named, selection.linear) == "gyro_scale"
+    assert effect_for(named, selection.linear.prior_sd) == "gyro_scale"
     channel = left_out("gnss_latency")
     hidden = Candidate(f"{channel} += k * s", ((0,),), -1.0, terms=((channel, "s"),))
-    assert effect_for(hidden, selection.linear) == "gnss_latency"
+    assert effect_for(hidden, selection.linear.prior_sd) == "gnss_latency"
     assert not user_effects()
 
 

@@ -182,6 +182,7 @@ def test_of_two_that_do_the_same_one_is_borne_out_where_either_would_do(strength
     chosen = Chosen(tuple((e, (i,), 1.0) for i, (e, _) in enumerate(names)))
     screening = object.__new__(Screening)
     screening.effects = {e: e for e, _ in names}
+    screening.refinements = {}
     out = screening.not_borne_out(cast("Fitted", here), selection, chosen)
     assert len(out) == (1 if strength > 4.0 else 2)
     assert "formula_accel_z" in out

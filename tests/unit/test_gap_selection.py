@@ -289,6 +289,9 @@ def test_a_wrong_first_choice_is_swapped_once_what_it_stood_for_is_there() -> No
     both = selection.best(of(selection, "e0", "e1"))
     assert not [m for m in both if selection.holds(m)]
     assert selected(selection, "e0") == {"e1", "e2"}
+    # the filter, which has the last word, has found the other likelier
+    selection.outdone = frozenset({("e0", "e2")})
+    assert "e0" in selected(selection, "e0")
 
 
 def with_formula(behind: Mapping[str, float]) -> Selection:
@@ -322,6 +325,32 @@ def test_what_was_not_needed_beside_others_may_still_stand_in_a_place() -> None:
     selection.refused = frozenset({selection.key("e1", (1,))})
     assert not [r for r in selection.rivals(chosen, "e0") if r.name == "e1"]
     assert [r.name for r in selection.close_rivals(chosen, "e0")] == ["e1"]
+
+
+def test_what_explains_something_else_stands_beside_and_in_no_place() -> None:
+    phi, w = noise(21)
+    phi[:, 1] = phi[:, 0] + 0.1 * phi[:, 1]
+    selection = alone(linear_with(phi, w + 0.3 * phi[:, 0] + 0.3 * phi[:, 2]))
+    chosen = of(selection, "e0")
+    places = {r.name: r for r in selection.rivals(chosen, "e0", ["e1", "e2"])}
+    # without the first it would be the strongest, and with it it is as strong
+    together = selection.beside(places["e2"], chosen, "e0")
+    assert together is not None
+    assert together.names == ("e0", "e2")
+    assert selection.beside(places["e1"], chosen, "e0") is None
+
+
+def test_courses_of_time_that_show_much_the_same_are_barred_together() -> None:
+    phi, w = noise(23)
+    phi[:, 1], phi[:, 2] = phi[:, 0] + 0.3 * phi[:, 1], phi[:, 0] + 0.8 * phi[:, 2]
+    selection = alone(linear_with(phi, w))
+    for i in range(3):
+        terms = (("accel_x", f"step(time - {i + 7})"),)
+        selection.candidates[f"e{i}"] = Candidate(f"e{i}", ((i,),), -3.0, terms=terms)
+    # four fifths of one are the other's, of the third three
+    assert selection.alike(of(selection, "e0")) == {("e0", ("p0",)), ("e1", ("p1",))}
+    # of what is no course of time the others stay open
+    assert selection.alike(of(selection, "e5")) == {("e5", ("p5",))}
 
 
 def test_of_two_that_do_the_same_the_one_with_fewer_parameters_is_likelier() -> None:

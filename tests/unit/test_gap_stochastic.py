@@ -13,9 +13,9 @@ from scipy.signal import lfilter
 from automap.gap import GapDrive, base_model
 from automap.gap.drive import count_outliers, open_drive
 from automap.gap.fit import Fit, fit_drive
+from automap.gap.found import Found
 from automap.gap.noise import Fitted, fit_noise, with_noise
 from automap.gap.receivers import usual_finding
-from automap.gap.screening import Found
 from automap.gap.stochastic import _floored, noise_claims, stochastic_findings
 from tests.unit.test_gap import simulated
 

@@ -1,0 +1,164 @@
+"""Formulas near one that explains something: its amounts moved, and one step of algebra away.
+
+A dictionary has of each family of formulas one. Which of the family fits best is found from there,
+step by step: every factor bent, one-sided, remembered or left out, the whole times speed or above
+some speed alone.
+"""
+
+from __future__ import annotations
+
+import ast
+import copy
+import re
+from collections.abc import Sequence
+
+import numpy as np
+
+from automap.effects.formula_text import REMEMBERING, parse_formula
+from automap.effects.signals import Signals
+
+WIDER = 4.0
+"""Factor by which that may be off what was tried: of a play of that width half is left."""
+FINER = 21
+"""Steps of that: each is an eighth more than the one before."""
+MEMORIES_S = (0.3, 1.0, 4.0, 16.0, 60.0)
+"""Times for which something may be remembered: from a spring's to what warms through."""
+BENDS = (0.3, 1.0, 3.0)
+"""Sizes where a quantity may saturate, begin to count or stop to, over its root mean square: below
+it is a sign, above it is a scale."""
+SPEEDS = (25.0, 50.0, 75.0)
+"""Percentiles of the speed of a drive above or below which a formula may act alone."""
+INSTEAD = (
+    ("force_x", "acceleration"),
+    ("force_y", "lateral_acceleration"),
+    ("lateral_acceleration", "rate_z"),
+)
+"""Quantities that are much the same in a vehicle."""
+SHAPED = ("abs", "max", "min", "tanh", "sqrt")
+FORMED = (*(f"{name}(" for name in REMEMBERING), "step(", "min(max(")
+"""What a factor with another shape upon it has too many of: only its amounts are moved."""
+
+
+def neighbours(text: str, signals: Signals) -> list[str]:
+    """The formulas near ``text`` on a drive of these signals, each once, without itself."""
+    factors = _factors(parse_formula(text).tree)
+    out = _with(factors, [_forms(f, signals) for f in factors])
+    written = [_written(f) for f in factors]
+    if len(written) > 1:
+        out += [_product([*written[:i], *written[i + 1 :]]) for i in range(len(written))]
+    if "speed" not in written:
+        out.append(_product([*written, "speed"]))
+    if not any(w.startswith("step(") for w in written):
+        for limit in np.percentile(signals.speed, SPEEDS):
+            at = float(f"{limit:.2g}")
+            if at > 0.0:
+                ends = (f"speed - {at}", f"{at} - speed")
+                out += [_product([*written, f"step({end})"]) for end in ends]
+    for pair in INSTEAD:
+        for old, new in (pair, pair[::-1]):
+            out.append(re.sub(rf"\b{old}\b", new, text))
+    return _others(out, text)
+
+
+def amounts(text: str) -> list[str]:
+    """The formulas that have one amount of ``text`` moved: how long it remembers, where it bends.
+    Whole numbers are none: they count."""
+    factors = _factors(parse_formula(text).tree)
+    return _others(_with(factors, [_moved(f) for f in factors]), text)
+
+
+def _with(factors: Sequence[ast.expr], forms: Sequence[Sequence[str]]) -> list[str]:
+    """The product with each of the forms of a factor in its place."""
+    written = [_written(f) for f in factors]
+    return [
+        _product([*written[:i], new, *written[i + 1 :]])
+        for i, its in enumerate(forms)
+        for new in its
+    ]
+
+
+def _others(texts: Sequence[str], text: str) -> list[str]:
+    """Each once, without ``text`` however it is written."""
+    same = ast.dump(parse_formula(text).tree)
+    return [t for t in dict.fromkeys(texts) if ast.dump(parse_formula(t).tree) != same]
+
+
+def _forms(factor: ast.expr, signals: Signals) -> list[str]:
+    """Other forms of one factor: shapes of what stands in it, memories of it."""
+    text = _written(factor)
+    if isinstance(factor, ast.Constant) or any(word in text for word in FORMED):
+        return []
+    inner = _written(_inner(factor))
+    value = parse_formula(inner)(signals)
+    size = float(np.sqrt(np.mean(value**2)))
+    if not 0.0 < size < np.inf:
+        return []
+    sizes = [float(f"{b * size:.2g}") for b in BENDS]
+    out = [inner, f"{inner}^2", f"{inner}^3", *(f"tanh({inner} / {a})" for a in sizes)]
+    if value.min() < 0.0 < value.max():
+        out += [f"abs({inner})", f"max({inner}, 0)", f"min({inner}, 0)"]
+        out += [f"({inner} - min(max({inner}, -{a}), {a}))" for a in sizes[:2]]
+    elif value.min() >= 0.0:
+        out += [f"sqrt({inner})", *(f"(1 / max({inner}, {a}))" for a in sizes)]
+        out += [f"max({inner} - {a}, 0)" for a in sizes]
+    out += [f"lag({text}, {t})" for t in MEMORIES_S]
+    out += [f"({text} - lag({text}, {t}))" for t in MEMORIES_S]
+    return out
+
+
+def _moved(factor: ast.expr) -> list[str]:
+    """A factor with one of its amounts moved."""
+    values = {
+        node.value
+        for node in ast.walk(factor)
+        if isinstance(node, ast.Constant) and isinstance(node.value, float) and node.value > 0.0
+    }
+    return [
+        _written(_Moved(value, value * by).visit(copy.deepcopy(factor)))
+        for value in sorted(values)
+        for by in np.geomspace(1.0 / WIDER, WIDER, FINER)
+    ]
+
+
+class _Moved(ast.NodeTransformer):
+    """One amount in the place of another."""
+
+    def __init__(self, old: float, new: float) -> None:
+        self.old, self.new = old, float(f"{new:.3g}")
+
+    def visit_Constant(self, node: ast.Constant) -> ast.Constant:
+        same = isinstance(node.value, float) and node.value == self.old
+        return ast.Constant(self.new) if same else node
+
+
+def _inner(factor: ast.expr) -> ast.expr:
+    """What a shape is made of: its argument, the base of a power, else the factor itself."""
+    if isinstance(factor, ast.BinOp) and isinstance(factor.op, ast.Pow):
+        return factor.left
+    if isinstance(factor, ast.BinOp) and isinstance(factor.left, ast.Constant):
+        return _inner(factor.right)
+    if isinstance(factor, ast.Call) and isinstance(factor.func, ast.Name):
+        if factor.func.id not in SHAPED:
+            return factor
+        argument = factor.args[0]
+        if isinstance(argument, ast.BinOp) and isinstance(argument.right, ast.Constant):
+            argument = argument.left
+        return argument
+    return factor
+
+
+def _factors(tree: ast.expr) -> list[ast.expr]:
+    if isinstance(tree, ast.BinOp) and isinstance(tree.op, ast.Mult):
+        return [*_factors(tree.left), *_factors(tree.right)]
+    return [tree]
+
+
+def _product(factors: Sequence[str]) -> str:
+    return " * ".join(factors)
+
+
+def _written(tree: ast.expr) -> str:
+    """A factor as text, in brackets where it needs them."""
+    text = ast.unparse(tree).replace(" ** ", "^")
+    power = isinstance(tree, ast.BinOp) and isinstance(tree.op, ast.Pow)
+    return f"({text})" if isinstance(tree, ast.BinOp | ast.UnaryOp) and not power else text

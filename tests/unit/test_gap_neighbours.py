@@ -1,0 +1,63 @@
+"""Formulas near one that was found: which there are, and that the likeliest of them is told."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from automap.effects.formula_text import parse_formula
+from automap.effects.signals import FIELDS, Signals
+from automap.gap.formula_texts import formula_terms
+from automap.gap.neighbours import amounts, neighbours
+
+
+@pytest.fixture(scope="module")
+def signals() -> Signals:
+    rng = np.random.default_rng(1)
+    walks = {name: rng.normal(size=400) for name in FIELDS}
+    walks |= {"time": np.arange(400.0), "speed": 5.0 + np.abs(rng.normal(size=400))}
+    return Signals(**walks)
+
+
+def test_a_factor_is_bent_remembered_one_sided_and_left_out(signals: Signals) -> None:
+    near = neighbours("speed * acceleration", signals)
+    for text in (
+        "speed * min(acceleration, 0)",
+        "speed * abs(acceleration)",
+        "speed * lag(acceleration, 1.0)",
+        "speed^2 * acceleration",
+        "speed * force_x",
+        "acceleration",
+    ):
+        assert text in near
+    # a speed has one sign
+    assert not any("abs(speed)" in text for text in near)
+    assert "abs(rate_z) * speed" in neighbours("abs(rate_z)", signals)
+
+
+def test_the_formulas_near_any_of_the_dictionary_are_others_and_can_be_read(
+    signals: Signals,
+) -> None:
+    for _, text in dict.fromkeys(formula_terms(signals, True)):
+        near = [*neighbours(text, signals), *amounts(text)]
+        assert text not in near
+        assert len(set(near)) == len(near)
+        for other in near:
+            assert parse_formula(other)(signals).shape == signals.time.shape
+
+
+def test_a_shape_takes_the_place_of_another(signals: Signals) -> None:
+    near = neighbours("tanh(rate_z / 0.01)", signals)
+    assert "abs(rate_z)" in near
+    assert not any("abs(tanh" in text for text in near)
+
+
+def test_amounts_are_moved_and_whole_numbers_stay() -> None:
+    moved = amounts("speed * lag(acceleration, 2.0)")
+    widths = [float(text.rpartition(", ")[2].rstrip(")")) for text in moved]
+    assert min(widths) == pytest.approx(0.5)
+    assert max(widths) == pytest.approx(8.0)
+    assert amounts("sin(2 * heading) * speed^3") == []
+    # where both ends of a dead zone are, it is moved at both
+    zone = amounts("(rate_z - min(max(rate_z, -0.1), 0.1))")
+    assert "(rate_z - min(max(rate_z, -0.2), 0.2))" in zone
