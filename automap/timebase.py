@@ -22,6 +22,8 @@ ROLLOVER_S = 1024 * WEEK_S
 
 QUARTER_S = 900.0
 """Zones and summer times differ by multiples of it."""
+MOST_ZONE_H = 14.0
+"""No zone is further from UTC (Line Islands)."""
 
 UNIX_OF_GPS_EPOCH = 315_964_800
 """UNIX time of 1980-01-06T00:00:00 UTC."""

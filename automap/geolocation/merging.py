@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from scipy.spatial import cKDTree
+from scipy.special import pdtr
 
 from automap.gates import gate
 from automap.geolocation import limits
@@ -54,14 +55,14 @@ def _link_cost(a: Sighting, b: Sighting) -> float:
 def group_sightings(views: Views, sightings: Sequence[Sighting]) -> list[list[int]]:
     """Indices of the sightings of each sign, in the order of first sight.
 
-    Sightings that share a frame are different signs, and so are any two of their groups; the
-    closest pair is joined first, until none is left within the gate.
+    Sightings that share frames as two signs would are different signs, and so are any two of their
+    groups; the closest pair is joined first, until none is left within the gate.
     """
     groups = {k: [k] for k in range(len(sightings))}
     if len(sightings) > 1:
         tree = cKDTree(np.array([s.position for s in sightings]))
         near = tree.query_pairs(limits.MERGE_REACH_M, output_type="ndarray")
-        frames = [set(views.frame[s.landmark.rows].tolist()) for s in sightings]
+        frames = [np.unique(views.frame[s.landmark.rows]) for s in sightings]
         limit = gate(limits.APART_PROBABILITY, 3)
         costs = sorted(
             (cost, int(i), int(j))
@@ -71,7 +72,7 @@ def group_sightings(views: Views, sightings: Sequence[Sighting]) -> list[list[in
         owner = list(range(len(sightings)))
         for _, i, j in costs:
             a, b = owner[i], owner[j]
-            if a == b or frames[a] & frames[b]:
+            if a == b or seen_beside(frames[a], frames[b]):
                 continue
             # every member must agree with every other, else chains of signs would collapse
             if any(
@@ -81,11 +82,27 @@ def group_sightings(views: Views, sightings: Sequence[Sighting]) -> list[list[in
             ):
                 continue
             groups[a] += groups.pop(b)
-            frames[a] |= frames[b]
+            frames[a] = np.union1d(frames[a], frames[b])
             for member in groups[a]:
                 owner[member] = a
     first = {k: min(int(sightings[m].landmark.rows[0]) for m in g) for k, g in groups.items()}
     return [sorted(groups[k]) for k in sorted(groups, key=first.__getitem__)]
+
+
+def seen_beside(a: IntArray, b: IntArray) -> bool:
+    """Whether two sightings, each in its frames [n] in order, share frames as two signs would.
+
+    Two signs that are found by themselves are together in ``n_a n_b / n`` of the n frames in which
+    both are in view. Two tracks that take turns with the boxes of one sign are together only where
+    it had two boxes.
+    """
+    together = len(np.intersect1d(a, b, assume_unique=True))
+    if not together:
+        return False
+    low, high = max(a[0], b[0]), min(a[-1], b[-1])
+    n_a, n_b = (np.count_nonzero((each >= low) & (each <= high)) for each in (a, b))
+    # Poisson's is wider than the hypergeometric distribution that this is
+    return bool(pdtr(together, n_a * n_b / float(high - low + 1)) >= limits.APART_PROBABILITY)
 
 
 def find_backs(

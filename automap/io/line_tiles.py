@@ -27,7 +27,7 @@ class LineTiles:
 
         self.name = path.name
         low = path.name.lower()
-        table = read_layer(path, "lines" if low.endswith((".osm", ".pbf")) else None)
+        table = read_layer(path, "lines" if low.endswith((".osm", ".pbf")) else None, None)
         shapes = [] if table.geometry is None else [g for g in table.geometry if g is not None]
         shapes = [g for g in shapes if shapely.get_dimensions(g) >= 1 and not g.is_empty]
         if not shapes:

@@ -1,42 +1,19 @@
-"""Logs of phone applications: Sensor Logger's CSV files and Google's GnssLogger.
+"""What logs of phone applications have in common: tables of sensors that each have their own times.
 
-References: Sensor Logger's documentation (tszheichoi/awesome-sensor-logger: units, axes and the
-setting "standardisation"); gps-measurement-tools of Google, GnssLogger's log header, and
-Android's SensorEvent (m/s^2, rad/s; x right, y up, z out of the screen).
+Axes are those of Android's SensorEvent (m/s^2, rad/s; x right, y up, z out of the screen).
 """
 
 from __future__ import annotations
 
-import csv
-import io
-import zipfile
-import zlib
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from automap.earth import STANDARD_GRAVITY
 from automap.errors import InputError
-from automap.io import limits
 from automap.io.nmea_writer import Positions
-from automap.records import FloatArray, IntArray
-
-_USED = frozenset(
-    {
-        "GyroscopeUncalibrated",
-        "Gyroscope",
-        "AccelerometerUncalibrated",
-        "TotalAcceleration",
-        "Accelerometer",
-        "Gravity",
-        "LocationGps",
-        "Location",
-        "Metadata",
-    }
-)
-"""The tables of Sensor Logger that are read; no other is unpacked."""
+from automap.records import BoolArray, FloatArray, IntArray
 
 
 @dataclass(frozen=True)
@@ -78,11 +55,17 @@ class Table:
             raise InputError(
                 f"{self.name} has no column {column}; columns are {', '.join(self.index)}."
             )
+        cell = ""
         try:
-            return np.array([int(row[at].split(".")[0]) for row in self.rows], np.int64)
-        except (ValueError, OverflowError) as error:
+            whole = []
+            for row in self.rows:
+                cell = row[at]
+                whole.append(int(cell.split(".")[0]) if "e" not in cell.lower() else int(cell))
+            return np.array(whole, np.int64)
+        except (ValueError, OverflowError):
             raise InputError(
-                f"{self.name}: column {column} holds {error.args[0]}; export it again."
+                f"{self.name}: column {column} holds {cell[:30]!r}, no whole number such as the "
+                "application writes (a spreadsheet rounds these times); export it again."
             ) from None
 
     def triad(self, x: str, y: str, z: str) -> FloatArray:
@@ -102,110 +85,20 @@ def _number(text: str) -> float:
         return float("nan")
 
 
-def read_sensor_logger(source: Path) -> PhoneLog:
-    """Read the folder or .zip of one recording of Sensor Logger."""
-    texts, files = _csv_texts(source)
-    warnings: list[str] = []
-    tables = {name: _csv_table(f"{source.name}/{name}", text) for name, text in texts.items()}
-    gyro = _first(tables, ("GyroscopeUncalibrated", "Gyroscope"))
-    if gyro is None:
+def placed(lat_deg: FloatArray, lon_deg: FloatArray, name: str) -> BoolArray:
+    """Which positions [n] are on Earth. Raises InputError where most latitudes are longitudes."""
+    known = np.isfinite(lat_deg) & np.isfinite(lon_deg)
+    beyond = known & (np.abs(lat_deg) > 90.0)
+    if 2 * int(beyond.sum()) > int(known.sum()):
         raise InputError(
-            f"{source} holds no Gyroscope.csv; record with accelerometer, gyroscope and location."
+            f"{name}: its latitudes are beyond 90 degrees (the first is {lat_deg[beyond][0]:.6g}): "
+            "they are exchanged with the longitudes; exchange the names of the two columns."
         )
-    t_accel, accel = _specific_force(source, tables, warnings)
-    t_gyro, turns = gyro.stamps("time"), gyro.triad("x", "y", "z")
-    imu_t_ns, turns, accel = together(t_accel, accel, t_gyro, turns, str(source))
-    location = _first(tables, ("LocationGps", "Location"))
-    positions, position_t_ns = None, None
-    if location is None or not len(location):
-        warnings.append(f"{source}: no Location.csv, so the drive has no positions")
-    else:
-        position_t_ns = location.stamps("time")
-        positions = _locations(location, position_t_ns)
-    return PhoneLog(imu_t_ns, turns, accel, positions, position_t_ns, tuple(files), tuple(warnings))
+    return np.asarray(known & ~beyond & (np.abs(lon_deg) <= 180.0))
 
 
-def _csv_texts(source: Path) -> tuple[dict[str, str], list[Path]]:
-    """The CSV files of a recording by name without suffix."""
-    if source.is_dir():
-        paths = sorted(source.glob("*.csv"))
-        return {p.stem: p.read_text(encoding="utf-8-sig", errors="replace") for p in paths}, paths
-    try:
-        with zipfile.ZipFile(source) as archive:
-            texts = {}
-            for entry in archive.infolist():
-                stem = Path(entry.filename).stem
-                if stem not in _USED or not entry.filename.lower().endswith(".csv"):
-                    continue
-                if entry.file_size > limits.MAX_UNPACKED_BYTES:
-                    raise InputError(
-                        f"{source}: {stem}.csv unpacks to {entry.file_size} bytes, more than any "
-                        "recording; export it again."
-                    )
-                if not entry.filename.startswith("__MACOSX"):
-                    texts[stem] = archive.read(entry).decode("utf-8-sig", "replace")
-    except (zipfile.BadZipFile, zlib.error, EOFError, OSError, RuntimeError, ValueError) as error:
-        # a garbled directory would repeat the file itself as a name
-        why = str(error)[: limits.SHOWN] or "its end is missing"
-        raise InputError(
-            f"{source} is no folder and no whole .zip ({why}); export the recording again."
-        ) from error
-    return texts, [source]
-
-
-def _csv_table(name: str, text: str) -> Table:
-    rows = list(csv.reader(io.StringIO(text.replace("\0", ""))))
-    return Table(name, rows[0] if rows else [], rows[1:])
-
-
-def _first(tables: dict[str, Table], names: Iterable[str]) -> Table | None:
+def first_of(tables: dict[str, Table], names: Iterable[str]) -> Table | None:
     return next((tables[name] for name in names if name in tables and len(tables[name])), None)
-
-
-def _specific_force(
-    source: Path, tables: dict[str, Table], warnings: list[str]
-) -> tuple[IntArray, FloatArray]:
-    """What the accelerometer felt, gravity in it, up positive at rest, m/s^2."""
-    whole = _first(tables, ("AccelerometerUncalibrated", "TotalAcceleration"))
-    if whole is not None:
-        t, accel = whole.stamps("time"), whole.triad("x", "y", "z")
-    else:
-        linear = _first(tables, ("Accelerometer",))
-        gravity = _first(tables, ("Gravity",))
-        if linear is None or gravity is None:
-            raise InputError(
-                f"{source} holds neither TotalAcceleration.csv nor AccelerometerUncalibrated.csv "
-                "nor Accelerometer.csv with Gravity.csv; record one of them."
-            )
-        t, accel = linear.stamps("time"), linear.triad("x", "y", "z")
-        pull, t_pull = gravity.triad("x", "y", "z"), gravity.stamps("time")
-        accel = accel + np.column_stack([_at(t, t_pull, pull[:, k]) for k in range(3)])
-    # a garbled reading may be too large to square
-    with np.errstate(over="ignore"):
-        sizes = np.linalg.norm(accel, axis=1)
-    sizes = sizes[np.isfinite(sizes)]
-    size = float(np.median(sizes)) if len(sizes) else 0.0
-    if 0.5 < size < 2.0:
-        accel = accel * STANDARD_GRAVITY
-        warnings.append(f"{source}: accelerations of about 1 are taken as g")
-    metadata = _first(tables, ("Metadata",))
-    ios = metadata is not None and _says(metadata, "platform", "ios")
-    if ios and metadata is not None and not _says(metadata, "standardisation", "true"):
-        # raw values of iOS point the other way: gravity itself, not what holds against it
-        accel = -accel
-    return t, accel
-
-
-def _says(table: Table, column: str, word: str) -> bool:
-    at = table.index.get(column)
-    return at is not None and any(row[at].strip().lower() == word for row in table.rows)
-
-
-def _at(t: IntArray, times: IntArray, values: FloatArray) -> FloatArray:
-    base = int(times[0])
-    order = np.argsort(times, kind="stable")
-    seconds = (times[order] - base) * 1e-9
-    return np.asarray(np.interp((t - base) * 1e-9, seconds, values[order]))
 
 
 def together(
@@ -223,112 +116,12 @@ def together(
         t_accel, accel = t_accel[inside], accel[inside]
     if len(t_accel) < 2 or not len(t_gyro):
         raise InputError(f"{name}: accelerometer and gyroscope share no time; record both.")
-    turns = np.column_stack([_at(t_accel, t_gyro, gyro[:, k]) for k in range(3)])
+    turns = np.column_stack([at_times(t_accel, t_gyro, gyro[:, k]) for k in range(3)])
     return t_accel, turns, accel
 
 
-def _locations(table: Table, t_ns: IntArray) -> Positions:
-    """Locations; accuracies are the phone's 68 % radii, negative where it has none."""
-
-    def known(column: str) -> FloatArray:
-        values = table.floats(column)
-        return np.where(values >= 0.0, values, np.nan)
-
-    n = len(table)
-    lat, lon = table.floats("latitude"), table.floats("longitude")
-    good = np.isfinite(lat) & np.isfinite(lon) & (np.abs(lat) <= 90.0) & (np.abs(lon) <= 180.0)
-    return Positions(
-        unix_ms=np.asarray(np.rint(t_ns / 1e6), np.int64),
-        lat_deg=lat,
-        lon_deg=lon,
-        height_m=table.floats("altitude"),
-        speed_m_s=known("speed"),
-        course_deg=known("bearing"),
-        down_m_s=np.full(n, np.nan),
-        h_acc_m=known("horizontalAccuracy"),
-        v_acc_m=known("verticalAccuracy"),
-        hdop=np.full(n, np.nan),
-        fix=np.where(good, 3, 0),
-    )
-
-
-def read_gnss_logger(source: Path) -> PhoneLog:
-    """Read a log of GnssLogger with its sensors and fixes switched on.
-
-    Stamps are ``elapsedRealtimeNanos``, nanoseconds since the phone started.
-    """
-    if source.is_dir():
-        raise InputError(f"{source} is a folder; give the gnss_log_*.txt in it.")
-    try:
-        text = source.read_text(encoding="utf-8-sig", errors="replace")
-    except OSError as error:
-        raise InputError(f"{source} cannot be read ({error.strerror}); copy it again.") from error
-    headers: dict[str, list[str]] = {}
-    rows: dict[str, list[list[str]]] = {}
-    for line in text.splitlines():
-        if line.startswith("#"):
-            cells = line.lstrip("# ").split(",")
-            if len(cells) > 3:
-                headers[cells[0].strip()] = [cell.strip() for cell in cells]
-        else:
-            cells = line.split(",")
-            rows.setdefault(cells[0].strip(), []).append(cells)
-    tables = {
-        name: Table(f"{source.name} ({name})", header, rows.get(name, []))
-        for name, header in headers.items()
-    }
-    if not tables:
-        raise InputError(
-            f"{source} is no log of GnssLogger: it has no header lines such as # Fix,Provider,...; "
-            "give the gnss_log_*.txt."
-        )
-    accel, gyro = (_first(tables, (f"Uncal{kind}", kind)) for kind in ("Accel", "Gyro"))
-    if accel is None or gyro is None:
-        raise InputError(
-            f"{source} holds no Accel and Gyro lines; switch the sensors on in GnssLogger's "
-            "settings and record again."
-        )
-    imu = []
-    for table, kind, unit in ((accel, "Accel", "Mps2"), (gyro, "Gyro", "RadPerSec")):
-        prefix = "Uncal" if f"uncal{kind.lower()}x{unit.lower()}" in table.index else ""
-        columns = [f"{prefix}{kind}{axis}{unit}" for axis in "XYZ"]
-        imu.append((table.stamps("elapsedRealtimeNanos"), table.triad(*columns)))
-    t_ns, turns, force = together(imu[0][0], imu[0][1], imu[1][0], imu[1][1], str(source))
-    warnings: list[str] = []
-    positions, position_t_ns = _fixes(tables.get("Fix"), source, warnings)
-    return PhoneLog(t_ns, turns, force, positions, position_t_ns, (source,), tuple(warnings))
-
-
-def _fixes(
-    table: Table | None, source: Path, warnings: list[str]
-) -> tuple[Positions | None, IntArray | None]:
-    """The receiver's own fixes; those of the network and fused ones hold no satellites."""
-    if table is None or not len(table):
-        warnings.append(f"{source}: no Fix lines, so the drive has no positions")
-        return None, None
-    at = table.index.get("provider")
-    if at is not None:
-        gps = [row for row in table.rows if row[at].strip().upper() == "GPS"]
-        if gps and len(gps) < len(table.rows):
-            warnings.append(
-                f"{source}: {len(table.rows) - len(gps)} fixes that are not the receiver's own "
-                "(fused, network) were left out"
-            )
-        table.rows = gps or table.rows
-    n = len(table)
-    lat, lon = table.floats("LatitudeDegrees"), table.floats("LongitudeDegrees")
-    good = np.isfinite(lat) & np.isfinite(lon)
-    positions = Positions(
-        unix_ms=table.stamps("UnixTimeMillis"),
-        lat_deg=lat,
-        lon_deg=lon,
-        height_m=table.floats("AltitudeMeters"),
-        speed_m_s=table.floats("SpeedMps"),
-        course_deg=table.floats("BearingDegrees"),
-        down_m_s=np.full(n, np.nan),
-        h_acc_m=table.floats("AccuracyMeters"),
-        v_acc_m=table.floats("VerticalAccuracyMeters"),
-        hdop=np.full(n, np.nan),
-        fix=np.where(good, 3, 0),
-    )
-    return positions, table.stamps("elapsedRealtimeNanos")
+def at_times(t: IntArray, times: IntArray, values: FloatArray) -> FloatArray:
+    base = int(times[0])
+    order = np.argsort(times, kind="stable")
+    seconds = (times[order] - base) * 1e-9
+    return np.asarray(np.interp((t - base) * 1e-9, seconds, values[order]))

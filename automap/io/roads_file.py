@@ -57,7 +57,7 @@ def read_roads(path: Path, box: tuple[float, float, float, float]) -> Roads:
 
     name = path.name.lower()
     osm = name.endswith((".osm", ".osm.pbf", ".pbf"))
-    table = read_layer(path, "lines" if osm else None)
+    table = read_layer(path, "lines" if osm else None, "LineString")
     if table.geometry is None or not np.isin(shapely.get_type_id(table.geometry), (1, 5)).any():
         raise InputError(f"{path}: holds no lines; a layer of roads does.")
     drivable = np.isin(shapely.get_type_id(table.geometry), (1, 5))

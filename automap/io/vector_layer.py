@@ -42,10 +42,12 @@ class VectorLayer:
         return self.count
 
 
-def read_layer(path: Path, layer: str | None = None) -> VectorLayer:
-    """Read one layer of a file; without ``layer`` the first one that has geometries.
+def read_layer(path: Path, layer: str | None = None, shape: str | None = "Point") -> VectorLayer:
+    """Read one layer of a file; without ``layer`` the one that has geometries of ``shape``,
+    with None the first that has any.
 
-    Raises InputError when there is no such file or layer, or when it cannot be read.
+    Raises InputError when there is no such file or layer, when several may be meant, or when it
+    cannot be read.
     """
     if not path.exists():
         raise InputError(f"{path}: no such file; give a file of {_KNOWN}.")
@@ -60,7 +62,7 @@ def read_layer(path: Path, layer: str | None = None) -> VectorLayer:
         raise InputError(f"{path}: cannot be read ({error.strerror or error}).") from error
     if redirects:
         raise InputError(f"{path}: only says where else data are; give a file of {_KNOWN}.")
-    return _gdal(path, layer)
+    return _gdal(path, layer, shape)
 
 
 def layer_files(path: Path) -> list[Path]:
@@ -74,7 +76,7 @@ def _head(path: Path) -> bytes:
         return stream.read(4096)
 
 
-def _gdal(path: Path, layer: str | None) -> VectorLayer:
+def _gdal(path: Path, layer: str | None, shape: str | None) -> VectorLayer:
     import pyogrio
     import shapely
     from pyogrio.errors import DataLayerError, DataSourceError
@@ -88,8 +90,7 @@ def _gdal(path: Path, layer: str | None) -> VectorLayer:
             if layer is not None and layer not in listed[:, 0]:
                 have = ", ".join(map(str, listed[:, 0]))
                 raise InputError(f"{path} has no layer {layer}; it has {have}.")
-            spatial = [str(name) for name, kind in listed if kind is not None]
-            chosen = layer or next(iter(spatial), None)
+            chosen = layer or _only_layer(path, listed, shape)
             meta, _, wkb, values = read(path, layer=chosen)
             geometry = None if wkb is None else np.asarray(shapely.from_wkb(wkb), object)
     except (DataSourceError, DataLayerError, shapely.errors.GEOSException, ValueError) as error:
@@ -102,6 +103,27 @@ def _gdal(path: Path, layer: str | None) -> VectorLayer:
     }
     count = len(geometry) if geometry is not None else len(next(iter(columns.values()), []))
     return VectorLayer(geometry, meta.get("crs"), columns, count)
+
+
+def _only_layer(path: Path, listed: npt.NDArray[np.object_], shape: str | None) -> str | None:
+    """The one of the layers [n, 2] (name, kind of geometry) that has ``shape``, or any, or rows."""
+    import pyogrio
+
+    spatial = listed[[kind is not None for kind in listed[:, 1]]]
+    if shape is None and len(spatial):
+        return str(spatial[0, 0])
+    shaped = spatial[[str(shape) in str(kind) for kind in spatial[:, 1]]]
+    left = next((some for some in (shaped, spatial, listed) if len(some)), listed)[:, 0].tolist()
+    if len(left) > 1:
+        # forms of GPX and of workbooks have layers with nothing in them
+        left = [n for n in left if pyogrio.read_info(path, layer=n)["features"]] or left[:1]
+    if len(left) > 1:
+        named = "name it with --layer, or " if shape == "Point" else ""
+        raise InputError(
+            f"{path}: has the layers {', '.join(left)}, and which one is meant is not said; "
+            f"{named}save it in a file of its own."
+        )
+    return left[0] if left else None
 
 
 def _parquet(path: Path) -> VectorLayer:
@@ -141,6 +163,10 @@ def _csv(path: Path) -> VectorLayer:
     import io
 
     data = path.read_bytes()
+    if data.startswith((b"PK\x03\x04", b"\xd0\xcf\x11\xe0")):
+        raise InputError(
+            f"{path}: is a spreadsheet or an archive and no text; call it .xlsx or unpack it."
+        )
     # a spreadsheet's "Unicode text" is UTF-16, its CSV on Windows often of the code page
     wide = data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
     try:

@@ -83,13 +83,17 @@ def static(
     )
     page = static_report(result, logs, sections, warnings)
     files = write(out, sections, page, logs, calibration if apply else None)
-    return Outcome(_static_summary(result), files, tuple(warnings))
+    return Outcome(_static_summary(result, g, place), files, tuple(warnings))
 
 
-def _static_summary(result: StaticCalibration) -> str:
+def _static_summary(
+    result: StaticCalibration, gravity: float, place: tuple[float, float] | None
+) -> str:
+    # a longitude in place of the height is seen here
+    where = f" at latitude {place[0]:g}, {place[1]:g} m above the sea" if place else ""
     text = (
         f"{len(result.accel.residuals)} rest poses, norm within "
-        f"{result.accel.residual_rms:.5f} m/s^2 RMS of gravity"
+        f"{result.accel.residual_rms:.5f} m/s^2 RMS of gravity ({gravity:.5f}{where})"
     )
     if result.gyro is not None:
         text += (

@@ -256,4 +256,13 @@ def _listed(video: VideoInput, headers: list[VideoHeader]) -> Iterator[tuple[Pat
     frames = len(np.unique(found.data.frame))
     text = f"{len(found.data)} detections of {classes} classes in {frames} frames"
     findings = [Finding("ok", text)]
+    if len(found.data) and not (found.data.track >= 0).any():
+        findings.append(
+            Finding(
+                "info",
+                "no column track tells which boxes are of one thing, so signs on vehicles ahead "
+                "are taken for signs of the road",
+                "write the numbers that the detector's tracker gives (docs/howto/own-detector.md)",
+            )
+        )
     yield video.detections, findings + [Finding("warning", text) for text in found.warnings]

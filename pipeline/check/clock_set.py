@@ -30,6 +30,8 @@ def fixes_set(fixes: Fixes) -> Finding | None:
     t = fixes.gps_s[rows]
     steps = np.diff(t)
     usual = float(np.median(steps))
+    if usual <= 0.0:  # most have one time, which other checks tell
+        return None
     size = _set_by(steps, usual, 0.5 * usual)
     reference = (float(fixes.lat_rad[rows[0]]), float(fixes.lon_rad[rows[0]]), 0.0)
     flat = np.zeros(len(rows))

@@ -12,7 +12,7 @@ from automap.io.frame_times import frame_times
 from automap.io.recording import Recording, imu_time
 from automap.io.video import VideoInput, read_header
 from automap.records import NO_TIME, FloatArray, IntArray
-from automap.timebase import ROLLOVER_S, gps_to_iso, unix_to_gps
+from automap.timebase import MOST_ZONE_H, QUARTER_S, ROLLOVER_S, gps_to_iso, unix_to_gps
 from pipeline.check import clock_set, limits
 
 
@@ -69,6 +69,13 @@ def check(drive: Drive, recording: Recording) -> list[Finding]:
             advice = (
                 "the receiver's dates are 1024 weeks early, as of receivers that are older than "
                 "that: write the dates of the drive into the log, or update the receiver"
+            )
+        off = float(span[0] - gps_s[0])
+        zone = round(off / QUARTER_S) * QUARTER_S
+        if abs(zone) <= MOST_ZONE_H * 3600.0 and overlap_s(gps_s + zone, span) > 0.9 * shorter:
+            advice = (
+                f"the fixes are {zone / 3600.0:+g} h from the IMU, as where one of the two is in "
+                "local time: bring both to UTC"
             )
         text = f"IMU and fixes do not overlap in time: {spans}"
         findings.append(Finding("error", text, advice, "no_overlap"))

@@ -33,7 +33,7 @@ Examples:
 @click.option(
     "--columns",
     metavar="ROLE=COLUMN,...",
-    help="Which columns hold what: id, class, lat, lon, x, y, facing, sd, value, version. "
+    help="Which columns hold what: id, class, lat, lon, x, y, facing, sd, value, status. "
     "Default: by their names.",
 )
 @click.option("--crs", metavar="CRS", help="Coordinate system, where the inventory states none.")

@@ -67,11 +67,14 @@ def compare_with_inventory(
     from automap.inventory.comparison import compare_inventory
     from automap.io.inventory_file import read_inventory
     from automap.signs.classes import country_set, load_classes
+    from automap.signs.national import country_code
     from pipeline.compare.doubts import doubts
     from pipeline.compare.listing import listed_signs, placeless
     from pipeline.compare.report import comparison_report
     from pipeline.shared.run_record import country_of, drive_of, results_of
 
+    if country is not None and not country_code(country):
+        raise ConfigError(f"--country {country}: give two letters of ISO 3166, such as AU.")
     folder = results_of(folder)
     if out.resolve() == folder.resolve() or (out / names.RUN).is_file():
         raise ConfigError(f"-o {out} holds a map; choose another folder for the comparison.")

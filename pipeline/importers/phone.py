@@ -32,14 +32,14 @@ _NOTES = (
 
 def import_sensor_logger(source: Path, out: Path, axes: str = "unknown") -> list[str]:
     """Write a recording of Sensor Logger (folder or .zip) as the drive ``out``."""
-    from automap.io.phone_logs import read_sensor_logger
+    from automap.io.sensor_logger import read_sensor_logger
 
     return _import("sensor-logger", source, out, axes, "unix_ns", read_sensor_logger)
 
 
 def import_gnss_logger(source: Path, out: Path, axes: str = "unknown") -> list[str]:
     """Write a log of GnssLogger as the drive ``out``."""
-    from automap.io.phone_logs import read_gnss_logger
+    from automap.io.gnss_logger import read_gnss_logger
 
     return _import("gnss-logger", source, out, axes, "boot_ns", read_gnss_logger)
 

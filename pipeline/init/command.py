@@ -13,6 +13,7 @@ from automap.io.csv_columns import listed
 from automap.io.csv_layout import read_layout
 from automap.io.exif_images import IMAGE_SUFFIXES
 from automap.io.named_table import look_at_table
+from automap.timebase import MOST_ZONE_H
 from pipeline.importers.parts import copy_or_link
 from pipeline.importers.target import Import, new_drive
 from pipeline.init.archive import extract_tables
@@ -80,7 +81,6 @@ def init_drive(
     return Outcome(out, told + run.warnings)
 
 
-_MOST_ZONE_H = 14.0
 _MANY = 4
 """Files that end alike, from which they are told in one line."""
 _ONE = "put each in a folder of its own, or name one: automap init FILE -o DRIVE"
@@ -91,6 +91,9 @@ def _nothing(source: Path, found: Found) -> str:
         f"{source} holds nothing that is known: no table of inertial readings or fixes, no "
         "receiver log, no recording of another program"
     )
+    inside = sorted({part.parent.name for part in source.glob("*/*") if part.is_file()})
+    if inside and source.is_dir():
+        text += f" (folders in it are not looked into: {listed(tuple(inside))}; give one of them)"
     if not found.passed:
         return f"{text}."
     path, why = next(iter(found.passed.items()))
@@ -133,7 +136,7 @@ def _zones(draft: Draft, ask: Ask | None) -> None:
         hours = float(answer)
     except ValueError:
         return
-    for section in open_ones if abs(hours) <= _MOST_ZONE_H else ():
+    for section in open_ones if abs(hours) <= MOST_ZONE_H else ():
         draft.set(section, "utc_offset_h", hours, "as you said")
 
 

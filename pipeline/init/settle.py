@@ -22,7 +22,7 @@ from automap.io.table_form import TIME_ROLES
 from automap.io.table_units import UNITS
 from automap.io.trust import allowing
 from automap.records import FloatArray
-from automap.timebase import unix_to_gps
+from automap.timebase import gps_to_unix, unix_to_gps
 from pipeline.check.axes import SCALE_CODE, WeighedAxes, weigh_axes
 from pipeline.check.steadiness import usable_receiver
 from pipeline.importers.level_axes import SLOW, is_slow, level_axes
@@ -42,6 +42,7 @@ def settle(draft: Draft) -> None:
     A file that cannot be read leaves the draft as it is; ``check`` says why.
     """
     if draft.get("imu", "file") is None:
+        _videos(draft)
         _fix_units(draft)
         return
     _accel_unit(draft)
@@ -121,8 +122,19 @@ def _clock(draft: Draft) -> None:
 def _videos(draft: Draft) -> None:
     """When videos began, on the clock of the stamps."""
     read = _read(draft) if any(name.startswith("video.") for name in draft.sections) else None
-    if read is not None and read[1].imu is not None:
-        start_videos(draft, np.asarray(read[1].imu.t_ns * 1e-9, np.float64))
+    if read is None:
+        return
+    imu, fixes = read[1].imu, read[1].fixes
+    if imu is not None:
+        clock, seconds = draft.get("imu", "time"), np.asarray(imu.t_ns * 1e-9, np.float64)
+    else:
+        # a path of fixes alone has their time
+        clock = "gps_ns"
+        seconds = np.zeros(0) if fixes is None else fixes.gps_s[np.isfinite(fixes.gps_s)]
+        seconds = seconds[seconds > _UNDATED_S]
+    if clock in ("unix_ns", "gps_ns") and len(seconds) > 1:
+        span = np.array([seconds.min(), seconds.max()])
+        start_videos(draft, span if clock == "unix_ns" else gps_to_unix(span))
 
 
 def _wheels(draft: Draft) -> None:

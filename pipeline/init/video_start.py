@@ -12,7 +12,6 @@ from automap.errors import InputError
 from automap.evaluation import plausibility
 from automap.io.video import read_header
 from automap.records import FloatArray
-from automap.timebase import gps_to_unix
 from pipeline.init.draft import AS_UTC, Draft
 
 DATED = re.compile(
@@ -43,13 +42,9 @@ def named_second(name: str) -> float | None:
         return None
 
 
-def start_videos(draft: Draft, stamps_s: FloatArray) -> None:
-    """Put the beginnings of videos without frame times in, by their names, where these and the
-    readings' stamps [n] (s of their clock, which counts from a date) overlap."""
-    clock = draft.get("imu", "time")
-    if clock not in ("unix_ns", "gps_ns") or len(stamps_s) < 2:
-        return
-    span = stamps_s[[0, -1]] if clock == "unix_ns" else gps_to_unix(stamps_s[[0, -1]])
+def start_videos(draft: Draft, span: FloatArray) -> None:
+    """Put the beginnings of videos without frame times in, by their names, where these and what was
+    recorded between two times ``span`` [2] (s of UNIX) overlap."""
     for section in [each for each in draft.sections if each.startswith("video.")]:
         files: list[Path] = draft.get(section, "files") or []
         local_s = named_second(files[0].name) if files else None
@@ -57,18 +52,33 @@ def start_videos(draft: Draft, stamps_s: FloatArray) -> None:
             continue
         length_s = _length_s(files)
         both = {ahead: _shared(local_s - ahead, length_s, span) for ahead in _zones(draft)}
-        ahead_s = max(both, key=lambda each: both[each])
-        if both[ahead_s] < _MOST * min(length_s, float(np.ptp(span))):
+        enough = _MOST * min(length_s, float(np.ptp(span)))
+        fitting = [ahead for ahead, shared in both.items() if shared >= enough]
+        if not fitting:
             draft.doubt(
                 section,
-                f"the name of {files[0].name} tells a time that is not the readings': its signs "
-                "cannot be placed before start_ns tells when it began",
+                f"the name of {files[0].name} tells a time at which nothing else was recorded: its "
+                "signs cannot be placed before start_ns tells when it began",
             )
             continue
+        # a zone that is told and UTC come before those that fit no better than they
+        first = [ahead for ahead in (*_told_zones(draft), 0.0) if ahead in fitting]
+        ahead_s = first[0] if first else max(fitting, key=lambda each: both[each])
+        hours = sum(ahead % 3600.0 == 0.0 for ahead in fitting)
+        if hours > 1 and ahead_s not in _told_zones(draft):
+            draft.doubt(
+                section,
+                f"the time in the name of {files[0].name} lies in the drive in {hours} zones; "
+                f"{_zone_name(ahead_s)} is taken: correct start_ns if its clock had another",
+            )
         at = int((local_s - ahead_s + _HALF_SECOND) * 1e9)
-        zone = f"{ahead_s / 3600.0:+g} h of UTC" if ahead_s else "UTC"
         draft.set(section, "time", "unix_ns", "the clock of start_ns")
-        draft.set(section, "start_ns", at, f"the second in the name of {files[0].name}, {zone}")
+        draft.set(
+            section,
+            "start_ns",
+            at,
+            f"the second in the name of {files[0].name}, {_zone_name(ahead_s)}",
+        )
         draft.set(
             section,
             "time_offset_sigma_s",
@@ -77,14 +87,22 @@ def start_videos(draft: Draft, stamps_s: FloatArray) -> None:
         )
 
 
-def _zones(draft: Draft) -> list[float]:
-    """How many s clocks may be ahead of UTC; the zone of the tables first, then UTC."""
-    told = [
+def _told_zones(draft: Draft) -> list[float]:
+    """How many s the tables' times are ahead of UTC, where something told."""
+    return [
         3600.0 * draft.get(section, "utc_offset_h")
         for section in ("imu", "gnss", "odometer")
         if draft.get(section, "utc_offset_h") and draft.why(section, "utc_offset_h") != AS_UTC
     ]
-    return list(dict.fromkeys([*told, 0.0, *(3600.0 * ZONES_H).tolist()]))
+
+
+def _zones(draft: Draft) -> list[float]:
+    """How many s clocks may be ahead of UTC; the zone of the tables first, then UTC."""
+    return list(dict.fromkeys([*_told_zones(draft), 0.0, *(3600.0 * ZONES_H).tolist()]))
+
+
+def _zone_name(ahead_s: float) -> str:
+    return f"{ahead_s / 3600.0:+g} h of UTC" if ahead_s else "UTC"
 
 
 def _shared(start_s: float, length_s: float, span: FloatArray) -> float:

@@ -17,6 +17,7 @@ from automap.io.detections_csv import read_detections_csv
 from automap.io.drive import load_drive
 from automap.io.exif_images import read_images
 from automap.io.frame_times import frame_times
+from automap.io.gnss_logger import read_gnss_logger
 from automap.io.gopro_streams import Channel, add_payload
 from automap.io.gpmf import GpmfError
 from automap.io.imu_calibration import read_imu_calibration
@@ -24,11 +25,11 @@ from automap.io.imu_csv import read_imu_csv
 from automap.io.imu_log import LogFormat, read_imu_log
 from automap.io.manifest import VideoSection
 from automap.io.odometer_csv import read_odometer_csv
-from automap.io.phone_logs import read_gnss_logger, read_sensor_logger
 from automap.io.receiver import read_receiver_log
 from automap.io.receiver_file import read_receiver
 from automap.io.review_json import read_review
 from automap.io.sensor_file import read_sensor
+from automap.io.sensor_logger import read_sensor_logger
 from automap.io.sign_points import read_sign_points
 from automap.io.tables import read_imu
 from automap.io.trajectory_csv import read_trajectory_csv

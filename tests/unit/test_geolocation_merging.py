@@ -9,7 +9,7 @@ import pytest
 from geolocation_scene import boxes, camera, drive_path, roadside
 
 from automap.geolocation.landmark import SizePrior, fit_landmark
-from automap.geolocation.merging import group_sightings
+from automap.geolocation.merging import group_sightings, seen_beside
 from automap.geolocation.sightings import Sighting, make_sighting
 from automap.geolocation.views import MeasurementNoise, Views, build_views
 
@@ -40,3 +40,16 @@ def test_two_poor_sightings_either_side_of_a_good_one_are_one_sign(
     assert group_sightings(views, poor) == [[0, 1, 2]], "the poor ones are 12 m apart"
     sure = [placed(a, -6.0, 0.3), placed(b, 0.0, 0.3), placed(c, 6.0, 0.3)]
     assert len(group_sightings(views, sure)) == 3
+
+
+def test_tracks_that_take_turns_with_one_signs_boxes_are_not_two_signs() -> None:
+    """A second box in one frame begins a second track; two signs are together in most frames."""
+    rng = np.random.default_rng(1)
+    frames = np.flatnonzero(rng.random(600) < 0.7)
+    turns = rng.random(len(frames)) < 0.5
+    one, other = frames[turns], frames[~turns]
+    assert not seen_beside(one, other)
+    assert not seen_beside(one, np.union1d(other, one[50:52]))
+    assert seen_beside(one[:5], np.union1d(other[:5], one[:1])), "too few frames to tell"
+    assert seen_beside(frames, np.flatnonzero(rng.random(600) < 0.3))
+    assert seen_beside(frames[:300], frames[299:]), "an end and a beginning in one frame"

@@ -12,7 +12,7 @@ import pytest
 from automap.errors import InputError
 from automap.io.imu_csv import read_imu_csv
 from automap.io.limits import MAX_COLUMNS, MAX_ROW_BYTES
-from automap.io.phone_logs import read_sensor_logger
+from automap.io.sensor_logger import read_sensor_logger
 
 HEAD = "t_ns,gx,gy,gz,ax,ay,az"
 ROWS = [f"{10**12 + i * 10**7},0.1,0.{i},0.2,0.1,0.2,9.8" for i in range(60)]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import shutil
 import tomllib
 from collections.abc import Sequence
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
@@ -142,6 +143,26 @@ def test_a_dated_name_tells_when_a_video_began(
     assert draft.get(section, "start_ns") * 1e-9 == pytest.approx(second, abs=1.0)
     assert draft.get(section, "time_offset_sigma_s") == 1.0
     assert (f"{ahead_h:+g} h" in draft.why(section, "start_ns")) == bool(ahead_h)
+
+
+@pytest.mark.parametrize(("hours", "told"), [(0.1, False), (5.0, True)])
+def test_a_track_alone_has_the_time_of_a_dated_video(
+    tmp_path: Path, hours: float, told: bool
+) -> None:
+    """As of a phone's GPX beside a dash camera; where it is long, zones are doubted."""
+    shutil.copy(SAMPLE / "video/front.mp4", tmp_path / "20260314_092000.mp4")
+    start = datetime(2026, 3, 14, 9, 19, tzinfo=UTC)
+    points = "".join(
+        f'<trkpt lat="{-35.0 + 1e-4 * k:.5f}" lon="149.0"><time>'
+        f"{(start + timedelta(hours=hours * k / 300.0)):%Y-%m-%dT%H:%M:%SZ}</time></trkpt>"
+        for k in range(301)
+    )
+    (tmp_path / "a.gpx").write_text(f"<gpx><trk><trkseg>{points}</trkseg></trk></gpx>")
+    draft = draft_of(look(tmp_path), tmp_path, None)
+    settle(draft)
+    assert draft.get("video.front", "start_ns") == 1773480000_500_000_000
+    assert draft.get("video.front", "time") == "unix_ns"
+    assert any("zones; UTC is taken" in doubt for doubt in draft.doubts) == told
 
 
 def test_a_name_of_another_day_tells_no_beginning(folder: Path) -> None:

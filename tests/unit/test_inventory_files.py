@@ -19,11 +19,13 @@ from merge_folders import write_run
 from pyogrio.raw import write
 from pyproj import Transformer
 
+from automap.errors import InputError
 from automap.export.inventory import ComparedSign, maproulette_tasks, osm_change
 from automap.inventory.findings import (
     Inventory,
 )
 from automap.io.inventory_file import read_inventory
+from automap.io.vector_layer import read_layer
 from automap.signs.codes import classes_of
 from pipeline.cli.root import run_command
 from pipeline.compare.report import _entry
@@ -156,6 +158,7 @@ def test_every_form_of_inventory_gives_the_same(
         ("d.csv", "id,lat,lon\n1,-35.28,149.13\n", ["--columns", "klass=id"], 2, "klass"),
         ("e.csv", "id,lat,lon\n1,-35.28,149.13\n", ["--crs", "EPSG:0"], 3, "EPSG:0"),
         ("f.csv", "", [], 3, "empty"),
+        ("l.csv", "id,lat,lon\n1,-35.28,149.13\n", ["--country", "Australia"], 2, "ISO 3166"),
         ("g.gpkg", "no database", [], 3, "cannot be read"),
         ("h.parquet", "no table", [], 3, "no Parquet"),
         ("i.geojson", '{"type":"FeatureCollection","features":[{"type":"Feature","properties":{},'
@@ -252,6 +255,68 @@ def test_a_german_list_is_read_by_its_own_names_and_metres_of_any_kind(tmp_path:
     told = " ".join(read.warnings)
     for what in ("1 of 4 entries are the other way round", "are degrees", "number of the zone"):
         assert what in told
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("lat,lon,code,sd\n1,2,R1-1,good\n1,2,R1-2,0.4\n", "accuracies of 1 entries"),
+        ("lat,lon,code,sd\n1,2,R1-1,0\n", "such as '0'"),
+        ("lat,lon,code\n1,2,\n1,2,R1-2\n", "code is empty in 1 of 2"),
+    ],
+)
+def test_what_a_list_leaves_open_is_told(tmp_path: Path, text: str, told: str) -> None:
+    path = tmp_path / "list.csv"
+    path.write_text(text, encoding="utf-8")
+    read = read_inventory(path)
+    assert told in " ".join(read.warnings)
+    assert len(read) == text.count("\n") - 1
+
+
+def test_signs_that_do_not_stand_by_their_status_are_left_out(tmp_path: Path) -> None:
+    path = tmp_path / "list.csv"
+    path.write_text(
+        "id,Latitude (WGS84),GPS_LON,code,Status\na,1,2,R1-1,Active\nb,1,2,R1-2,Removed 2025\n"
+        "c,1,2,R1-1,planned\nd,1,2,R1-1,Planned replacement\ne,1,2,R1-1,\n"
+    )
+    read = read_inventory(path)
+    assert read.ids == ["a", "d", "e"]
+    assert len(read.lat_rad) == len(read.sd_m) == 3
+    assert any("2 of 5 entries do not stand" in text for text in read.warnings)
+    path.write_text("id,lat,lon,code\n")
+    with pytest.raises(InputError, match="holds no entries"):
+        read_inventory(path)
+
+
+def test_the_number_of_a_limit_stands_in_a_column_of_its_own(tmp_path: Path) -> None:
+    path = tmp_path / "list.csv"
+    path.write_text("lat,lon,code,value\n1,2,R4-1,50.0\n1,2,R4-1,60 km/h\n1,2,R4-1,\n1,2,R1-1,40\n")
+    assert read_inventory(path).codes == ["R4-1[50]", "R4-1[60]", "R4-1", "R1-1"]
+
+
+def test_which_of_several_layers_is_meant_is_not_guessed(tmp_path: Path) -> None:
+    path, points = tmp_path / "all.gpkg", shapely.to_wkb(shapely.points([2.0, 2.1], [1.0, 1.0]))
+    line = shapely.to_wkb(np.array([shapely.LineString([(2, 1), (2, 2)])], object))
+
+    def add(layer: str, kind: str, wkb: np.ndarray) -> None:
+        names = [np.array(["R1-1"] * len(wkb), object)]
+        write(path, geometry=wkb, field_data=names, fields=["code"], driver="GPKG", layer=layer,
+              geometry_type=kind, crs="EPSG:4326", append=path.exists())  # fmt: skip
+
+    add("roads", "LineString", line)
+    add("signs", "Point", points)
+    assert len(read_inventory(path)) == 2
+    assert len(read_layer(path, shape="LineString")) == 1
+    add("poles", "Point", points[:1])
+    with pytest.raises(InputError, match=r"layers signs, poles.*--layer"):
+        read_inventory(path)
+    assert len(read_inventory(path, layer="poles")) == 1
+
+
+def test_a_workbook_that_is_called_a_table_is_told(tmp_path: Path) -> None:
+    (tmp_path / "list.csv").write_bytes(b"PK\x03\x04 and so on")
+    with pytest.raises(InputError, match="is a spreadsheet"):
+        read_inventory(tmp_path / "list.csv")
 
 
 def test_a_place_elsewhere_is_not_brought_to_the_map(tmp_path: Path) -> None:

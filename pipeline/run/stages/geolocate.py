@@ -336,7 +336,7 @@ STAGE = Stage(
     # a nose off its course
     # 26: of two mirror images of a face the likelier is stated; boxes too narrow to be found
     # 29: pieces of a track are joined as passes are, times are searched among many signs too
-    version=33,
+    version=34,
     run=run,
     inputs=_inputs,
     needs=(
