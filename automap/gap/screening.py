@@ -301,15 +301,13 @@ class Screening:
         self, fit: Fit, motion: Motion, at: NodeMotion, wanted: Collection[str] | None = None
     ) -> list[Column]:
         """Columns of one drive, of all candidates or of those ``wanted``."""
-        names, formulas, left_out = self.names, self.dictionary, self.exclude
+        names, formulas = self.names, self.dictionary
         if wanted is not None:
             names = [name for name in names if name in wanted]
             formulas = [term for term in formulas if equation([term]) in wanted]
-            hidden = {left_out_effect(name.partition(" +=")[0]) for name in wanted}
-            left_out = frozenset(e for e in left_out if e in hidden)
         out = named_columns(names, fit, motion, at)
         out += formula_columns(fit, motion, at, formulas, self.exclude)
-        out += left_out_columns(fit, motion, at, left_out)
+        out += left_out_columns(fit, motion, at, self.exclude)
         for known in self.refinements.values():
             out += term_columns(at, [c.term for c in known], known[0].choices)
         return [c for c in out if wanted is None or c.effect in wanted]
