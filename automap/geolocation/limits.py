@@ -365,6 +365,20 @@ within some 100 m, and looks like a sign that is half as large again."""
 CARRIER_VIEWS = 4
 """Fewer boxes, twelve measurements of five unknowns, tell no motion."""
 
+SEEN_FROM_M = 80.0
+"""From further off no camera reads a sign (as mapping's ``FAR_M``): who has driven that far has
+passed all that was in sight at first."""
+FIXED_PROBABILITY = 1e-3
+"""Of a box of a thing that stays to lie further from its place. Chosen: such boxes are many."""
+FIXED_MISSED = 8
+"""Frames with boxes in a row without a thing's: of one that every other frame finds, one time in
+256."""
+
+FIXED_ALONE = 3
+"""A thing that stays is in so many times more frames than boxes of some twice its height. A sign
+has these for a third of the way to it; where it keeps its bearing, outside of a bend, it fills one
+place of the picture for some two thirds of the way at most."""
+
 # finished sightings
 
 LEAST_CROSSING = math.radians(3.0)

@@ -22,6 +22,7 @@ LEFT_OUT = {
     "no_place": "belong to no place in front of the camera",
     "unconfirmed": "show things that were not seen again when they should have been",
     "moving": "show things that move along with the traffic, such as a sign on a lorry",
+    "fixed": "stay at one place of the picture in motion, such as a sticker or a lorry's sign",
     "back": "show the backs of signs",
     "too_far": "were seen once only and too far away to be placed",
 }
@@ -35,7 +36,7 @@ class Observations:
     ``track`` [n] number of the pass in which its sign was tracked (-1 none), ``sign_id`` [n]
     ("" none), ``residual_px`` [n, 2] right and down (NaN without a sign), ``range_m`` [n]
     distance to the sign, ``used`` [n], ``note`` [n] why not ("no_pose", "no_direction",
-    "misfit", "no_place", "too_far", "unconfirmed", "moving", "back"; "" when used).
+    "misfit", "no_place", "too_far", "unconfirmed", "moving", "fixed", "back"; "" when used).
     """
 
     track: IntArray
@@ -63,8 +64,9 @@ class GeolocationResult:
     faces: Faces
 
 
-def nothing_observed(total: int, views: Views) -> Observations:
-    """Nothing known yet of ``total`` detections but which have no pose and no direction."""
+def nothing_observed(total: int, views: Views | None = None) -> Observations:
+    """Nothing known yet of ``total`` detections but, by their views, which have no pose and no
+    direction."""
     observations = Observations(
         track=np.full(total, -1, np.int64),
         sign_id=np.full(total, "", np.object_),
@@ -73,8 +75,9 @@ def nothing_observed(total: int, views: Views) -> Observations:
         used=np.zeros(total, np.bool_),
         note=np.full(total, "no_place", np.object_),
     )
-    observations.note[np.setdiff1d(np.arange(total), views.row)] = "no_direction"
-    observations.note[views.without_pose] = "no_pose"
+    if views is not None:
+        observations.note[np.setdiff1d(np.arange(total), views.row)] = "no_direction"
+        observations.note[views.without_pose] = "no_pose"
     return observations
 
 

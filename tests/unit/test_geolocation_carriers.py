@@ -75,7 +75,8 @@ def test_a_sign_on_a_lorry_ahead_is_left_out_and_all_that_stand_are_kept(
     notes = result.observations.note[both.class_name == "carried"]
     if speed:
         assert not mine
-        assert (notes == "moving").mean() > 0.8
+        # one that keeps its distance keeps its place in the picture, too
+        assert np.isin(notes, ("moving", "fixed")).mean() > 0.8
         assert any("lorry" in text for text in result.warnings)
     else:
         assert len(mine) == 1

@@ -1,0 +1,127 @@
+"""Things that stay at their place in the picture while the vehicle drives: a sticker on the
+windscreen, a mark on the lens, what the dashboard mirrors.
+
+A sign is seen from no further than ``SEEN_FROM_M``, so that a vehicle that has driven as far has
+passed it. Boxes of one place and size in most frames of so long a way are of no sign by the road,
+whatever path, camera and tracks say; nothing is fitted to them. A row of signs, such as chevrons
+on the outside of a bend, can fill one place for as long; but each of these grows as it comes near,
+so that larger boxes are in as many frames.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from automap.effects.limits import MOVING_SPEED
+from automap.gates import gate
+from automap.geolocation import limits
+from automap.geolocation.result import (
+    LEFT_OUT,
+    GeolocationResult,
+    Observations,
+    nothing_observed,
+)
+from automap.geolocation.views import MeasurementNoise
+from automap.records import BoolArray, Detections, FloatArray, IntArray, Trajectory
+
+_CELL_SD, _CELL_LOG_HEIGHT = 4.0, 0.5
+"""Cells in which places are looked for, in sigmas of a centre and in logarithms of the height, some
+four of its sigmas: what lies on a corner fills eight of them, one by an eighth at least."""
+_PARTS = 8
+
+
+def fixed_boxes(trajectory: Trajectory, found: Detections, noise: MeasurementNoise) -> BoolArray:
+    """Which boxes [n] of one camera are of things that stay at their place in the picture, within
+    what boxes err by (``noise``), for more than ``SEEN_FROM_M`` driven."""
+    fixed = np.zeros(len(found), np.bool_)
+    box = np.asarray(found.box, np.float64).reshape(-1, 4)
+    middle, extent = 0.5 * (box[:, :2] + box[:, 2:]), box[:, 3] - box[:, 1]
+    rows = np.flatnonzero(np.isfinite(box).all(axis=1) & (extent > 0.0))
+    if not len(rows) or not len(trajectory.t_ns):
+        return fixed
+    place = np.column_stack([middle[rows], extent[rows]])
+    number = np.unique(found.frame[rows], return_inverse=True)[1].ravel()
+    driven = _driven_m(trajectory, np.asarray(found.t_ns, np.int64)[rows])
+    sd = np.hypot(noise.pixel_sd, noise.box_fraction * place[:, 2])
+    for thing in _suspects(place, sd, number, driven):
+        its_sd = np.hypot(noise.pixel_sd, noise.box_fraction * thing[2])
+        # a height is of two sides
+        off = (place - thing) / (its_sd * np.array([1.0, 1.0, np.sqrt(2.0)]))
+        square = np.sum(off**2, axis=1)
+        near = np.flatnonzero(square < gate(limits.FIXED_PROBABILITY, 3))
+        near = near[np.argsort(number[near], kind="stable")]
+        gaps = np.flatnonzero(np.diff(number[near]) > limits.FIXED_MISSED)
+        for run in np.split(near, gaps + 1):
+            frames = np.unique(number[run])
+            if not len(run) or np.ptp(driven[run]) <= limits.SEEN_FROM_M:
+                continue
+            # of signs some are between one and a half and three times as large
+            grown = (place[:, 2] > 1.5 * thing[2]) & (place[:, 2] < 3.0 * thing[2])
+            grown &= (number >= frames[0]) & (number <= frames[-1])
+            most = 2 * len(frames) > frames[-1] - frames[0] + 1
+            alone = limits.FIXED_ALONE * len(np.unique(number[grown])) < len(frames)
+            # the mean of what three errors scatter by
+            if most and alone and square[run].mean() < 3.0:
+                fixed[rows[run]] = True
+    return fixed
+
+
+def without(found: Detections, rows: BoolArray) -> Detections:
+    """Boxes of a camera but for some ``rows`` [n]."""
+    columns: dict[str, Any] = {
+        k: v[~rows] for k, v in vars(found).items() if isinstance(v, np.ndarray)
+    }
+    return replace(found, **columns)
+
+
+def with_fixed(result: GeolocationResult, fixed: BoolArray) -> GeolocationResult:
+    """What was found without the boxes that are ``fixed`` [n] of all, these told as left out."""
+    if not fixed.any():
+        return result
+    kept = np.flatnonzero(~fixed)
+    columns = {}
+    for name, empty in vars(nothing_observed(len(fixed))).items():
+        empty[kept] = getattr(result.observations, name)
+        columns[name] = empty
+    columns["note"][fixed] = "fixed"
+    signs = [replace(sign, detection_rows=kept[sign.detection_rows]) for sign in result.signs]
+    text = f"{int(fixed.sum())} of {len(fixed)} detections {LEFT_OUT['fixed']}; they were left out."
+    return replace(
+        result,
+        observations=Observations(**columns),
+        signs=signs,
+        warnings=[text, *result.warnings],
+    )
+
+
+def _suspects(
+    place: FloatArray, sd: FloatArray, number: IntArray, driven: FloatArray
+) -> list[FloatArray]:
+    """Middles and heights [3] in the picture near which a thing may be that stays there, by the
+    boxes' ``place`` [n, 3], ``sd`` [n], ``number`` [n] of their frames and way ``driven`` [n]."""
+    size = np.round(np.log(place[:, 2]) / _CELL_LOG_HEIGHT)
+    usual = np.array([np.median(sd[size == one]) for one in np.unique(size)])
+    wide = _CELL_SD * usual[np.searchsorted(np.unique(size), size)]
+    cells = np.column_stack([size, np.round(place[:, :2] / wide[:, None])]).astype(np.int64)
+    cell = np.unique(cells, axis=0, return_inverse=True)[1].ravel()
+    order = np.lexsort([number, cell])
+    apart = np.diff(number[order]) > _PARTS * limits.FIXED_MISSED
+    runs = np.split(order, np.flatnonzero(apart | (np.diff(cell[order]) != 0)) + 1)
+    return [
+        np.median(place[run], axis=0)
+        for run in runs
+        if np.ptp(driven[run]) > limits.SEEN_FROM_M / _PARTS
+        and _PARTS * len(run) > np.ptp(number[run]) / 2
+    ]
+
+
+def _driven_m(trajectory: Trajectory, t_ns: IntArray) -> FloatArray:
+    """Metres [n] driven until the stamps ``t_ns`` [n]; at rest a path wanders, which is no way."""
+    speed = np.linalg.norm(trajectory.vel_ned, axis=1)
+    seconds = np.diff(trajectory.t_ns, prepend=trajectory.t_ns[:1]) * 1e-9
+    driven = np.cumsum(np.where(speed > MOVING_SPEED, speed * seconds, 0.0))
+    since = (trajectory.t_ns - trajectory.t_ns[0]) * 1.0
+    return np.asarray(np.interp((t_ns - trajectory.t_ns[0]) * 1.0, since, driven))
