@@ -13,6 +13,7 @@ from automap.io.recording import Recording, read_recording
 from automap.records import Fixes
 from automap.timebase import gps_to_unix
 from pipeline.cli.root import run_command
+from tests.slow_cases import others_slow
 from tests.unit.strangers import WRITERS
 from tests.unit.strangers.drive import Truth
 
@@ -38,7 +39,13 @@ SAID: dict[str, tuple[int, str]] = {
 """What a table cannot tell, or tells wrongly: the exit code and the sentence."""
 
 
-@pytest.mark.parametrize("write", WRITERS, ids=[writer.__name__ for writer in WRITERS])
+# half of them each time: each is a run of its own
+TURNS = [*WRITERS[::2], *WRITERS[1::2]]
+
+
+@pytest.mark.parametrize(
+    "write", others_slow(TURNS, len(WRITERS[::2])), ids=[writer.__name__ for writer in TURNS]
+)
 def test_a_strangers_table_is_right_or_refused(
     write: Callable[[Path], Truth], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -156,7 +156,7 @@ def _overlap(intervals: tuple[Interval, ...], start: float, end: float) -> float
     return sum(max(0.0, min(i.end_gps_s, end) - max(i.start_gps_s, start)) for i in intervals)
 
 
-@pytest.mark.parametrize("seed", others_slow(range(8), 2))
+@pytest.mark.parametrize("seed", others_slow(range(8)))
 @pytest.mark.parametrize(
     ("what", "name"),
     [
