@@ -10,6 +10,9 @@ import numpy.typing as npt
 from automap.earth import metres_per_radian
 from automap.records import FloatArray, IntArray, Trajectory
 
+LONGEST_GAP_S = 3.0
+"""Between two rows that are further apart nobody knows the way, unless a caller says otherwise."""
+
 
 @dataclass(frozen=True)
 class Poses:
@@ -37,7 +40,7 @@ class Poses:
         return len(self.lat_rad)
 
 
-def poses_at(trajectory: Trajectory, t_ns: IntArray, max_gap_s: float = 3.0) -> Poses:
+def poses_at(trajectory: Trajectory, t_ns: IntArray, max_gap_s: float = LONGEST_GAP_S) -> Poses:
     """Poses at host stamps ``t_ns`` [n].
 
     Position is a cubic Hermite through the neighbouring rows and their velocities (a
@@ -48,7 +51,9 @@ def poses_at(trajectory: Trajectory, t_ns: IntArray, max_gap_s: float = 3.0) -> 
     return _interpolate(trajectory, trajectory.t_ns, np.asarray(t_ns, np.int64), 1e-9, max_gap_s)
 
 
-def poses_at_gps(trajectory: Trajectory, gps_s: FloatArray, max_gap_s: float = 3.0) -> Poses:
+def poses_at_gps(
+    trajectory: Trajectory, gps_s: FloatArray, max_gap_s: float = LONGEST_GAP_S
+) -> Poses:
     """The same as ``poses_at`` at GPS times ``gps_s`` [n]."""
     gps_s = np.asarray(gps_s, np.float64)
     return _interpolate(trajectory, trajectory.gps_s, gps_s, 1.0, max_gap_s)

@@ -25,12 +25,14 @@ from automap.geolocation.result import (
     nothing_observed,
 )
 from automap.geolocation.views import MeasurementNoise
+from automap.interpolation import LONGEST_GAP_S
 from automap.records import BoolArray, Detections, FloatArray, IntArray, Trajectory
 
 _CELL_SD, _CELL_LOG_HEIGHT = 4.0, 0.5
 """Cells in which places are looked for, in sigmas of a centre and in logarithms of the height, some
 four of its sigmas: what lies on a corner fills eight of them, one by an eighth at least."""
 _PARTS = 8
+"""So many: what is asked of a thing is asked of a cell to an eighth."""
 
 
 def fixed_boxes(trajectory: Trajectory, found: Detections, noise: MeasurementNoise) -> BoolArray:
@@ -46,17 +48,28 @@ def fixed_boxes(trajectory: Trajectory, found: Detections, noise: MeasurementNoi
     number = np.unique(found.frame[rows], return_inverse=True)[1].ravel()
     driven = _driven_m(trajectory, np.asarray(found.t_ns, np.int64)[rows])
     sd = np.hypot(noise.pixel_sd, noise.box_fraction * place[:, 2])
+    across = np.argsort(place[:, 0], kind="stable")
+    x = place[across, 0]
+    most_square = gate(limits.FIXED_PROBABILITY, 3)
     for thing in _suspects(place, sd, number, driven):
         its_sd = np.hypot(noise.pixel_sd, noise.box_fraction * thing[2])
+        reach = np.sqrt(most_square) * its_sd
+        ends = np.searchsorted(x, [thing[0] - reach, thing[0] + reach])
+        near = across[slice(*ends)]
         # a height is of two sides
-        off = (place - thing) / (its_sd * np.array([1.0, 1.0, np.sqrt(2.0)]))
+        off = (place[near] - thing) / (its_sd * np.array([1.0, 1.0, np.sqrt(2.0)]))
         square = np.sum(off**2, axis=1)
-        near = np.flatnonzero(square < gate(limits.FIXED_PROBABILITY, 3))
-        near = near[np.argsort(number[near], kind="stable")]
+        kept = np.flatnonzero(square < most_square)
+        kept = kept[np.argsort(number[near[kept]], kind="stable")]
+        near, square = near[kept], square[kept]
         gaps = np.flatnonzero(np.diff(number[near]) > limits.FIXED_MISSED)
-        for run in np.split(near, gaps + 1):
+        edges = np.concatenate([[0], gaps + 1, [len(near)]])
+        way = driven[near[edges[1:] - 1]] - driven[near[edges[:-1]]] if len(near) else np.zeros(0)
+        for k in np.flatnonzero(way > limits.SEEN_FROM_M):
+            part = slice(edges[k], edges[k + 1])
+            run = near[part]
             frames = np.unique(number[run])
-            if not len(run) or np.ptp(driven[run]) <= limits.SEEN_FROM_M:
+            if len(frames) < limits.FIXED_VIEWS:
                 continue
             # of signs some are between one and a half and three times as large
             grown = (place[:, 2] > 1.5 * thing[2]) & (place[:, 2] < 3.0 * thing[2])
@@ -64,7 +77,7 @@ def fixed_boxes(trajectory: Trajectory, found: Detections, noise: MeasurementNoi
             most = 2 * len(frames) > frames[-1] - frames[0] + 1
             alone = limits.FIXED_ALONE * len(np.unique(number[grown])) < len(frames)
             # the mean of what three errors scatter by
-            if most and alone and square[run].mean() < 3.0:
+            if most and alone and square[part].mean() < 3.0:
                 fixed[rows[run]] = True
     return fixed
 
@@ -113,15 +126,18 @@ def _suspects(
     return [
         np.median(place[run], axis=0)
         for run in runs
-        if np.ptp(driven[run]) > limits.SEEN_FROM_M / _PARTS
+        if len(run) >= limits.CARRIER_VIEWS
+        and np.ptp(driven[run]) > limits.SEEN_FROM_M / _PARTS
         and _PARTS * len(run) > np.ptp(number[run]) / 2
     ]
 
 
 def _driven_m(trajectory: Trajectory, t_ns: IntArray) -> FloatArray:
-    """Metres [n] driven until the stamps ``t_ns`` [n]; at rest a path wanders, which is no way."""
+    """Metres [n] driven until the stamps ``t_ns`` [n]; at rest a path wanders, and what came in a
+    gap nobody knows: neither is a way."""
     speed = np.linalg.norm(trajectory.vel_ned, axis=1)
     seconds = np.diff(trajectory.t_ns, prepend=trajectory.t_ns[:1]) * 1e-9
-    driven = np.cumsum(np.where(speed > MOVING_SPEED, speed * seconds, 0.0))
+    known = (speed > MOVING_SPEED) & (seconds <= LONGEST_GAP_S)
+    driven = np.cumsum(np.where(known, speed * seconds, 0.0))
     since = (trajectory.t_ns - trajectory.t_ns[0]) * 1.0
     return np.asarray(np.interp((t_ns - trajectory.t_ns[0]) * 1.0, since, driven))

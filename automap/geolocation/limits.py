@@ -366,14 +366,16 @@ CARRIER_VIEWS = 4
 """Fewer boxes, twelve measurements of five unknowns, tell no motion."""
 
 SEEN_FROM_M = 80.0
-"""From further off no camera reads a sign (as mapping's ``FAR_M``): who has driven that far has
+"""From further off no camera reads a sign: who has driven that far has
 passed all that was in sight at first."""
 FIXED_PROBABILITY = 1e-3
 """Of a box of a thing that stays to lie further from its place. Chosen: such boxes are many."""
 FIXED_MISSED = 8
 """Frames with boxes in a row without a thing's: of one that every other frame finds, one time in
 256."""
-
+FIXED_VIEWS = 8
+"""Frames that show such a thing at least. Signs that are seen once each are at one place of the
+picture by chance: eight of sixteen, where each is with one in 20, three times in ten million."""
 FIXED_ALONE = 3
 """A thing that stays is in so many times more frames than boxes of some twice its height. A sign
 has these for a third of the way to it; where it keeps its bearing, outside of a bend, it fills one

@@ -33,7 +33,7 @@ D_E, D_N, D_U, V_EE, V_EN, V_NN, V_U, EVIDENCE = 0, 1, 2, 3, 4, 5, 6, 7
 CELL_M = 16.0
 """Of the table of map signs; founding and mean place of a sign differ by little."""
 _NEAR = 1024
-"""Map signs that are looked at round a place, at most: one on 30 m^2 of what ``FAR_M`` asks for."""
+"""Map signs that are looked at round a place, at most: one on 30 m^2 within ``SEEN_FROM_M``."""
 _LEAST_INFORMATION = 1e-9
 """On the place of a sign without members, 1/m^2."""
 
@@ -234,7 +234,7 @@ def find_candidates(
     for i in range(lo, hi):
         count = 0
         reach_m = math.sqrt(limits.SAME_GATE * (own[i, 0] + own[i, 2]))
-        reach_m = min(max(reach_m, limits.MAX_M), limits.FAR_M)
+        reach_m = min(max(reach_m, limits.MAX_M), limits.SEEN_FROM_M)
         found = neighbours(table, lat[i], lon[i], math.ceil(reach_m / CELL_M), near)
         for place in range(found):
             k = near[place]

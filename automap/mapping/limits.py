@@ -12,6 +12,7 @@ from automap.gates import gate_in_plane
 from automap.geolocation.limits import LASTING_ERROR as LASTING_ERROR
 from automap.geolocation.limits import PATH_CORRELATION_S as PATH_CORRELATION_S
 from automap.geolocation.limits import RATE_SPREAD
+from automap.geolocation.limits import SEEN_FROM_M as SEEN_FROM_M
 
 # which sightings are one sign
 
@@ -20,10 +21,10 @@ ROUNDS = 2
 SAME_GATE = gate_in_plane(math.exp(-8.0))
 """Squared sigmas by which a sign lies further from itself, in another drive or an older map, with
 the probability of four sigmas in the plane."""
-MAX_M, FAR_M, LARGEST_UP_M = 15.0, 80.0, 12.0
+MAX_M, LARGEST_UP_M = 15.0, 12.0
 """Sightings further apart in plan, or in height, are no candidates for one sign, whatever the
 sigmas. Chosen: more than trajectories that state some metres are off. A sign that was seen from far
-away only may lie four of its own sigmas off, at most ``FAR_M``: from further no camera reads it."""
+away only may lie four of its own sigmas off, at most ``SEEN_FROM_M``."""
 MOST = 8
 """Candidates kept per sighting, the likeliest. Chosen: more signs than that do not stand where one
 drive may be off."""

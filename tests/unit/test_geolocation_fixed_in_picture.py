@@ -66,8 +66,27 @@ def test_what_stays_while_the_vehicle_waits_or_for_a_short_way_is_none() -> None
     waits = replace(path, vel_ned=np.where(np.arange(6000)[:, None] < 600, path.vel_ned, 0.2))
     assert not fixed_boxes(waits, own, NOISE).any()
     assert fixed_boxes(path, own, NOISE).all()
+    # nor is what came in a gap of the path
+    rows = np.r_[0:100, 4000:4200]
+    gap = Trajectory(**{k: v[rows] for k, v in vars(path).items() if isinstance(v, np.ndarray)})
+    assert not fixed_boxes(gap, own, NOISE).any()
     short = without(own, own.frame > 60)
     assert not fixed_boxes(path, short, NOISE).any()
+
+
+def test_signs_that_are_seen_once_each_at_one_place_are_none() -> None:
+    # a frame every 15 m, seven of them in a row of signs as like as photographs
+    path = drive_path(30.0)
+    own = sticker(path, 125, 1.0)
+    assert not fixed_boxes(path, without(own, own.frame > 6), NOISE).any()
+    assert fixed_boxes(path, own, NOISE).all()
+
+
+def test_a_drive_whose_boxes_are_all_of_a_sticker_has_no_signs() -> None:
+    path = drive_path(30.0)
+    found = locate_signs(path, [sticker(path, 20, 1.0)], {"front": camera()})
+    assert not found.signs
+    assert (found.observations.note == "fixed").all()
 
 
 def test_the_signs_are_those_without_it_and_its_boxes_are_told() -> None:
