@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ast
 import re
 import sys
 import tomllib
@@ -13,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from release.pins import read_pins
+from tests.sources import imports_of
 
 ROOT = Path(__file__).parents[2]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
@@ -28,14 +28,8 @@ OWN |= {path.stem for path in (ROOT / "tests").rglob("*.py")}
 def imported(folder: str) -> Iterator[tuple[Path, str]]:
     """The top-level names that the sources below a folder import, with the file."""
     for path in sorted((ROOT / folder).rglob("*.py")):
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            modules = []
-            if isinstance(node, ast.Import):
-                modules = [alias.name for alias in node.names]
-            elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
-                modules = [node.module]
-            for module in modules:
-                yield path.relative_to(ROOT), module.split(".")[0]
+        for _, module, _ in imports_of(path):
+            yield path.relative_to(ROOT), module.split(".")[0]
 
 
 def normal(name: str) -> str:
@@ -99,7 +93,3 @@ def test_the_pins_are_complete(name: str) -> None:
         plain = [text for text in needs if ";" not in text]
         missing = required(plain) - everything.keys() - NEVER_IMPORTED.get(package, set())
         assert missing == set(), package
-
-
-def test_the_library_does_not_know_the_application() -> None:
-    assert [str(path) for path, module in imported("automap") if module == "pipeline"] == []

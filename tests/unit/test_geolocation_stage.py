@@ -24,6 +24,7 @@ from automap.records import Detections, PictureTurns, Sign
 from pipeline.run.stage import StageContext
 from pipeline.run.stages.geolocate import STAGE
 from pipeline.settings.load import load_settings
+from tests.slow_cases import others_slow
 
 MANIFEST = """
 schema = "automap.drive/1"
@@ -88,7 +89,7 @@ def test_frames_outside_the_drive_are_the_result(context: StageContext) -> None:
     )
 
 
-@pytest.mark.parametrize("picture", ["", "mirrored", "upside down"])
+@pytest.mark.parametrize("picture", others_slow(["mirrored", "", "upside down"], fast=2))
 def test_boxes_are_taken_as_the_bends_of_their_video_say(
     context: StageContext, picture: str
 ) -> None:

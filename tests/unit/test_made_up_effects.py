@@ -16,6 +16,7 @@ from automap.gap.candidates import library
 from automap.gap.drive import open_drive
 from automap.gap.fit import fit_drive
 from automap.gap.selection import Chosen
+from tests.slow_cases import others_slow
 from tests.unit.gap_linear import screened
 from tests.unit.test_gap import simulated
 
@@ -33,7 +34,7 @@ def no_effects_stay() -> Iterator[None]:
     set_user_effects([])
 
 
-@pytest.mark.parametrize("name", MADE_UP)
+@pytest.mark.parametrize("name", others_slow(MADE_UP, fast=2))
 def test_a_made_up_effect_is_simulated_estimated_and_named(name: str) -> None:
     table, size = MADE_UP[name]
     set_user_effects(effects_of_formulas({name: {"k": table}}, "mine.toml"))

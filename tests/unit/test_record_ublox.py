@@ -13,6 +13,7 @@ from pipeline.record.ports import SerialPort
 from pipeline.record.restore import port_exchange
 from pipeline.record.ublox import Outcome, Receiver, RefusedError, Setup, SilentError
 from pipeline.record.ublox_version import parse_version
+from tests.slow_cases import others_slow
 from tests.unit.simulated_receiver import PVT_KEY_UART1, RAWX_KEY_UART1, SimulatedReceiver
 
 Make = Callable[..., SimulatedReceiver]
@@ -135,7 +136,7 @@ def test_a_silent_receiver_is_not_waited_for_long(make: Make) -> None:
     assert simulated.commands == [keys.MON_VER] * 2
 
 
-@pytest.mark.parametrize("generation", [6, 9])
+@pytest.mark.parametrize("generation", others_slow([9, 6]))
 def test_both_sides_change_the_line_rate_and_go_back(make: Make, generation: int) -> None:
     simulated = make(generation=generation, baud=9600)
     outcome, port, receiver = talk(simulated, Setup(rate_hz=2, baud=115200))

@@ -21,6 +21,7 @@ from automap.io.signs_table import write_signs
 from automap.records import Detections
 from pipeline.view.command import serving
 from tests.browser import launched, violations, watched
+from tests.slow_cases import others_slow
 from tests.unit.view_page_case import on_screen, opened, status, until
 
 if TYPE_CHECKING:
@@ -156,7 +157,7 @@ def test_video_boxes_and_time(browser: Browser, tmp_path: Path) -> None:
     assert troubles == []
 
 
-@pytest.mark.parametrize("kind", ["tif", "mbtiles", "geojson"])
+@pytest.mark.parametrize("kind", others_slow(["mbtiles", "geojson", "tif"], fast=2))
 def test_a_background_lies_below_the_map(browser: Browser, tmp_path: Path, kind: str) -> None:
     writers: dict[str, Callable[[Path], Path]] = {
         "tif": backgrounds.write_geotiff,
@@ -193,8 +194,10 @@ def middle(page: Page) -> list[int]:
     return [int(v) for v in pixel]
 
 
-@pytest.mark.parametrize("scheme", ["light", "dark"])
-@pytest.mark.parametrize("width", [1400, 390])
+@pytest.mark.parametrize(
+    ("width", "scheme"),
+    others_slow([(390, "light"), (1400, "dark"), (1400, "light"), (390, "dark")], fast=2),
+)
 def test_the_page_is_accessible(
     browser: Browser, tmp_path: Path, width: int, scheme: Literal["light", "dark"]
 ) -> None:

@@ -12,6 +12,7 @@ from automap.records import Camera, PictureTurns, Trajectory, VideoFrame
 from automap.vision.camera_path import camera_path
 from automap.vision.picture_turns import Steps, frames_to_follow, judged, picture_turns
 from automap.vision.search import default_camera
+from tests.slow_cases import others_slow
 
 CAMERA = replace(default_camera(640, 360), time_offset_sd=0.1)
 S = 1_000_000_000
@@ -81,7 +82,7 @@ def vector(matrix: np.ndarray) -> np.ndarray:
     return matrix_to_rotation_vector(matrix)
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", others_slow(range(4)))
 def test_a_right_video_is_told_nothing(seed: int) -> None:
     found = told(seed=seed)
     assert found.allowed

@@ -15,6 +15,7 @@ from automap.vision.camera_path import CameraPath
 from automap.vision.detector import FoundSigns
 from automap.vision.search import SearchResult, SearchRules
 from pipeline.detect.video_search import search_video
+from tests.slow_cases import others_slow
 
 RATE, FRAMES = 10, 60
 
@@ -83,15 +84,18 @@ def test_a_covered_lens_is_told(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("shown", "speed", "grey", "spread"),
-    [
-        (list(range(FRAMES)), 12.0, 120.0, 40.0),
-        # little light: a texture of two grey levels
-        (list(range(FRAMES)), 12.0, 12.0, 4.0),
-        # 25 pictures a second told as 30: every sixth is shown twice
-        ([i - (i % 6 == 5) for i in range(FRAMES)], 12.0, 120.0, 40.0),
-        # a vehicle at rest whose path wanders
-        ([7] * FRAMES, 0.8, 120.0, 40.0),
-    ],
+    others_slow(
+        [
+            (list(range(FRAMES)), 12.0, 120.0, 40.0),
+            # little light: a texture of two grey levels
+            (list(range(FRAMES)), 12.0, 12.0, 4.0),
+            # 25 pictures a second told as 30: every sixth is shown twice
+            ([i - (i % 6 == 5) for i in range(FRAMES)], 12.0, 120.0, 40.0),
+            # a vehicle at rest whose path wanders
+            ([7] * FRAMES, 0.8, 120.0, 40.0),
+        ],
+        fast=2,
+    ),
 )
 def test_other_pictures_are_not_told(
     tmp_path: Path, shown: list[int], speed: float, grey: float, spread: float
