@@ -50,3 +50,14 @@ def test_what_cars_do_is_not_told() -> None:
     assert list(sideways([path_of(np.full(600, np.pi))], OPTIONS)) == []
     # what hardly moves has no course
     assert list(sideways([path_of(np.full(600, 1.0), 2.0)], OPTIONS)) == []
+
+
+def test_a_body_that_a_kerb_rolls_is_not_told() -> None:
+    # a phone on a dash that turned into a drive: 15 deg a second of roll at 3.6 m/s, 6.4 deg aside
+    off, roll = np.zeros((2, 600))
+    off[300:310], roll[300:310] = np.radians(6.4), np.radians(1.5) * np.arange(10)
+    roll[310:] = roll[309]
+    path = path_of(off, 3.6)
+    told = list(sideways([path], OPTIONS))
+    assert [reason.code for reason in told] == ["path_sideways"]
+    assert list(sideways([replace(path, rpy=path.rpy + np.outer(roll, [1, 0, 0]))], OPTIONS)) == []

@@ -40,6 +40,9 @@ USELESS_SD_M = 30.0
 """Chosen: half the distance of two crossings in a town; beyond it a sign is on some street."""
 SMALL_SIGMAS = 2.0
 """Sigmas are doubted that are so many times too small: three of them are then one and a half."""
+ROLL_ARM_M = 1.1
+"""Root mean square of an IMU's height above the road, from a car's floor, 0.3 m, to its roof,
+1.7 m, each as likely."""
 STRETCHES_S = (20.0, 60.0, 300.0)
 """Path and fixes are compared over stretches of so long, and the whole drive: a street, what an
 error of a receiver lasts, and what biases make. Chosen: shorter says little, for a slow error of a

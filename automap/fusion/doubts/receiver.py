@@ -161,7 +161,7 @@ def overstated(misses: Misses) -> list[Reason]:
         Reason(
             "accuracy_overstated",
             f"the receiver states positions to {stated:.0f} m an axis, and they lie within "
-            f"{scatter:.1f} m of the way that its velocities and the IMU show: the sigmas are as "
+            f"{scatter:.2g} m of the way that its velocities and the IMU show: the sigmas are as "
             "large as it states; check the unit of its accuracy, and its HDOP",
             state="good",
             handled=True,

@@ -14,7 +14,7 @@ import numpy as np
 from automap.fusion.doubts import limits
 from automap.fusion.doubts.reason import Reason, Span
 from automap.fusion.gnss_only import course_errors
-from automap.fusion.limits import DOUBT_PROBABILITY
+from automap.fusion.limits import DOUBT_PROBABILITY, LEAST_COURSE_SPEED
 from automap.fusion.options import FusionOptions
 from automap.gates import sigmas
 from automap.records import FloatArray, Trajectory
@@ -36,22 +36,30 @@ def sideways(stretches: Iterable[Trajectory], options: FusionOptions) -> Iterato
         yield Reason(
             "path_sideways",
             f"the vehicle would go sideways by {np.degrees(sure_off[worst]):.0f} deg at "
-            f"{sure_t[worst]:.0f} s of the drive, which none does: the IMU was turned in it there, "
-            "or the receiver's velocities are of another motion; fasten the IMU, and cut the drive "
-            "there",
+            f"{sure_t[worst]:.0f} s of the drive, which is more than cars slide: the IMU was "
+            "turned in it there, or the receiver's velocities are of another motion; fasten the "
+            "IMU, and cut the drive there",
             tuple(_round(sure_t)),
         )
 
 
 def slip_of(path: Trajectory, options: FusionOptions) -> tuple[FloatArray, FloatArray]:
     """Heading minus course [n] rad, forward or in reverse, 0 where the vehicle constraint does not
-    hold, and its one sigma."""
+    hold, and its one sigma.
+
+    A wheel that climbs a kerb rolls the body about the wheels of the other side, and the IMU goes
+    sideways by the roll rate times its height.
+    """
     velocity = path.vel_ned[:, :2]
     course = np.arctan2(velocity[:, 1], velocity[:, 0])
     slip = (path.rpy[:, 2] - course + 0.5 * np.pi) % np.pi - 0.5 * np.pi
-    moves = np.hypot(velocity[:, 0], velocity[:, 1]) > options.nhc_min_speed
+    speed = np.hypot(velocity[:, 0], velocity[:, 1])
     err = course_errors(path.gps_s, velocity, path.sd_vel_ned[:, :2], options)
-    return np.where(moves, slip, 0.0), np.hypot(path.sd_rpy[:, 2], err)
+    roll = np.unwrap(path.rpy[:, 0])
+    roll_rate = np.gradient(roll, path.gps_s) if len(roll) > 1 else np.zeros_like(roll)
+    rolls = limits.ROLL_ARM_M * roll_rate / np.maximum(speed, LEAST_COURSE_SPEED)
+    sd = np.sqrt(path.sd_rpy[:, 2] ** 2 + err**2 + rolls**2)
+    return np.where(speed > options.nhc_min_speed, slip, 0.0), sd
 
 
 def _round(sure: FloatArray) -> Iterator[Span]:
