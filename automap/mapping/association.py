@@ -25,8 +25,8 @@ from automap.mapping.offset_kernels import smooth, vote
 from automap.mapping.sightings import Sightings
 from automap.records import BoolArray, FloatArray, IntArray
 
-_SETTLING = 3
-"""Turns of assignment and smoothing."""
+_SETTLING = 20
+"""Turns of assignment and smoothing, at most."""
 
 
 @dataclass(frozen=True)
@@ -102,9 +102,7 @@ def assign(
         for c in range(limits.MOST):
             if index[i, c] < 0:
                 break
-            here = offset[i, 0], offset[i, 1], offset[i, 2]
-            told = agreement(values[i, c], *here, offset_var[i, 0], offset_var[i, 1])
-            gain[i * limits.MOST + c] = told
+            gain[i * limits.MOST + c] = agreement(values[i, c], offset[i], offset_var[i])
     for place in np.argsort(-gain):
         i, c = divmod(place, limits.MOST)
         if gain[place] <= 0.0:
@@ -143,12 +141,14 @@ def _associate(
             time_s, shared_sd = seen.time_s[lo:hi], seen.shared_sd[lo:hi]
             here, here_var = offset[lo:hi], offset_var[lo:hi]
             chosen = np.empty(hi - lo, np.int64)
-            vote(time_s, shared_sd, index, values, here)
-            here_var[:] = 0.0
-            for _ in range(_SETTLING):
-                assign(index, values, here, here_var, chosen, taken)
-                smooth(time_s, shared_sd, chosen, values, here, here_var)
+            vote(time_s, shared_sd, index, values, here, here_var)
             assign(index, values, here, here_var, chosen, taken)
+            for _ in range(_SETTLING):
+                before = chosen.copy()
+                smooth(time_s, shared_sd, chosen, values, here, here_var)
+                assign(index, values, here, here_var, chosen, taken)
+                if np.array_equal(before, chosen):
+                    break
             for i in range(lo, hi):
                 c = chosen[i - lo]
                 k = index[i - lo, c] if c >= 0 else -1

@@ -198,16 +198,17 @@ def match_gain(v_ee: float, v_en: float, v_nn: float, v_u: float) -> float:
 
 
 @kernel
-def agreement(values: FloatArray, e: float, n: float, u: float, p_e: float, p_n: float) -> float:
-    """Evidence in nats for one candidate when the drive's offset is (e, n, u), variances p."""
-    v_ee, v_en, v_nn = values[V_EE] + p_e, values[V_EN], values[V_NN] + p_n
-    de, dn = values[D_E] - e, values[D_N] - n
+def agreement(values: FloatArray, offset: FloatArray, variance: FloatArray) -> float:
+    """Evidence in nats for one candidate when the drive's ``offset`` [3] is known with
+    ``variance`` [3]."""
+    v_ee, v_en, v_nn = values[V_EE] + variance[0], values[V_EN], values[V_NN] + variance[1]
+    v_u = values[V_U] + variance[2]
+    de, dn, du = values[D_E] - offset[0], values[D_N] - offset[1], values[D_U] - offset[2]
     det = v_ee * v_nn - v_en * v_en
     square = (v_nn * de * de - 2.0 * v_en * de * dn + v_ee * dn * dn) / det
-    if values[V_U] == values[V_U]:
-        square += (values[D_U] - u) ** 2 / values[V_U]
-    gain = match_gain(v_ee, v_en, v_nn, values[V_U])
-    return float(values[EVIDENCE] + gain - 0.5 * square)
+    if v_u == v_u:
+        square += du * du / v_u
+    return float(values[EVIDENCE] + match_gain(v_ee, v_en, v_nn, v_u) - 0.5 * square)
 
 
 @kernel
@@ -223,8 +224,8 @@ def find_candidates(
     """Fill ``index`` [n, MOST] (-1 none) and ``values`` [n, MOST, PLACES] for rows lo to hi of the
     sightings ``seen``; ``evidence`` [k, k] of their classes.
 
-    The likeliest are kept: within the gate of everything including the offset, at most MAX_M or as
-    far as the sighting itself may be off; faces that look away from one another are never one sign.
+    The likeliest are kept: within the gate of everything including the offset, in plan and in
+    height; faces that look away from one another are never one sign.
     """
     state, slot_class, slot_weight, active, table = signs
     lat, lon, own, shared_sd, facing = seen.lat, seen.lon, seen.own, seen.shared_sd, seen.facing
@@ -233,8 +234,11 @@ def find_candidates(
     slack = limits.SLACK_M * limits.SLACK_M
     for i in range(lo, hi):
         count = 0
-        reach_m = math.sqrt(limits.SAME_GATE * (own[i, 0] + own[i, 2]))
-        reach_m = min(max(reach_m, limits.MAX_M), limits.SEEN_FROM_M)
+        # the map's own frame is some other drive's, as far off as this one
+        wander = 2.0 * shared_sd[i] ** 2
+        p_plan, p_u = wander[0] + wander[1], wander[2]
+        reach_m = math.sqrt(limits.SAME_GATE * (own[i, 0] + own[i, 2] + p_plan))
+        reach_m = min(max(reach_m, CELL_M), limits.SEEN_FROM_M)
         found = neighbours(table, lat[i], lon[i], math.ceil(reach_m / CELL_M), near)
         for place in range(found):
             k = near[place]
@@ -249,13 +253,12 @@ def find_candidates(
                 continue
             v_ee, v_en, v_nn, v_u = variances_of(state[k])
             v_ee, v_en, v_nn = own[i, 0] + v_ee + slack, own[i, 1] + v_en, own[i, 2] + v_nn + slack
-            widest = v_ee + v_nn + 2.0 * (shared_sd[i, 0] ** 2 + shared_sd[i, 1] ** 2)
-            if square > limits.SAME_GATE * widest:
+            if square > limits.SAME_GATE * (v_ee + v_nn + p_plan):
                 continue
-            du = seen.height[i] - state[k, HEIGHT] - u
-            if abs(du) > limits.LARGEST_UP_M:
+            du, v_u = seen.height[i] - state[k, HEIGHT] - u, seen.own_u[i] + v_u + slack
+            if du * du > limits.SAME_GATE * (v_u + p_u):
                 continue
-            du, v_u = (du, seen.own_u[i] + v_u + slack) if du == du else (0.0, np.nan)
+            du, v_u = (du, v_u) if du == du else (0.0, np.nan)
             told = 0.0
             direction, variance = face_of(state[k])
             if direction == direction and facing[i] == facing[i]:
@@ -273,8 +276,7 @@ def find_candidates(
             kept[count] = k
             found_values[count] = np.array([de, dn, du, v_ee, v_en, v_nn, v_u, told])
             # where drives are as far off as they usually are
-            p_e, p_n = 2.0 * shared_sd[i, 0] ** 2, 2.0 * shared_sd[i, 1] ** 2
-            against[count] = -agreement(found_values[count], 0.0, 0.0, 0.0, p_e, p_n)
+            against[count] = -agreement(found_values[count], np.zeros(3), wander)
             count += 1
         likeliest = np.argsort(against[:count])[: limits.MOST]
         index[i - lo] = -1

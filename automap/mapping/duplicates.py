@@ -120,8 +120,8 @@ def _gains(
             values[V_EE], values[V_NN] = v_a[0] + v_b[0], v_a[2] + v_b[2]
             values[V_EN] = v_a[1] + v_b[1]
             up = of_b[HEIGHT] + other[2] - of_a[HEIGHT] - one[2]
-            values[D_U], values[V_U] = up, v_a[3] + v_b[3] + slack[2] if up == up else np.nan
-            by_place = agreement(values, 0.0, 0.0, 0.0, slack[0], slack[1])
+            values[D_U], values[V_U] = up, v_a[3] + v_b[3] if up == up else np.nan
+            by_place = agreement(values, np.zeros(3), slack)
             # signs stand closer about a sign than new ones do about the map's
             by_place += math.log(limits.NEW_PER_M2 / limits.NEAR_PER_M2)
             by_place += math.log(limits.NEW_PER_M / limits.NEAR_PER_M) if up == up else 0.0

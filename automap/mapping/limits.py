@@ -21,10 +21,6 @@ ROUNDS = 2
 SAME_GATE = gate_in_plane(math.exp(-8.0))
 """Squared sigmas by which a sign lies further from itself, in another drive or an older map, with
 the probability of four sigmas in the plane."""
-MAX_M, LARGEST_UP_M = 15.0, 12.0
-"""Sightings further apart in plan, or in height, are no candidates for one sign, whatever the
-sigmas. Chosen: more than trajectories that state some metres are off. A sign that was seen from far
-away only may lie four of its own sigmas off, at most ``SEEN_FROM_M``."""
 MOST = 8
 """Candidates kept per sighting, the likeliest. Chosen: more signs than that do not stand where one
 drive may be off."""

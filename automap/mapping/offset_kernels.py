@@ -21,8 +21,10 @@ def vote(
     index: IntArray,
     values: FloatArray,
     offset: FloatArray,
+    offset_var: FloatArray,
 ) -> None:
-    """First guess of the offset [n, 3] of a drive's sightings [n], stretch by stretch.
+    """First guess of the offset [n, 3] of a drive's sightings [n], stretch by stretch, and its
+    variance [n, 3].
 
     Every candidate proposes its own difference of place as the offset of its stretch; the
     proposal that most of the others agree with wins. One sign alone cannot pull a drive onto the
@@ -44,6 +46,8 @@ def vote(
         prior += limits.LEAST_OFFSET_VARIANCE
         spread = 1.0 - np.exp(-np.abs(time_s[start:stop] - middle) / limits.PATH_CORRELATION_S) ** 2
         offset[start:stop] = _offset_of(index[start:stop], values[start:stop], spread, prior)
+        for i in range(start, stop):
+            offset_var[i] = spread[i - start] * prior
         start = stop
 
 
@@ -78,13 +82,11 @@ def _support(
     or none."""
     total = -0.5 * (offset**2 / prior).sum()
     for i in range(len(signs)):
-        p_e, p_n = spread[i] * prior[0], spread[i] * prior[1]
         most = 0.0
         for c in range(limits.MOST):
             if signs[i, c] < 0:
                 break
-            told = agreement(values[i, c], offset[0], offset[1], offset[2], p_e, p_n)
-            most = max(most, told)
+            most = max(most, agreement(values[i, c], offset, spread[i] * prior))
         total += most
     return float(total)
 
