@@ -40,21 +40,23 @@ class Association:
     offset_var: FloatArray
 
 
-def associate(sightings: Sightings, rounds: int = limits.ROUNDS) -> Association:
+def associate(sightings: Sightings, before: Association | None = None) -> Association:
     """Group the sightings into signs.
 
-    Drive after drive is laid over the map of those before it: its offset found by vote and
-    smoothed along the drive, its sightings then given to map signs one to one, the rest made
-    new signs. In further rounds each drive is taken out and laid over the map of all others.
+    Drive after drive is laid over the map: its offset found by vote and smoothed along the drive,
+    its sightings then given to map signs one to one, the rest made new signs. The map is of the
+    drives before it, or, with an association ``before``, of all others in that.
     """
     n = len(sightings)
     sign = np.full(n, -1, np.int64)
     offset, offset_var = np.zeros((n, 3)), np.zeros((n, 3))
     if n == 0:
         return Association(sign, offset, offset_var)
+    if before is not None:
+        sign[:], offset[:] = before.sign, before.offset
     evidence = class_evidence(sightings.classes)
-    signs, seen = empty_map(n * (rounds + 1)), columns_of(sightings)
-    _associate(sightings.first, rounds, seen, evidence, signs, sign, offset, offset_var)
+    signs, seen = empty_map(2 * n), columns_of(sightings)
+    _associate(sightings.first, seen, evidence, signs, sign, offset, offset_var)
     return Association(renumbered(sign), offset, offset_var)
 
 
@@ -117,7 +119,6 @@ def assign(
 @kernel
 def _associate(
     first: IntArray,
-    rounds: int,
     seen: Columns,
     evidence: FloatArray,
     signs: MapSigns,
@@ -127,34 +128,39 @@ def _associate(
 ) -> None:
     taken = np.zeros(len(signs.active), np.bool_)
     count = 0
-    for turn in range(rounds + 1):
-        for drive in range(len(first) - 1):
-            lo, hi = first[drive], first[drive + 1]
-            if turn > 0:
-                for i in range(lo, hi):
-                    k = sign[i]
-                    add_member(k, i, -1.0, seen, offset[i], signs)
-                    signs.active[k] = signs.state[k, SUPPORT] > 0.5
-            index = np.empty((hi - lo, limits.MOST), np.int64)
-            values = np.empty((hi - lo, limits.MOST, PLACES))
-            find_candidates(lo, hi, seen, evidence, signs, index, values)
-            time_s, shared_sd = seen.time_s[lo:hi], seen.shared_sd[lo:hi]
-            here, here_var = offset[lo:hi], offset_var[lo:hi]
-            chosen = np.empty(hi - lo, np.int64)
-            vote(time_s, shared_sd, index, values, here, here_var)
+    for i in range(len(sign)):
+        if sign[i] >= 0:
+            if sign[i] >= count:
+                found_sign(sign[i], i, seen, offset[i], signs)
+                count = sign[i] + 1
+            add_member(sign[i], i, 1.0, seen, offset[i], signs)
+    for drive in range(len(first) - 1):
+        lo, hi = first[drive], first[drive + 1]
+        for i in range(lo, hi):
+            k = sign[i]
+            if k >= 0:
+                add_member(k, i, -1.0, seen, offset[i], signs)
+                signs.active[k] = signs.state[k, SUPPORT] > 0.5
+        index = np.empty((hi - lo, limits.MOST), np.int64)
+        values = np.empty((hi - lo, limits.MOST, PLACES))
+        find_candidates(lo, hi, seen, evidence, signs, index, values)
+        time_s, shared_sd = seen.time_s[lo:hi], seen.shared_sd[lo:hi]
+        here, here_var = offset[lo:hi], offset_var[lo:hi]
+        chosen = np.empty(hi - lo, np.int64)
+        vote(time_s, shared_sd, index, values, here, here_var)
+        assign(index, values, here, here_var, chosen, taken)
+        for _ in range(_SETTLING):
+            before = chosen.copy()
+            smooth(time_s, shared_sd, chosen, values, here, here_var)
             assign(index, values, here, here_var, chosen, taken)
-            for _ in range(_SETTLING):
-                before = chosen.copy()
-                smooth(time_s, shared_sd, chosen, values, here, here_var)
-                assign(index, values, here, here_var, chosen, taken)
-                if np.array_equal(before, chosen):
-                    break
-            for i in range(lo, hi):
-                c = chosen[i - lo]
-                k = index[i - lo, c] if c >= 0 else -1
-                if k < 0:
-                    k = count
-                    count += 1
-                    found_sign(k, i, seen, offset[i], signs)
-                add_member(k, i, 1.0, seen, offset[i], signs)
-                sign[i] = k
+            if (chosen == before).all():
+                break
+        for i in range(lo, hi):
+            c = chosen[i - lo]
+            k = index[i - lo, c] if c >= 0 else -1
+            if k < 0:
+                k = count
+                count += 1
+                found_sign(k, i, seen, offset[i], signs)
+            add_member(k, i, 1.0, seen, offset[i], signs)
+            sign[i] = k

@@ -9,21 +9,40 @@ their halo only what those before them left, so that every sighting is in one si
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
+from automap.mapping.adjustment import adjust
 from automap.mapping.association import associate, renumbered
 from automap.mapping.cells import cell_of, colour_of, groups, touched
 from automap.mapping.duplicates import join_duplicates
-from automap.mapping.limits import HALO_M
+from automap.mapping.limits import HALO_M, ROUNDS
 from automap.mapping.sightings import Sightings
 from automap.records import BoolArray, IntArray
+
+
+def joined_signs(near: Sightings) -> IntArray:
+    """The signs [n] of the sightings ``near`` [n].
+
+    Each drive that founds signs gives the map a frame of its own, and where two of these meet no
+    offset of a third fits both: so each drive is laid over the map of all others again, now placed
+    by all drives together, until nothing changes.
+    """
+    found = associate(near)
+    sign = join_duplicates(near, found)
+    for _ in range(ROUNDS):
+        found = associate(near, replace(found, sign=sign, offset=adjust(near, sign).offset))
+        before, sign = sign, join_duplicates(near, found)
+        if np.array_equal(before, sign):
+            break
+    return sign
 
 
 def group_cell(near: Sightings, own: BoolArray, free: BoolArray) -> IntArray:
     """The signs [n] of one cell (-1: in none of it), from the sightings ``near`` [n] it: those of
     it, ``own`` [n], and of its halo. ``free`` [n] are in no sign of another cell yet."""
-    found = join_duplicates(near, associate(near))
+    found = joined_signs(near)
     return np.where(free & np.isin(found, found[own & free]), found, -1)
 
 
