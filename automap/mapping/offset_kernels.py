@@ -28,7 +28,8 @@ def vote(
 
     Every candidate proposes its own difference of place as the offset of its stretch; the
     proposal that most of the others agree with wins. One sign alone cannot pull a drive onto the
-    wrong map signs.
+    wrong map signs. Stretches begin at fixed times, so that they are the same whatever else of the
+    drive is looked at.
     """
     n = len(time_s)
     start = 0
@@ -37,7 +38,7 @@ def vote(
         while (
             stop < n
             and stop - start < limits.STRETCH_SIGHTINGS
-            and time_s[stop] - time_s[start] < limits.STRETCH_S
+            and time_s[stop] // limits.STRETCH_S == time_s[start] // limits.STRETCH_S
         ):
             stop += 1
         middle = 0.5 * (time_s[start] + time_s[stop - 1])

@@ -88,7 +88,7 @@ def mapping_association() -> Any:
                 drives[0].cov_enu, 0.7 * seen.shared_sd(drives[0], rows)
             ),
             "found": found,
-            "few": associate(stacked, 1),
+            "again": associate(stacked, found),
             "by cells": associate_by_cells(stacked),
             "evidence": class_evidence(stacked.classes),
             "joined": of.join_duplicates(stacked, cut),
@@ -102,9 +102,10 @@ def mapping_places() -> Any:
     from automap.geolocation.path_errors import Equations
     from automap.mapping import adjustment as of
     from automap.mapping import sureness
-    from automap.mapping.association import Members, associate
+    from automap.mapping.association import Members
     from automap.mapping.attributes import combine_attributes
     from automap.mapping.backs import map_backs, with_backs
+    from automap.mapping.by_cells import joined_signs
     from automap.mapping.cells import cell_of
     from automap.mapping.drive_levels import drive_squares, error_levels
     from automap.mapping.identity import name_signs, sighting_key
@@ -113,8 +114,7 @@ def mapping_places() -> Any:
 
     drives = _drives()
     stacked = stack_sightings(drives)
-    found = associate(stacked)
-    sign = found.sign
+    sign = joined_signs(stacked)
     lat, lon = of.rough_places(stacked, sign)
     members = Members(sign)
     levels = np.sqrt([1.728, 1.152, 0.81])
@@ -170,12 +170,12 @@ def mapping_existence() -> Any:
     from automap.mapping import existence as of
     from automap.mapping import visibility
     from automap.mapping.adjustment import rough_places
-    from automap.mapping.association import associate
+    from automap.mapping.by_cells import joined_signs
     from automap.mapping.sightings import stack_sightings
 
     drives = _drives()
     stacked = stack_sightings(drives)
-    sign = associate(stacked).sign
+    sign = joined_signs(stacked)
     lat, lon = rough_places(stacked, sign)
     m = len(lat)
     facing = np.full(m, np.nan)
@@ -245,11 +245,12 @@ def mapping_kernels() -> Any:
     time_s = np.cumsum(rng.uniform(1.0, 30.0, n))
     shared = rng.uniform(0.3, 1.2, (n, 3))
     offset, variance = np.zeros((n, 3)), np.zeros((n, 3))
-    offset_kernels.vote(time_s, shared, index, values, offset)
-    voted = offset.copy()
+    offset_kernels.vote(time_s, shared, index, values, offset, variance)
+    voted = offset.copy(), variance.copy()
     chosen = np.zeros(n, np.int64)
     assign(index, values, offset, rng.uniform(0.0, 0.3, (n, 3)), chosen, np.zeros(7, np.bool_))
     assigned = chosen.copy()
+    of_drive = np.array([0.3, -0.2, 0.1]), np.array([0.2, 0.4, 0.3])
     offset_kernels.smooth(time_s, shared, chosen, values, offset, variance)
     lat, lon = -0.6 + 4e-6 * rng.normal(size=12), 2.6 + 4e-6 * rng.normal(size=12)
     lon[:3] = [np.pi - 1e-7, -np.pi + 1e-7, 0.4]
@@ -269,7 +270,7 @@ def mapping_kernels() -> Any:
             "assigned": assigned,
             "smoothed": (offset, variance),
             "agreement": [
-                offset_kernels.agreement(values[i, 0], 0.3, -0.2, 0.1, 0.2, 0.4) for i in range(n)
+                offset_kernels.agreement(values[i, 0], *of_drive) for i in range(n)
             ],
             "mean": [candidates.mean_of(s) for s in (state, empty)],
             "facing": [

@@ -12,8 +12,7 @@ from merge_scene import Scene, street_scene
 
 from automap.earth import MEAN_RADIUS
 from automap.mapping import cells
-from automap.mapping.association import associate
-from automap.mapping.by_cells import associate_by_cells
+from automap.mapping.by_cells import associate_by_cells, joined_signs
 from automap.mapping.cells import (
     LEVEL,
     beside,
@@ -23,7 +22,6 @@ from automap.mapping.cells import (
     quadkey,
     touched,
 )
-from automap.mapping.duplicates import join_duplicates
 from automap.mapping.merge import Merged, merge_drives
 from automap.mapping.sightings import DriveSigns, stack_sightings
 from tests.slow_cases import others_slow
@@ -121,7 +119,7 @@ def test_signs_of_a_street_through_two_cells_are_those_of_one_piece(seed: int, l
     drives = at_edge(street_scene(seed, 8, length_m=2000.0), lon)
     sightings = stack_sightings(drives)
     assert len(np.unique(cell_of(sightings.lat, sightings.lon))) >= 2
-    whole = join_duplicates(sightings, associate(sightings))
+    whole = joined_signs(sightings)
     found = associate_by_cells(sightings)
     assert same_groups(whole, found)
 
@@ -146,7 +144,7 @@ def test_a_map_by_cells_is_the_map_in_one_piece(seed: int, monkeypatch: pytest.M
     by_cells = merge_drives(drives)
     monkeypatch.setattr(
         "automap.mapping.merge.associate_by_cells",
-        lambda sightings, progress: join_duplicates(sightings, associate(sightings)),
+        lambda sightings, progress: joined_signs(sightings),
     )
     assert_same_map(merge_drives(drives), by_cells, 0.01)
 
@@ -171,7 +169,7 @@ def test_every_sighting_is_in_one_sign_where_signs_stand_on_the_edge() -> None:
     home = cell_of(sightings.lat, sightings.lon)
     spread = np.array([len(np.unique(home[found == k])) for k in range(int(found.max()) + 1)])
     assert (spread > 1).sum() > 10
-    whole = join_duplicates(sightings, associate(sightings))
+    whole = joined_signs(sightings)
     assert same_groups(whole, found)
 
 
