@@ -106,6 +106,23 @@ def adjust(
     return result
 
 
+def offsets_of(sightings: Sightings, sign: IntArray) -> FloatArray:
+    """Offset [n, 3] m east, north, up of each sighting's drive there, as of ``adjust`` where every
+    sighting counts as stated and no covariance is asked for, a quarter of the work."""
+    offset = np.zeros((len(sightings), 3))
+    lat, lon = rough_places(sightings, sign)
+    members, levels = Members(sign), np.ones(3)
+    for tile in cut_tiles(lat, lon):
+        data = tile_data(sightings, members, tile, lat, lon)
+        own, order = data.sign < len(tile.core), None
+        for count, axes in ((2, slice(0, 2)), (1, slice(2, 3))):
+            equations = Equations(network_of(sightings, data, levels, count), order)
+            order, net = equations.order, equations.network
+            moved = (net.sd * equations.solve().error[net.node]).sum(axis=1)
+            offset[data.rows[own], axes] = moved[own]
+    return offset
+
+
 def rough_places(sightings: Sightings, sign: IntArray) -> tuple[FloatArray, FloatArray]:
     """Plain means [m] of the sightings' latitudes and longitudes."""
     count = np.bincount(sign)

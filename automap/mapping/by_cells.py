@@ -13,11 +13,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from automap.mapping.adjustment import adjust
+from automap.mapping.adjustment import offsets_of
 from automap.mapping.association import associate, renumbered
 from automap.mapping.cells import cell_of, colour_of, groups, touched
 from automap.mapping.duplicates import join_duplicates
-from automap.mapping.limits import HALO_M, ROUNDS
+from automap.mapping.limits import HALO_M, ROUNDS, SETTLED_SHARE
 from automap.mapping.sightings import Sightings
 from automap.records import BoolArray, IntArray
 
@@ -27,14 +27,16 @@ def joined_signs(near: Sightings) -> IntArray:
 
     Each drive that founds signs gives the map a frame of its own, and where two of these meet no
     offset of a third fits both: so each drive is laid over the map of all others again, now placed
-    by all drives together, until nothing changes.
+    by all drives together, until hardly a sign is of other sightings than before.
     """
     found = associate(near)
     sign = join_duplicates(near, found)
     for _ in range(ROUNDS):
-        found = associate(near, replace(found, sign=sign, offset=adjust(near, sign).offset))
+        found = associate(near, replace(found, sign=sign, offset=offsets_of(near, sign)))
         before, sign = sign, join_duplicates(near, found)
-        if np.array_equal(before, sign):
+        # where a sign is of several of before, or one of before is several now, pairs are more
+        pairs = len(np.unique(np.column_stack([before, sign]), axis=0))
+        if pairs <= (1.0 + SETTLED_SHARE) * min(len(np.unique(before)), len(np.unique(sign))):
             break
     return sign
 

@@ -16,8 +16,10 @@ from automap.geolocation.limits import SEEN_FROM_M as SEEN_FROM_M
 
 # which sightings are one sign
 
-ROUNDS = 2
-"""How often every drive is looked at again, with the map of all others known."""
+ROUNDS, SETTLED_SHARE = 3, 0.01
+"""How often every drive is looked at again at most, with the map of all others known, and of how
+many signs the sightings change in the last turn. Chosen: each turn changes a fifth to a tenth of
+what the one before did."""
 SAME_GATE = gate_in_plane(math.exp(-8.0))
 """Squared sigmas by which a sign lies further from itself, in another drive or an older map, with
 the probability of four sigmas in the plane."""
