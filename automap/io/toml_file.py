@@ -59,9 +59,9 @@ def no_boolean(value: Any, annotation: Any) -> Any:
     """A value as it is; ValueError where true or false stands in it and its field, of the type
     ``annotation``, has numbers: Python takes them for 1 and 0."""
     kinds = set(_kinds(annotation))
-    if kinds & {int, float} and bool not in kinds:
-        if any(isinstance(leaf, bool) for _, leaf in _leaves(value, "")):
-            raise ValueError("true and false are no numbers; write the number")
+    numbers = kinds & {int, float} and bool not in kinds
+    if numbers and any(isinstance(leaf, bool) for _, leaf in _leaves(value, "")):
+        raise ValueError("true and false are no numbers; write the number")
     return value
 
 
