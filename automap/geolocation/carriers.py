@@ -10,14 +10,18 @@ by as much in size, so that these are not told.
 
 from __future__ import annotations
 
+from dataclasses import replace
+from typing import Any
+
 import numpy as np
 
 from automap.gates import gate
 from automap.geolocation import limits
+from automap.geolocation.fixed_in_picture import driven_m
 from automap.geolocation.landmark import SizePrior, boxes_of, fit_landmark
 from automap.geolocation.landmark_kernels import solve_landmark
-from automap.geolocation.views import Views, numbered_tracks
-from automap.records import BoolArray, IntArray
+from automap.geolocation.views import MeasurementNoise, Views, build_views, numbered_tracks
+from automap.records import BoolArray, Camera, Detections, IntArray, Trajectory
 
 
 def carried_views(views: Views, prior: SizePrior) -> BoolArray:
@@ -28,9 +32,51 @@ def carried_views(views: Views, prior: SizePrior) -> BoolArray:
     return carried
 
 
+def far_carried(
+    trajectory: Trajectory,
+    found: Detections,
+    camera: Camera,
+    noise: MeasurementNoise,
+    prior: SizePrior,
+) -> BoolArray:
+    """Which boxes [n] of one camera are of a thing that moves along, each covering a part of its
+    place before, for more than ``SEEN_FROM_M`` driven.
+
+    No sign by the road does, however the camera is turned and its frames are stamped, so that such
+    boxes say nothing of the camera either. Where a track goes from one sign to the next its boxes
+    do not cover one another.
+    """
+    far = np.zeros(len(found), np.bool_)
+    order = np.lexsort([found.frame, found.track])
+    box = np.asarray(found.box, np.float64).reshape(-1, 4)[order]
+    sides = np.minimum(box[1:, 2:], box[:-1, 2:]) - np.maximum(box[1:, :2], box[:-1, :2])
+    apart = ~(sides > 0.0).all(axis=1) | (np.diff(found.track[order]) != 0)
+    driven = driven_m(trajectory, np.asarray(found.t_ns, np.int64))[order]
+    parts = np.split(order, np.flatnonzero(apart) + 1)
+    way = [
+        np.ptp(each) if len(each) else 0.0 for each in np.split(driven, np.flatnonzero(apart) + 1)
+    ]
+    track = np.full(len(found), -1, np.int64)
+    for number, (part, metres) in enumerate(zip(parts, way, strict=True)):
+        if metres > limits.SEEN_FROM_M and found.track[part[0]] >= 0:
+            track[part] = number
+    rows = np.flatnonzero(track >= 0)
+    if len(rows):
+        columns: dict[str, Any] = {
+            k: v[rows] for k, v in vars(found).items() if isinstance(v, np.ndarray)
+        }
+        some = replace(found, **{**columns, "track": track[rows]})
+        views = build_views(trajectory, [some], {found.camera: camera}, noise)
+        far[rows[views.row[carried_views(views, prior)]]] = True
+    return far
+
+
 def moves_along(views: Views, rows: IntArray, prior: SizePrior) -> bool:
     """Whether a thing of a sign's size that goes about as fast as the camera explains the boxes
-    ``rows`` of one track far better than one that stands does."""
+    ``rows`` of one track far better than one that stands does. What is in a frame twice is no
+    track of one thing."""
+    if len(np.unique(views.frame[rows])) < len(rows):
+        return False
     standing = fit_landmark(views, rows, prior)
     boxes = boxes_of(views, rows, standing.anchor, prior)
     # it turns with the road, and so with the camera

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -14,6 +15,8 @@ from automap.frames import rpy_to_matrix
 from automap.geolocation import carriers, limits
 from automap.geolocation.landmark import SizePrior
 from automap.geolocation.locate import locate_signs
+from automap.geolocation.result import LEFT_OUT
+from automap.geolocation.rules import GeolocationRules
 from automap.records import Camera, Detections, FloatArray, IntArray, Trajectory
 from tests.slow_cases import others_slow
 
@@ -81,6 +84,32 @@ def test_a_sign_on_a_lorry_ahead_is_left_out_and_all_that_stand_are_kept(
     else:
         assert len(mine) == 1
         assert not (result.observations.note == "moving").any()
+
+
+def jam(path: Trajectory, speed: float) -> Detections:
+    """Signs by the road, and one on a lorry ahead for 20 s."""
+    found, owner = boxes(path, roadside(path), camera(), np.random.default_rng(2))
+    found = replace(found, track=owner.astype(np.int64))
+    return together(found, carried(path, camera(), 20.0, speed, 20.0))
+
+
+def test_what_is_followed_further_than_signs_are_seen_is_left_out_before_anything_is_fitted() -> (
+    None
+):
+    path = drive_path(40.0, SPEED, 0.02)
+    both = jam(path, SPEED + 0.5)
+    rules = GeolocationRules()
+    far = carriers.far_carried(path, both, camera(), rules.noise, rules.size)
+    assert far[both.track == 999].mean() > 0.95
+    assert not far[both.track != 999].any()
+    # nor are signs and a lorry that a bad tracker gives one number
+    mixed = replace(both, track=both.track % 2)
+    assert not carriers.far_carried(path, mixed, camera(), rules.noise, rules.size).any()
+    result = locate_signs(path, [both], {"front": camera()})
+    moving = int((result.observations.note == "moving").sum())
+    assert moving == (both.track == 999).sum()
+    told = [text for text in result.warnings if "move along" in text]
+    assert told == [f"{moving} of {len(both)} detections {LEFT_OUT['moving']}; they were left out."]
 
 
 def test_a_track_is_judged_by_its_own_boxes_alone(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -269,7 +269,9 @@ def test_bytes_arrive_late_and_in_order() -> None:
 
 
 @pytest.mark.parametrize(("stated", "height"), [("", 46.0), ("geoid_separation_m = 0.0", 0.0)])
-def test_a_receiver_tells_the_geoid_of_the_place(stated: str, height: float, tmp_path: Path) -> None:
+def test_a_receiver_tells_the_geoid_of_the_place(
+    stated: str, height: float, tmp_path: Path
+) -> None:
     """In Munich it is 46 m above the ellipsoid; a check of such a drive warns of none."""
     (tmp_path / "munich.toml").write_text(
         'schema = "automap.scenario/1"\nname = "munich"\n[start]\nutc = "2026-03-14T09:20:00Z"\n'
