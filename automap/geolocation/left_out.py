@@ -1,5 +1,5 @@
-"""Boxes that are of no sign by the road whatever the camera is: they are left out before anything is
-fitted, so that nothing is fitted to them."""
+"""Boxes that are of no sign by the road whatever the camera is: they are left out first, so that
+nothing is fitted to them."""
 
 from __future__ import annotations
 

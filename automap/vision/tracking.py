@@ -216,8 +216,7 @@ def box_tracks(found: Detections, camera: Camera, path: CameraPath | None) -> In
     stamps = found.t_ns.tolist()
     for number, (a, b) in enumerate(pairwise(edges)):
         seconds = (stamps[a] - stamps[edges[max(number - 1, 0)]]) * 1e-9
-        known = path is not None and number > 0
-        motion = motion_on_path(path, number - 1, number, seconds) if known else None
+        motion = motion_on_path(path, number - 1, number, seconds) if path and number else None
         signs = FoundSigns(tuple(found.class_name[a:b]), found.box[a:b], found.score[a:b])
         track[a:b] = tracker.step(motion or guessed_motion(seconds), seconds, signs)
     track = _rejoined(track, np.asarray(found.t_ns, np.int64), np.asarray(found.box, np.float64))
