@@ -47,25 +47,23 @@ def far_carried(
     do not cover one another.
     """
     far = np.zeros(len(found), np.bool_)
+    if not len(found) or not len(trajectory.t_ns):
+        return far
     order = np.lexsort([found.frame, found.track])
     box = np.asarray(found.box, np.float64).reshape(-1, 4)[order]
     sides = np.minimum(box[1:, 2:], box[:-1, 2:]) - np.maximum(box[1:, :2], box[:-1, :2])
     apart = ~(sides > 0.0).all(axis=1) | (np.diff(found.track[order]) != 0)
+    first = np.concatenate([[0], np.flatnonzero(apart) + 1])
     driven = driven_m(trajectory, np.asarray(found.t_ns, np.int64))[order]
-    parts = np.split(order, np.flatnonzero(apart) + 1)
-    way = [
-        np.ptp(each) if len(each) else 0.0 for each in np.split(driven, np.flatnonzero(apart) + 1)
-    ]
-    track = np.full(len(found), -1, np.int64)
-    for number, (part, metres) in enumerate(zip(parts, way, strict=True)):
-        if metres > limits.SEEN_FROM_M and found.track[part[0]] >= 0:
-            track[part] = number
-    rows = np.flatnonzero(track >= 0)
+    way = np.maximum.reduceat(driven, first) - np.minimum.reduceat(driven, first)
+    part = np.concatenate([[0], np.cumsum(apart)])
+    long = (way > limits.SEEN_FROM_M)[part] & (found.track[order] >= 0)
+    rows = order[long]
     if len(rows):
         columns: dict[str, Any] = {
             k: v[rows] for k, v in vars(found).items() if isinstance(v, np.ndarray)
         }
-        some = replace(found, **{**columns, "track": track[rows]})
+        some = replace(found, **{**columns, "track": part[long]})
         views = build_views(trajectory, [some], {found.camera: camera}, noise)
         far[rows[views.row[carried_views(views, prior)]]] = True
     return far

@@ -263,9 +263,9 @@ def _listed(video: VideoInput, headers: list[VideoHeader]) -> Iterator[tuple[Pat
         findings.append(
             Finding(
                 "info",
-                f"no column track tells which boxes are of one thing, and in frames {apart_s:.1f} s "
-                "apart nothing that moves can be followed, so signs on vehicles ahead are taken "
-                "for signs of the road",
+                "no column track tells which boxes are of one thing, and in frames that are "
+                f"{apart_s:.1f} s apart nothing that moves can be followed, so signs on "
+                "vehicles ahead are taken for signs of the road",
                 "write the numbers that the detector's tracker gives (docs/howto/own-detector.md)",
             )
         )
