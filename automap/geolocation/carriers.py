@@ -39,12 +39,12 @@ def far_carried(
     noise: MeasurementNoise,
     prior: SizePrior,
 ) -> BoolArray:
-    """Which boxes [n] of one camera are of a thing that moves along, each covering a part of its
-    place before, for more than ``SEEN_FROM_M`` driven.
+    """Which boxes [n] of one camera belong to a track that moves along for more than
+    ``SEEN_FROM_M`` driven.
 
     No sign by the road does, however the camera is turned and its frames are stamped, so that such
-    boxes say nothing of the camera either. Where a track goes from one sign to the next its boxes
-    do not cover one another.
+    boxes say nothing of the camera either. A track that goes on from one sign to the next lasts for
+    as long; there its box jumps and is smaller, which ends it.
     """
     far = np.zeros(len(found), np.bool_)
     if not len(found) or not len(trajectory.t_ns):
@@ -52,7 +52,9 @@ def far_carried(
     order = np.lexsort([found.frame, found.track])
     box = np.asarray(found.box, np.float64).reshape(-1, 4)[order]
     sides = np.minimum(box[1:, 2:], box[:-1, 2:]) - np.maximum(box[1:, :2], box[:-1, :2])
-    apart = ~(sides > 0.0).all(axis=1) | (np.diff(found.track[order]) != 0)
+    extent = box[:, 3] - box[:, 1]
+    apart = ~(sides > 0.0).all(axis=1) & ~(limits.NEXT_SMALLER * extent[1:] > extent[:-1])
+    apart |= np.diff(found.track[order]) != 0
     first = np.concatenate([[0], np.flatnonzero(apart) + 1])
     driven = driven_m(trajectory, np.asarray(found.t_ns, np.int64))[order]
     way = np.maximum.reduceat(driven, first) - np.minimum.reduceat(driven, first)
