@@ -78,6 +78,10 @@ def moves_along(views: Views, rows: IntArray, prior: SizePrior) -> bool:
     if len(np.unique(views.frame[rows])) < len(rows):
         return False
     standing = fit_landmark(views, rows, prior)
+    others = rows[standing.weight < limits.MISFIT_WEIGHT]
+    if 2 * len(others) > len(rows):
+        # it hangs on a few, which may be the false ones
+        rows, standing = others, fit_landmark(views, others, prior)
     boxes = boxes_of(views, rows, standing.anchor, prior)
     # it turns with the road, and so with the camera
     boxes = boxes._replace(M=np.ascontiguousarray(np.broadcast_to(np.eye(3), boxes.M.shape)))

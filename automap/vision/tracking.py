@@ -215,7 +215,7 @@ def box_tracks(found: Detections, camera: Camera, path: CameraPath | None) -> In
     tracker, track = Tracker(camera), np.full(len(found), -1, np.int64)
     stamps = found.t_ns.tolist()
     for number, (a, b) in enumerate(pairwise(edges)):
-        seconds = (stamps[a] - stamps[edges[max(number - 1, 0)]]) * 1e-9
+        seconds = max(stamps[a] - stamps[edges[max(number - 1, 0)]], 0) * 1e-9
         motion = motion_on_path(path, number - 1, number, seconds) if path and number else None
         signs = FoundSigns(tuple(found.class_name[a:b]), found.box[a:b], found.score[a:b])
         track[a:b] = tracker.step(motion or guessed_motion(seconds), seconds, signs)

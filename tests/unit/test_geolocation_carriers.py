@@ -17,10 +17,13 @@ from automap.geolocation.landmark import SizePrior
 from automap.geolocation.locate import locate_signs
 from automap.geolocation.result import LEFT_OUT
 from automap.geolocation.rules import GeolocationRules
+from automap.geolocation.views import MeasurementNoise, build_views
 from automap.records import Camera, Detections, FloatArray, IntArray, Trajectory
 from tests.slow_cases import others_slow
 
 SPEED = 12.0
+NARROW = MeasurementNoise(0.7, 0.02, 0.0008)
+"""Of a detector whose boxes were measured to be good."""
 
 
 def carried(
@@ -84,6 +87,29 @@ def test_a_sign_on_a_lorry_ahead_is_left_out_and_all_that_stand_are_kept(
     else:
         assert len(mine) == 1
         assert not (result.observations.note == "moving").any()
+
+
+@pytest.mark.parametrize("turn_rate", [0.0, 0.02])
+def test_a_false_box_ahead_of_a_track_makes_no_sign_move(turn_rate: float) -> None:
+    path = drive_path(40.0, SPEED, turn_rate)
+    found, owner = boxes(path, roadside(path), camera(), np.random.default_rng(2), interval_s=0.1)
+    for sign in np.unique(owner):
+        rows = np.flatnonzero(owner == sign)[:18]
+        # a second and a half before, to the left, and larger
+        row = found.t_ns[rows[0]] - 1_500_000_000
+        at = np.searchsorted(path.t_ns, row)
+        if at == 0:
+            continue
+        own = {k: v[rows] for k, v in vars(found).items() if isinstance(v, np.ndarray)}
+        first = {k: v[:1] for k, v in own.items()} | {
+            "frame": own["frame"][:1] - 15,
+            "t_ns": path.t_ns[[at]],
+            "box": np.array([[430.0, 460.0, 470.0, 500.0]]),
+        }
+        track = replace(found, **{k: np.concatenate([first[k], own[k]]) for k in own})
+        track = replace(track, track=np.full(len(track), 7))
+        views = build_views(path, [track], {"front": camera()}, NARROW)
+        assert not carriers.moves_along(views, np.arange(len(views)), SizePrior())
 
 
 def jam(path: Trajectory, speed: float) -> Detections:
