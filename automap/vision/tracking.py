@@ -206,7 +206,8 @@ class Tracker:
 
 
 def box_tracks(found: Detections, camera: Camera, path: CameraPath | None) -> IntArray:
-    """Track number [n] of each box, -1 of one that stays alone.
+    """Track number [n] of each box, -1 of one that stays alone, and of all where frames are so far
+    apart (``REJOIN_S``) that nothing that moves can be followed: what stands needs no track.
 
     ``found`` [n] in the order of frames, as of a detector that looks at each frame by itself;
     ``path`` of the camera at the stamps of the frames that have boxes, in order (None: unknown).
@@ -214,6 +215,11 @@ def box_tracks(found: Detections, camera: Camera, path: CameraPath | None) -> In
     edges = [*np.flatnonzero(np.diff(found.frame, prepend=-1)).tolist(), len(found)]
     tracker, track = Tracker(camera), np.full(len(found), -1, np.int64)
     stamps = found.t_ns.tolist()
+    if (
+        np.median(np.diff(found.t_ns[edges[:-1]]) if len(edges) > 2 else 0.0)
+        > limits.REJOIN_S * 1e9
+    ):
+        return track
     for number, (a, b) in enumerate(pairwise(edges)):
         seconds = max(stamps[a] - stamps[edges[max(number - 1, 0)]], 0) * 1e-9
         motion = motion_on_path(path, number - 1, number, seconds) if path and number else None
