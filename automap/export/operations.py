@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from automap.errors import ConfigError, InputError
+from automap.io.vector_layer import parse_crs
 from automap.records import FloatArray
 
 LEAST_ACCURACY_M = 0.25
@@ -49,12 +50,9 @@ class Route:
 
 def find_crs(code: str, option: str = "--datum") -> Any:
     """The system of a code; ConfigError, in the name of ``option``, where there is none."""
-    from pyproj import CRS
-    from pyproj.exceptions import CRSError
-
     try:
-        return CRS.from_user_input(code)
-    except CRSError:
+        return parse_crs(code)
+    except ValueError:
         raise ConfigError(
             f"{option} {code}: PROJ knows no such code; look it up in EPSG."
         ) from None

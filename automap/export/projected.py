@@ -7,7 +7,6 @@ take ellipsoidal heights for national ones, tens of metres off, which is refused
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
@@ -53,44 +52,37 @@ class Plane:
 
 
 def parse_projection(text: str, heights: str = "") -> Projection:
-    """A system from text such as "EPSG:25832", with the height system "EPSG:7837".
+    """A system as PROJ takes it ("EPSG:25832", "25832", a name, WKT), with the height system
+    ``heights``, such as "EPSG:7837".
 
     Both may stand in one code ("EPSG:25832+7837", "EPSG:5555"). Raises ConfigError for what is no
-    projected system or no height system.
+    projected system or no height system, or has no code of EPSG, which files are to state.
     """
-    name = text.strip().upper()
-    if not re.fullmatch(r"EPSG:\d+(\+\d+)?", name):
-        raise ConfigError(f"--crs {text}: give a code of EPSG, such as EPSG:25832.")
-    crs = find_crs(name, "--crs")
-    vertical = ""
+    crs, up = find_crs(text, "--crs"), find_crs(heights, "--heights") if heights else None
     if crs.is_compound:
-        crs, up = crs.sub_crs_list[:2]
-        name, vertical = _code(crs, name), _code(up, name)
+        crs, own = crs.sub_crs_list[:2]
+        up = up or own
     if not crs.is_projected or crs.geodetic_crs is None:
         raise ConfigError(
             f"--crs {text} is {crs.name}, which is no projected system; for longitude and "
             "latitude in a datum take --datum."
         )
-    if heights:
-        vertical = heights.strip().upper()
-        if not re.fullmatch(r"EPSG:\d+", vertical):
-            raise ConfigError(f"--heights {heights}: give a code of EPSG, such as EPSG:7837.")
-    if vertical and not find_crs(vertical, "--heights").is_vertical:
-        raise ConfigError(
-            f"--heights {vertical} is {find_crs(vertical, '--heights').name}, which is no height "
-            "system."
-        )
+    if up is not None and not up.is_vertical:
+        raise ConfigError(f"--heights {heights or text} is {up.name}, which is no height system.")
     try:
-        datum = parse_datum(_code(crs.geodetic_crs, name))
+        datum = parse_datum(_code(crs.geodetic_crs, text))
     except ConfigError as error:
         raise ConfigError(f"--crs {text}: {error}") from None
-    return Projection(name, crs.name, datum, vertical)
+    return Projection(_code(crs, text), crs.name, datum, "" if up is None else _code(up, text))
 
 
 def _code(crs: CRS, text: str) -> str:
-    authority = crs.to_authority()
+    authority = crs.to_authority("EPSG")
     if authority is None:
-        raise ConfigError(f"--crs {text}: {crs.name} has no code; name its parts by theirs.")
+        raise ConfigError(
+            f"--crs {text}: {crs.name} has no code of EPSG, which the files state; name one that "
+            "has, such as EPSG:25832."
+        )
     return ":".join(authority)
 
 

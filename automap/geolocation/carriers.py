@@ -10,14 +10,18 @@ by as much in size, so that these are not told.
 
 from __future__ import annotations
 
+from dataclasses import replace
+from typing import Any
+
 import numpy as np
 
 from automap.gates import gate
 from automap.geolocation import limits
+from automap.geolocation.fixed_in_picture import driven_m
 from automap.geolocation.landmark import SizePrior, boxes_of, fit_landmark
 from automap.geolocation.landmark_kernels import solve_landmark
-from automap.geolocation.views import Views, numbered_tracks
-from automap.records import BoolArray, IntArray
+from automap.geolocation.views import MeasurementNoise, Views, build_views, numbered_tracks
+from automap.records import BoolArray, Camera, Detections, IntArray, Trajectory
 
 
 def carried_views(views: Views, prior: SizePrior) -> BoolArray:
@@ -28,10 +32,56 @@ def carried_views(views: Views, prior: SizePrior) -> BoolArray:
     return carried
 
 
+def far_carried(
+    trajectory: Trajectory,
+    found: Detections,
+    camera: Camera,
+    noise: MeasurementNoise,
+    prior: SizePrior,
+) -> BoolArray:
+    """Which boxes [n] of one camera belong to a track that moves along for more than
+    ``SEEN_FROM_M`` driven.
+
+    No sign by the road does, however the camera is turned and its frames are stamped, so that such
+    boxes say nothing of the camera either. A track that goes on from one sign to the next lasts for
+    as long; there its box jumps and is smaller, which ends it.
+    """
+    far = np.zeros(len(found), np.bool_)
+    if not len(found) or not len(trajectory.t_ns):
+        return far
+    order = np.lexsort([found.frame, found.track])
+    box = np.asarray(found.box, np.float64).reshape(-1, 4)[order]
+    sides = np.minimum(box[1:, 2:], box[:-1, 2:]) - np.maximum(box[1:, :2], box[:-1, :2])
+    extent = box[:, 3] - box[:, 1]
+    apart = ~(sides > 0.0).all(axis=1) & ~(limits.NEXT_SMALLER * extent[1:] > extent[:-1])
+    apart |= np.diff(found.track[order]) != 0
+    first = np.concatenate([[0], np.flatnonzero(apart) + 1])
+    driven = driven_m(trajectory, np.asarray(found.t_ns, np.int64))[order]
+    way = np.maximum.reduceat(driven, first) - np.minimum.reduceat(driven, first)
+    part = np.concatenate([[0], np.cumsum(apart)])
+    long = (way > limits.SEEN_FROM_M)[part] & (found.track[order] >= 0)
+    rows = order[long]
+    if len(rows):
+        columns: dict[str, Any] = {
+            k: v[rows] for k, v in vars(found).items() if isinstance(v, np.ndarray)
+        }
+        some = replace(found, **{**columns, "track": part[long]})
+        views = build_views(trajectory, [some], {found.camera: camera}, noise)
+        far[rows[views.row[carried_views(views, prior)]]] = True
+    return far
+
+
 def moves_along(views: Views, rows: IntArray, prior: SizePrior) -> bool:
     """Whether a thing of a sign's size that goes about as fast as the camera explains the boxes
-    ``rows`` of one track far better than one that stands does."""
+    ``rows`` of one track far better than one that stands does. What is in a frame twice is no
+    track of one thing."""
+    if len(np.unique(views.frame[rows])) < len(rows):
+        return False
     standing = fit_landmark(views, rows, prior)
+    others = rows[standing.weight < limits.MISFIT_WEIGHT]
+    if 2 * len(others) > len(rows):
+        # it hangs on a few, which may be the false ones
+        rows, standing = others, fit_landmark(views, others, prior)
     boxes = boxes_of(views, rows, standing.anchor, prior)
     # it turns with the road, and so with the camera
     boxes = boxes._replace(M=np.ascontiguousarray(np.broadcast_to(np.eye(3), boxes.M.shape)))

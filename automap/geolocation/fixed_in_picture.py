@@ -10,20 +10,11 @@ so that larger boxes are in as many frames.
 
 from __future__ import annotations
 
-from dataclasses import replace
-from typing import Any
-
 import numpy as np
 
 from automap.effects.limits import MOVING_SPEED
 from automap.gates import gate
 from automap.geolocation import limits
-from automap.geolocation.result import (
-    LEFT_OUT,
-    GeolocationResult,
-    Observations,
-    nothing_observed,
-)
 from automap.geolocation.views import MeasurementNoise
 from automap.interpolation import LONGEST_GAP_S
 from automap.records import BoolArray, Detections, FloatArray, IntArray, Trajectory
@@ -46,7 +37,7 @@ def fixed_boxes(trajectory: Trajectory, found: Detections, noise: MeasurementNoi
         return fixed
     place = np.column_stack([middle[rows], extent[rows]])
     number = np.unique(found.frame[rows], return_inverse=True)[1].ravel()
-    driven = _driven_m(trajectory, np.asarray(found.t_ns, np.int64)[rows])
+    driven = driven_m(trajectory, np.asarray(found.t_ns, np.int64)[rows])
     sd = np.hypot(noise.pixel_sd, noise.box_fraction * place[:, 2])
     across = np.argsort(place[:, 0], kind="stable")
     x = place[across, 0]
@@ -82,34 +73,6 @@ def fixed_boxes(trajectory: Trajectory, found: Detections, noise: MeasurementNoi
     return fixed
 
 
-def without(found: Detections, rows: BoolArray) -> Detections:
-    """Boxes of a camera but for some ``rows`` [n]."""
-    columns: dict[str, Any] = {
-        k: v[~rows] for k, v in vars(found).items() if isinstance(v, np.ndarray)
-    }
-    return replace(found, **columns)
-
-
-def with_fixed(result: GeolocationResult, fixed: BoolArray) -> GeolocationResult:
-    """What was found without the boxes that are ``fixed`` [n] of all, these told as left out."""
-    if not fixed.any():
-        return result
-    kept = np.flatnonzero(~fixed)
-    columns = {}
-    for name, empty in vars(nothing_observed(len(fixed))).items():
-        empty[kept] = getattr(result.observations, name)
-        columns[name] = empty
-    columns["note"][fixed] = "fixed"
-    signs = [replace(sign, detection_rows=kept[sign.detection_rows]) for sign in result.signs]
-    text = f"{int(fixed.sum())} of {len(fixed)} detections {LEFT_OUT['fixed']}; they were left out."
-    return replace(
-        result,
-        observations=Observations(**columns),
-        signs=signs,
-        warnings=[text, *result.warnings],
-    )
-
-
 def _suspects(
     place: FloatArray, sd: FloatArray, number: IntArray, driven: FloatArray
 ) -> list[FloatArray]:
@@ -132,7 +95,7 @@ def _suspects(
     ]
 
 
-def _driven_m(trajectory: Trajectory, t_ns: IntArray) -> FloatArray:
+def driven_m(trajectory: Trajectory, t_ns: IntArray) -> FloatArray:
     """Metres [n] driven until the stamps ``t_ns`` [n]; at rest a path wanders, and what came in a
     gap nobody knows: neither is a way."""
     speed = np.linalg.norm(trajectory.vel_ned, axis=1)

@@ -23,8 +23,8 @@ from automap.geolocation.due_frames import patterns_of
 from automap.geolocation.existence import existence_odds, existence_of
 from automap.geolocation.face_sizes import face_odds
 from automap.geolocation.facing import find_facings, narrowest
-from automap.geolocation.fixed_in_picture import fixed_boxes, with_fixed, without
 from automap.geolocation.landmark import Landmark, SizePrior, fit_landmark
+from automap.geolocation.left_out import no_signs, with_left_out, without
 from automap.geolocation.merging import combine
 from automap.geolocation.pass_errors import solve_with_pass_errors
 from automap.geolocation.passes import join_passes
@@ -71,11 +71,11 @@ def locate_signs(
             *(cameras, rules.camera.focal_sd),
         )
 
-    fixed = [fixed_boxes(trajectory, found, rules.noise) for found in detections]
-    seen = [without(found, rows) for found, rows in zip(detections, fixed, strict=True)]
+    notes = [no_signs(trajectory, found, cameras[found.camera], rules) for found in detections]
+    seen = [without(found, note != "") for found, note in zip(detections, notes, strict=True)]
     stated = Trial(seen, cameras, rules)
     result = explain_doubted(trajectory, stated, locate(stated, progress), locate)
-    return with_fixed(result, np.concatenate([np.zeros(0, np.bool_), *fixed]))
+    return with_left_out(result, np.concatenate([np.zeros(0, np.object_), *notes]))
 
 
 def _located(

@@ -110,6 +110,19 @@ def mostly_left_out(used: npt.NDArray[np.bool_], note: npt.NDArray[np.object_]) 
     return f"{'most' if used.any() else 'all'} of them are of no sign: {n} {text}"
 
 
+def left_out_sentences(notes: npt.NDArray[np.object_]) -> list[str]:
+    """How many detections were left out, by their ``notes`` [n], and why."""
+    sentences = []
+    for note, text in LEFT_OUT.items():
+        n = int(np.count_nonzero(notes == note))
+        if n:
+            advice = ""
+            if note == "no_pose" and n == len(notes):
+                advice = " Check the clock of the frames: time and start_ns in [video], t_ns."
+            sentences.append(f"{n} of {len(notes)} detections {text}; they were left out.{advice}")
+    return sentences
+
+
 def warnings_of(
     observations: Observations,
     signs: Sequence[Sign],
@@ -119,16 +132,7 @@ def warnings_of(
 ) -> list[str]:
     """Sentences for the user; the ``cameras`` are as stated, ``focal_sd`` how well, as a part,
     their focal lengths are known."""
-    sentences = []
-    for note, text in LEFT_OUT.items():
-        n = int(np.count_nonzero(observations.note == note))
-        if n:
-            advice = ""
-            if note == "no_pose" and n == len(observations.note):
-                advice = " Check the clock of the frames: time and start_ns in [video], t_ns."
-            sentences.append(
-                f"{n} of {len(observations.note)} detections {text}; they were left out.{advice}"
-            )
+    sentences = left_out_sentences(observations.note)
     apart = sum(sign.status == "contradictory" for sign in signs)
     if apart:
         sentences.append(

@@ -28,7 +28,7 @@ from automap.io.table_form import (
     checked_units,
 )
 from automap.io.table_units import Quantity, unit_named
-from automap.io.toml_file import parse_toml
+from automap.io.toml_file import no_boolean, parse_toml
 from automap.io.toml_place import keys_in_file, line_of
 from automap.records import FARTHEST_ARM_M, LEVER_ARM_SD_M
 
@@ -45,6 +45,11 @@ class Section(BaseModel):
     """A table of the manifest; unknown keys are refused, and points that no vehicle has."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
+
+    @field_validator("*", mode="before")
+    @classmethod
+    def _number_is_one(cls, value: Any, info: ValidationInfo) -> Any:
+        return no_boolean(value, cls.model_fields[str(info.field_name)].annotation)
 
     @field_validator("*", mode="after")
     @classmethod

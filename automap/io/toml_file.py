@@ -6,7 +6,7 @@ import json
 import tomllib
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 
@@ -53,6 +53,23 @@ def parse_toml(path: Path, raw: bytes) -> dict[str, Any]:
             "correct it."
         )
     return data
+
+
+def no_boolean(value: Any, annotation: Any) -> Any:
+    """A value as it is; ValueError where true or false stands in it and its field, of the type
+    ``annotation``, has numbers: Python takes them for 1 and 0."""
+    kinds = set(_kinds(annotation))
+    numbers = kinds & {int, float} and bool not in kinds
+    if numbers and any(isinstance(leaf, bool) for _, leaf in _leaves(value, "")):
+        raise ValueError("true and false are no numbers; write the number")
+    return value
+
+
+def _kinds(annotation: Any) -> Iterator[Any]:
+    """The types that a type is made of."""
+    yield annotation
+    for part in get_args(annotation):
+        yield from _kinds(part)
 
 
 def _leaves(value: Any, key: str) -> Iterator[tuple[str, Any]]:

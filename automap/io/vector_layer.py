@@ -200,6 +200,18 @@ def _csv(path: Path) -> VectorLayer:
     return VectorLayer(None, None, columns, len(cells))
 
 
+def parse_crs(text: str) -> Any:
+    """The coordinate system of a code of EPSG with or without the name, of an identifier, a name or
+    WKT, as ``pyproj`` takes them; ValueError, with PROJ's reason, where there is none."""
+    from pyproj import CRS
+    from pyproj.exceptions import CRSError
+
+    try:
+        return CRS.from_user_input(text.strip())
+    except CRSError as error:
+        raise ValueError(str(error).splitlines()[0]) from None
+
+
 def to_degrees(
     x: npt.NDArray[np.float64], y: npt.NDArray[np.float64], crs: str, where: Path
 ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
@@ -211,9 +223,9 @@ def to_degrees(
     from pyproj.exceptions import ProjError
 
     try:
-        change = Transformer.from_crs(crs, "OGC:CRS84", always_xy=True)
+        change = Transformer.from_crs(parse_crs(crs), "OGC:CRS84", always_xy=True)
         lon, lat = change.transform(x, y)
-    except ProjError as error:
+    except (ProjError, ValueError) as error:
         raise InputError(
             f"{where}: its coordinate system {crs[:60]!r} cannot be used "
             f"({str(error).splitlines()[0]}); give another with --crs."

@@ -121,6 +121,9 @@ NEAREST_M = 0.5
 """A sign nearer to the image plane has passed."""
 CLOSER = 0.6
 """Of the distance that is left to a sign, how much a guessed motion may take at once."""
+REJOIN_S = 0.5
+"""A thing that moves by itself is met again where it was (``SUPPORT_OVERLAP``) for so long. Chosen:
+a lorry ahead moves by a part of its width, and photographs by the way are taken further apart."""
 LEAST_SCORE = 1e-3
 """A box without a score still says a little of its class."""
 

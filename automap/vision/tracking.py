@@ -12,6 +12,7 @@ signs, and a sign that is hidden for a moment is met again where it must be.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -19,9 +20,10 @@ from automap.assignment import assign
 from automap.effects.camera import direction_by_point, direction_by_turn
 from automap.effects.lens import box_variances, focal_length, normalise
 from automap.gates import gate
-from automap.records import BoolArray, Camera, FloatArray, IntArray
+from automap.records import BoolArray, Camera, Detections, FloatArray, IntArray
 from automap.vision import limits
-from automap.vision.camera_motion import Motion
+from automap.vision.camera_motion import Motion, guessed_motion, motion_on_path
+from automap.vision.camera_path import CameraPath
 from automap.vision.detector import FoundSigns
 
 
@@ -201,6 +203,62 @@ class Tracker:
         self._x[index] = x + K @ (z - np.array([x[0], x[1], x[2] + x[3]]))
         A = np.eye(4) - K @ _H
         self._P[index] = A @ P @ A.T + K @ np.diag(R) @ K.T
+
+
+def box_tracks(found: Detections, camera: Camera, path: CameraPath | None) -> IntArray:
+    """Track number [n] of each box, -1 of one that stays alone, and of all where frames are so far
+    apart (``REJOIN_S``) that nothing that moves can be followed: what stands needs no track.
+
+    ``found`` [n] in the order of frames, as of a detector that looks at each frame by itself;
+    ``path`` of the camera at the stamps of the frames that have boxes, in order (None: unknown).
+    """
+    edges = [*np.flatnonzero(np.diff(found.frame, prepend=-1)).tolist(), len(found)]
+    tracker, track = Tracker(camera), np.full(len(found), -1, np.int64)
+    stamps = found.t_ns.tolist()
+    if (
+        np.median(np.diff(found.t_ns[edges[:-1]]) if len(edges) > 2 else 0.0)
+        > limits.REJOIN_S * 1e9
+    ):
+        return track
+    for number, (a, b) in enumerate(pairwise(edges)):
+        seconds = max(stamps[a] - stamps[edges[max(number - 1, 0)]], 0) * 1e-9
+        motion = motion_on_path(path, number - 1, number, seconds) if path and number else None
+        signs = FoundSigns(tuple(found.class_name[a:b]), found.box[a:b], found.score[a:b])
+        track[a:b] = tracker.step(motion or guessed_motion(seconds), seconds, signs)
+    track = _rejoined(track, np.asarray(found.t_ns, np.int64), np.asarray(found.box, np.float64))
+    alone = np.bincount(track) == 1
+    track[alone[track]] = -1
+    return track
+
+
+def _rejoined(track: IntArray, t_ns: IntArray, box: FloatArray) -> IntArray:
+    """Tracks [n] of boxes, those that go on where another has just ended under its number: what
+    moves by itself leaves its track now and then, and still covers its place of a moment ago."""
+    number, first = np.unique(track, return_index=True)
+    last = len(track) - 1 - np.unique(track[::-1], return_index=True)[1]
+    joined, reach = number.copy(), round(limits.REJOIN_S * 1e9)
+    ends = np.argsort(t_ns[last], kind="stable")
+    stamps, open_ = t_ns[last[ends]], np.ones(len(ends), np.bool_)
+    for k in np.argsort(first).tolist():
+        now = t_ns[first[k]]
+        some = slice(*np.searchsorted(stamps, [now - reach, now]).tolist())
+        near = ends[some][open_[some]]
+        if not len(near):
+            continue
+        share = _overlap(box[first[k]], box[last[near]])
+        best = int(np.argmax(share))
+        if share[best] >= limits.SUPPORT_OVERLAP:
+            joined[k] = joined[near[best]]
+            open_[some.start + np.flatnonzero(open_[some])[best]] = False
+    return joined[np.searchsorted(number, track)]
+
+
+def _overlap(one: FloatArray, others: FloatArray) -> FloatArray:
+    """Intersection over union [n] of a box with ``others`` [n, 4]."""
+    sides = np.minimum(one[2:], others[:, 2:]) - np.maximum(one[:2], others[:, :2])
+    both = sides.clip(min=0.0).prod(axis=1)
+    area = (others[:, 2:] - others[:, :2]).prod(axis=1) + (one[2:] - one[:2]).prod()
+    return np.asarray(both / (area - both))
 
 
 _H: FloatArray = np.array([[1.0, 0, 0, 0], [0, 1.0, 0, 0], [0, 0, 1.0, 1.0]])

@@ -12,6 +12,7 @@ from automap.errors import InputError
 from automap.evaluation.plausibility import Finding
 from automap.io.drive import Drive
 from automap.io.video import VideoHeader, VideoInput, image_size, read_chapter, read_header
+from automap.vision.limits import REJOIN_S
 from pipeline.check import limits
 
 _COUNTED_BYTES = 1 << 30
@@ -256,12 +257,15 @@ def _listed(video: VideoInput, headers: list[VideoHeader]) -> Iterator[tuple[Pat
     frames = len(np.unique(found.data.frame))
     text = f"{len(found.data)} detections of {classes} classes in {frames} frames"
     findings = [Finding("ok", text)]
-    if len(found.data) and not (found.data.track >= 0).any():
+    steps = np.diff(np.unique(found.data.t_ns)) * 1e-9
+    apart_s = float(np.median(steps)) if len(steps) else 0.0
+    if apart_s > REJOIN_S and not (found.data.track >= 0).any():
         findings.append(
             Finding(
                 "info",
-                "no column track tells which boxes are of one thing, so signs on vehicles ahead "
-                "are taken for signs of the road",
+                "no column track tells which boxes are of one thing, and in frames that are "
+                f"{apart_s:.1f} s apart nothing that moves can be followed, so signs on "
+                "vehicles ahead are taken for signs of the road",
                 "write the numbers that the detector's tracker gives (docs/howto/own-detector.md)",
             )
         )

@@ -10,9 +10,17 @@ from collections.abc import Callable, Mapping
 from dataclasses import MISSING, fields
 from typing import Any, TypeVar, get_type_hints
 
-from pydantic import BaseModel, ConfigDict, Field, create_model, field_validator
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    ValidationInfo,
+    create_model,
+    field_validator,
+)
 
 from automap.io import limits
+from automap.io.toml_file import no_boolean
 
 S = TypeVar("S", bound="Section")
 
@@ -30,6 +38,11 @@ class Section(BaseModel):
         validate_default=True,
         use_attribute_docstrings=True,
     )
+
+    @field_validator("*", mode="before")
+    @classmethod
+    def _number_is_one(cls, value: Any, info: ValidationInfo) -> Any:
+        return no_boolean(value, cls.model_fields[str(info.field_name)].annotation)
 
     @field_validator("*", mode="after")
     @classmethod

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
-from automap.errors import AutoMapError, StageError
+from automap.errors import AutoMapError, InputError, StageError
 from automap.io import names
 from automap.io.json_text import parse_json
 from automap.mapping.review import Renamed, apply_review
 from automap.records import ClockModel, Fixes, Sign, Trajectory
-from pipeline.shared.run_record import unlike_record, written_results
+from pipeline.shared.run_record import SCHEMA, unlike_record, written_results
 from pipeline.shared.values import json_object
 
 if TYPE_CHECKING:
@@ -126,14 +126,21 @@ def load_products(out: Path, signs: bool = True, fresh: bool = False) -> RunProd
     looked at.
 
     An adjusted trajectory, where geolocation wrote one, is the one the signs rest on; the map
-    shows it. What a review decided about signs is applied to them.
+    shows it. What a review decided about signs is applied to them. Raises InputError for a run of
+    another version's form.
     """
     from automap.io.map_tables import TRACKS, StoredTracks, read_tracks
     from automap.io.signs_table import read_signs
     from automap.io.tables import read_fixes
     from automap.io.trajectory_table import read_trajectory
 
-    products = RunProducts(out, written=written_results(json_object(out / names.RUN)))
+    record = json_object(out / names.RUN)
+    if record.get("schema", SCHEMA) != SCHEMA:
+        raise InputError(
+            f"{out / names.RUN}: schema {record['schema']!r} is not known; this version reads "
+            f"{SCHEMA}: use the version that wrote it, or run the drive again with this one."
+        )
+    products = RunProducts(out, written=written_results(record))
     for name in (names.TRAJECTORY_ADJUSTED, names.TRAJECTORY):
         trajectory = products.attempt(name, read_trajectory)
         if trajectory is not None and len(trajectory):

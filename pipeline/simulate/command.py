@@ -63,7 +63,8 @@ def simulate(
 def load_scenario(path: Path, receiver: str = "", replay: Path | None = None) -> Scenario:
     """Read and check a scenario file; ``receiver`` and ``replay`` take the place of its own.
 
-    Errors to be replayed lie where the scenario says, seen from its folder.
+    Errors to be replayed lie where the scenario says, seen from its folder. A receiver of which it
+    does not say how far the geoid is from the ellipsoid tells what ``automap check`` expects there.
 
     Raises ConfigError naming the file, the key and, for an unknown key, the nearest one.
     """
@@ -73,6 +74,7 @@ def load_scenario(path: Path, receiver: str = "", replay: Path | None = None) ->
 
     content = read_toml(path, "scenario file")
     scenario = parse_scenario(with_receiver(content, path.parent, receiver), path)
+    scenario = _on_its_geoid(scenario)
     setup = scenario.gnss
     if replay is not None:
         if setup is None:
@@ -85,6 +87,17 @@ def load_scenario(path: Path, receiver: str = "", replay: Path | None = None) ->
         errors = path.parent / Path(setup.replay.errors).expanduser()
         given = setup.replay.model_copy(update={"errors": str(errors)})
     return scenario.model_copy(update={"gnss": setup.model_copy(update={"replay": given})})
+
+
+def _on_its_geoid(scenario: Scenario) -> Scenario:
+    from pipeline.check.geoid import geoid_height
+
+    setup, start = scenario.gnss, scenario.start
+    if setup is None or "geoid_separation_m" in setup.model_fields_set:
+        return scenario
+    height = round(geoid_height(start.lat_deg, start.lon_deg), 1)
+    setup = setup.model_copy(update={"geoid_separation_m": height})
+    return scenario.model_copy(update={"gnss": setup})
 
 
 def _errors_of(settings: Settings, scenario: Scenario) -> dict[str, dict[str, float] | bool]:

@@ -14,6 +14,7 @@ from automap.errors import ConfigError
 from automap.fusion.options import FusionOptions
 from automap.geolocation.rules import GeolocationRules
 from automap.io.imu_csv import read_imu_csv
+from automap.io.manifest import read_manifest
 from automap.io.recording import read_recording
 from automap.sync.arrival import fit_arrival_clock
 from automap.sync.motion_clock import correlation_clock
@@ -91,6 +92,8 @@ def test_a_file_then_assignments_replace_single_values(tmp_path: Path) -> None:
         ("detect.min_score=high", "not accepted"),
         ("detect.min_score=nan", "not accepted"),
         ("detect.min_score=7", "not accepted"),
+        ("geolocate.pixel_sd=true", "no numbers"),
+        ("geolocate.sign_size_m=false", "no numbers"),
         ("detect=7", "section"),
         ("detect.min_score", "SECTION.KEY=VALUE"),
         ("=3", "SECTION.KEY=VALUE"),
@@ -125,3 +128,21 @@ def test_a_missing_file_and_a_folder_are_told(tmp_path: Path) -> None:
     for path in (tmp_path / "none.toml", tmp_path):
         with pytest.raises(ConfigError, match=re.escape(str(path))):
             load_settings(path)
+
+
+@pytest.mark.parametrize(
+    ("line", "told"),
+    [
+        ("width = true", "no numbers"),
+        ("lever_arm_m = [0.0, true, 0.0]", "no numbers"),
+        ("time_offset_s = 1", ""),
+    ],
+)
+def test_true_is_no_number_in_a_manifest(line: str, told: str, tmp_path: Path) -> None:
+    path = tmp_path / "drive.toml"
+    path.write_text(f'schema = "automap.drive/1"\n[video.front]\n{line}\n')
+    if not told:
+        assert read_manifest(path).video["front"].time_offset_s == 1.0
+        return
+    with pytest.raises(ConfigError, match=told):
+        read_manifest(path)

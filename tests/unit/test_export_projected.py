@@ -20,6 +20,7 @@ from automap.export.datum import parse_datum, to_datum
 from automap.export.projected import parse_projection, plane_of
 from automap.io import names
 from automap.io.signs_table import read_signs
+from automap.io.vector_layer import to_degrees
 from pipeline.cli.root import run_command
 from pipeline.export.command import export_run
 from pipeline.export.projected import PROJECTED_FORMATS
@@ -138,6 +139,13 @@ def test_one_code_for_plane_and_heights() -> None:
     assert parse_projection(UTM, "EPSG:7837").crs == "EPSG:25832+7837"
 
 
+@pytest.mark.parametrize("text", ["25832", " epsg:25832", "ETRS89 / UTM zone 32N"])
+def test_a_system_is_named_as_compare_takes_it(text: str) -> None:
+    assert parse_projection(text, "7837").crs == "EPSG:25832+7837"
+    lon, lat = to_degrees(np.array([500e3]), np.array([5.3e6]), text, Path("list.csv"))
+    assert (lon[0], lat[0]) == pytest.approx((9.0, 47.85), abs=0.01)
+
+
 @pytest.mark.parametrize("fmt", ["geojson", "kml", "kmz", "osm", "pmtiles", "gpx"])
 def test_formats_of_longitude_and_latitude_refuse(fmt: str, out: Path) -> None:
     with pytest.raises(ConfigError, match="longitude and latitude only; take one of gpkg"):
@@ -149,7 +157,8 @@ def test_formats_of_longitude_and_latitude_refuse(fmt: str, out: Path) -> None:
     [
         (["--crs", "EPSG:4258"], 2, "no projected system"),
         (["--crs", "EPSG:999999"], 2, "PROJ knows no such code"),
-        (["--crs", "UTM32"], 2, "give a code of EPSG"),
+        (["--crs", "UTM32"], 2, "PROJ knows no such code"),
+        (["--crs", "+proj=utm +zone=32 +lon_0=1"], 2, "no code of EPSG"),
         (["--crs", UTM, "--heights", "EPSG:25833"], 2, "no height system"),
         (["--heights", "EPSG:7837"], 2, "belongs to --crs"),
         (["--crs", UTM, "--datum", "GDA2020"], 2, "belongs to the datum ETRS89"),

@@ -16,6 +16,7 @@ from export_inputs import HOSTILE, write_run
 
 from automap.errors import ConfigError, InputError
 from automap.io import names
+from pipeline.cli.root import run_command
 from pipeline.export.command import export_run
 from pipeline.export.formats import FORMATS
 from pipeline.report.render import report_html
@@ -165,6 +166,18 @@ def test_clock_falls_back_on_the_trajectory(out: Path) -> None:
     assert fallback.method == "trajectory"
     stamp = exact.t_ns([exact.ref_gps_s + 60.0])
     assert fallback.gps_s(stamp)[0] == pytest.approx(exact.ref_gps_s + 60.0, abs=1e-5)
+
+
+def test_a_run_of_another_form_is_refused(
+    out: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    record = json.loads((out / names.RUN).read_text(encoding="utf-8"))
+    (out / names.RUN).write_text(json.dumps(record | {"schema": "automap.run/9"}))
+    target = tmp_path / "signs.csv"
+    words = ["export", str(out), "--format", "csv", "-o", str(target)]
+    assert run_command(words) == 3
+    assert "run.json: schema 'automap.run/9' is not known" in capsys.readouterr().err
+    assert not target.exists()
 
 
 def test_nothing_that_leaves_says_where_this_computer_keeps_its_files(out: Path) -> None:

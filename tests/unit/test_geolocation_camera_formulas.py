@@ -364,7 +364,7 @@ def test_what_moves_along_is_likelier_by_the_gate_in_sigmas_that_its_boxes_show(
     dof, scale = 30, max(1.0, excess)
     moving = excess * dof
     lead = factor * gate(limits.CARRIER_PROBABILITY, 1) * scale
-    standing = SimpleNamespace(anchor=2, cost=moving + lead, dof=dof)
+    standing = SimpleNamespace(anchor=2, cost=moving + lead, dof=dof, weight=np.ones(4))
     asked: list[tuple[FloatArray, FloatArray]] = []
 
     def solve(first: FloatArray, boxes: Boxes, robust: bool) -> tuple[FloatArray, float]:
@@ -373,7 +373,7 @@ def test_what_moves_along_is_likelier_by_the_gate_in_sigmas_that_its_boxes_show(
 
     measured = np.array([[0.1, 0.2, -3.0]] * 4)
     measured[2] = 0.3, -0.1, -2.0
-    views: Any = SimpleNamespace(measured=measured)
+    views: Any = SimpleNamespace(measured=measured, frame=np.arange(4))
     prior = SizePrior(0.9)
     boxes = Boxes(
         *(np.zeros((4, 3, 3)), np.ones((4, 3)), measured, np.ones((4, 3)), np.zeros(4)),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -14,10 +15,15 @@ from automap.frames import rpy_to_matrix
 from automap.geolocation import carriers, limits
 from automap.geolocation.landmark import SizePrior
 from automap.geolocation.locate import locate_signs
+from automap.geolocation.result import LEFT_OUT
+from automap.geolocation.rules import GeolocationRules
+from automap.geolocation.views import MeasurementNoise, build_views
 from automap.records import Camera, Detections, FloatArray, IntArray, Trajectory
 from tests.slow_cases import others_slow
 
 SPEED = 12.0
+NARROW = MeasurementNoise(0.7, 0.02, 0.0008)
+"""Of a detector whose boxes were measured to be good."""
 
 
 def carried(
@@ -81,6 +87,55 @@ def test_a_sign_on_a_lorry_ahead_is_left_out_and_all_that_stand_are_kept(
     else:
         assert len(mine) == 1
         assert not (result.observations.note == "moving").any()
+
+
+@pytest.mark.parametrize("turn_rate", [0.0, 0.02])
+def test_a_false_box_ahead_of_a_track_makes_no_sign_move(turn_rate: float) -> None:
+    path = drive_path(40.0, SPEED, turn_rate)
+    found, owner = boxes(path, roadside(path), camera(), np.random.default_rng(2), interval_s=0.1)
+    for sign in np.unique(owner):
+        rows = np.flatnonzero(owner == sign)[:18]
+        # a second and a half before, to the left, and larger
+        row = found.t_ns[rows[0]] - 1_500_000_000
+        at = np.searchsorted(path.t_ns, row)
+        if at == 0:
+            continue
+        own = {k: v[rows] for k, v in vars(found).items() if isinstance(v, np.ndarray)}
+        first = {k: v[:1] for k, v in own.items()} | {
+            "frame": own["frame"][:1] - 15,
+            "t_ns": path.t_ns[[at]],
+            "box": np.array([[430.0, 460.0, 470.0, 500.0]]),
+        }
+        track = replace(found, **{k: np.concatenate([first[k], own[k]]) for k in own})
+        track = replace(track, track=np.full(len(track), 7))
+        views = build_views(path, [track], {"front": camera()}, NARROW)
+        assert not carriers.moves_along(views, np.arange(len(views)), SizePrior())
+
+
+def jam(path: Trajectory, speed: float) -> Detections:
+    """Signs by the road, and one on a lorry ahead for 20 s."""
+    found, owner = boxes(path, roadside(path), camera(), np.random.default_rng(2))
+    found = replace(found, track=owner.astype(np.int64))
+    return together(found, carried(path, camera(), 20.0, speed, 20.0))
+
+
+def test_what_is_followed_further_than_signs_are_seen_is_left_out_before_anything_is_fitted() -> (
+    None
+):
+    path = drive_path(40.0, SPEED, 0.02)
+    both = jam(path, SPEED + 0.5)
+    rules = GeolocationRules()
+    far = carriers.far_carried(path, both, camera(), rules.noise, rules.size)
+    assert far[both.track == 999].mean() > 0.95
+    assert not far[both.track != 999].any()
+    # nor are signs and a lorry that a bad tracker gives one number
+    mixed = replace(both, track=both.track % 2)
+    assert not carriers.far_carried(path, mixed, camera(), rules.noise, rules.size).any()
+    result = locate_signs(path, [both], {"front": camera()})
+    moving = int((result.observations.note == "moving").sum())
+    assert moving == (both.track == 999).sum()
+    told = [text for text in result.warnings if "move along" in text]
+    assert told == [f"{moving} of {len(both)} detections {LEFT_OUT['moving']}; they were left out."]
 
 
 def test_a_track_is_judged_by_its_own_boxes_alone(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -77,15 +77,19 @@ def test_a_focal_length_in_millimetres_stops_a_run(drive: Path) -> None:
     assert not report.usable
 
 
-def test_boxes_without_tracks_tell_no_sign_on_a_vehicle(drive: Path) -> None:
+@pytest.mark.parametrize(("apart_s", "far"), [(0.1, False), (1.0, True)])
+def test_boxes_without_tracks_far_apart_tell_no_sign_on_a_vehicle(
+    apart_s: float, far: bool, drive: Path
+) -> None:
     with (drive / "drive.toml").open("a") as manifest:
         manifest.write(
             '[video.front]\ndetections = "d.csv"\nframes = "f.csv"\nwidth = 96\nheight = 64\n'
         )
-    (drive / "f.csv").write_text(f"frame,t_ns\n0,{BOOT_NS}\n1,{BOOT_NS + 100_000_000}\n")
+    (drive / "f.csv").write_text(f"frame,t_ns\n0,{BOOT_NS}\n1,{BOOT_NS + round(apart_s * 1e9)}\n")
     head = "frame,class,x_min,y_min,x_max,y_max,score"
-    for column, cell, told in (("", "", True), (",track", ",-1", True), (",track", ",4", False)):
-        (drive / "d.csv").write_text(f"{head}{column}\n0,a,1,1,9,9,0.9{cell}\n")
+    for column, cell, told in (("", "", far), (",track", ",-1", far), (",track", ",4", False)):
+        rows = "".join(f"{frame},a,1,1,9,9,0.9{cell}\n" for frame in (0, 1))
+        (drive / "d.csv").write_text(f"{head}{column}\n{rows}")
         assert ("no column track" in check_drive(drive).text()) == told
 
 

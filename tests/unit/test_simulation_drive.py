@@ -266,3 +266,19 @@ def test_bytes_arrive_late_and_in_order() -> None:
     assert delay.min() >= 0.05 - 1e-6
     assert np.median(delay) < 0.07
     assert delay.max() > 0.2
+
+
+@pytest.mark.parametrize(("stated", "height"), [("", 46.0), ("geoid_separation_m = 0.0", 0.0)])
+def test_a_receiver_tells_the_geoid_of_the_place(
+    stated: str, height: float, tmp_path: Path
+) -> None:
+    """In Munich it is 46 m above the ellipsoid; a check of such a drive warns of none."""
+    (tmp_path / "munich.toml").write_text(
+        'schema = "automap.scenario/1"\nname = "munich"\n[start]\nutc = "2026-03-14T09:20:00Z"\n'
+        "lat_deg = 48.14\nlon_deg = 11.58\n[route]\nlegs = [{ length_m = 25.0, speed_m_s = 9.0 }]\n"
+        f"[gnss]\n{stated}\n"
+    )
+    setup = load_scenario(tmp_path / "munich.toml").gnss
+    assert setup is not None
+    assert setup.geoid_separation_m == pytest.approx(height, abs=6.0)
+    assert (setup.geoid_separation_m == 0.0) == bool(stated)

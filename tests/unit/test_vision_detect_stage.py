@@ -156,6 +156,25 @@ def test_an_external_detector_wins_over_the_video(tmp_path: Path) -> None:
     assert any("without a stamp" in text for text in context.warnings)
 
 
+@pytest.mark.parametrize(
+    ("own", "tracks"), [("", [0, 1, 0, 1, 1, -1]), (",7", [7] * 6), (",-1", [0, 1, 0, 1, 1, -1])]
+)
+def test_boxes_without_tracks_get_some(own: str, tracks: list[int], tmp_path: Path) -> None:
+    folder = drive(
+        tmp_path / "d",
+        '[video.front]\nframes = "f.csv"\ndetections = "b.csv"\nwidth = 240\nheight = 180\n'
+        "camera_matrix = [[200.0, 0.0, 120.0], [0.0, 200.0, 90.0], [0.0, 0.0, 1.0]]\n",
+    )
+    (folder / "f.csv").write_text("frame,t_ns\n" + "".join(f"{k},{k}00000000\n" for k in range(4)))
+    rows = ["0,a,10,20,30,40,0.5", "0,a,150,20,180,50,0.5", "1,a,10,20,30,40,0.5"]
+    rows += ["1,a,150,20,180,50,0.5", "2,a,150,20,180,50,0.5", "3,a,60,120,70,130,0.5"]
+    head = "frame,class,x_min,y_min,x_max,y_max,score" + (",track" if own else "")
+    (folder / "b.csv").write_text("\n".join([head, *(row + own for row in rows), ""]))
+    context = run(folder, tmp_path)
+    found = read_detections(context.work / names.DETECTIONS)["front"]
+    assert found.track.tolist() == tracks
+
+
 def test_without_video_the_table_is_empty_and_says_so(tmp_path: Path) -> None:
     context = run(drive(tmp_path / "d"), tmp_path)
     assert read_detections(context.work / names.DETECTIONS) == {}

@@ -10,12 +10,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from automap.frames import rpy_to_matrix
-from automap.records import FloatArray
+from automap.geolocation import limits
+from automap.records import Detections, FloatArray, IntArray
 from automap.vision.camera_motion import Motion, guessed_motion, motion_on_path
 from automap.vision.camera_path import CameraPath
 from automap.vision.detector import FoundSigns
 from automap.vision.search import default_camera
-from automap.vision.tracking import Tracker
+from automap.vision.tracking import Tracker, box_tracks
 
 CAMERA = default_camera(1280, 720)
 STEP_S = 0.15
@@ -184,3 +185,70 @@ def test_a_box_cut_by_the_edge_keeps_its_track() -> None:
     whole = FoundSigns(("a",), np.array([[1200.0, 100.0, 1270.0, 170.0]]), np.ones(1))
     cut = FoundSigns(("a",), np.array([[1225.0, 90.0, 1279.0, 172.0]]), np.ones(1))
     assert tracker.step(still, 0.0, whole).tolist() == tracker.step(still, 0.1, cut).tolist()
+
+
+def found_alone(world: World, path: CameraPath) -> tuple[Detections, IntArray, CameraPath]:
+    """Boxes of a detector that looks at each frame by itself, which sign each shows, and the path
+    at the frames that have some."""
+    rows, shown, boxes, names = [], [], [], []
+    for step in range(len(path)):
+        found, owner = world.boxes(step, path.centre[step], path.C_cam_ref[step])
+        rows += [step] * len(owner)
+        shown += owner
+        boxes.append(found.box)
+        names += found.class_name
+    frame, n = np.array(rows, np.int64), len(rows)
+    t_ns = frame * np.int64(STEP_S * 1e9)
+    alone = np.full(n, -1, np.int64)
+    data = Detections(
+        frame, t_ns, np.array(names, object), np.concatenate(boxes), np.full(n, 0.9), alone
+    )
+    known = np.unique(frame)
+    part = CameraPath(path.centre[known], path.C_cam_ref[known], path.known[known])
+    return data, np.array(shown, np.int64), part
+
+
+@pytest.mark.parametrize("missed", [0.0, 0.2])
+def test_boxes_of_single_frames_get_the_tracks_of_their_signs(missed: float) -> None:
+    found, shown, path = found_alone(*street(3, 12.0, 0.05, missed))
+    track = box_tracks(found, CAMERA, path)
+    for sign in np.unique(shown):
+        numbers, count = np.unique(track[shown == sign], return_counts=True)
+        assert count.max() >= 0.9 * count.sum(), numbers
+    of_track = [np.unique(shown[track == number]) for number in np.unique(track[track >= 0])]
+    assert all(len(signs) == 1 for signs in of_track)
+
+
+def test_what_is_seen_once_has_no_track() -> None:
+    # photographs 40 m apart: each sign is in one of them
+    place = np.array([[20.0 + 40.0 * k, 4.0, -1.0] for k in range(6)])
+    world = World(place, np.full(6, 0.7), ["a"] * 6, np.random.default_rng(4))
+    path = drive(40.0 / STEP_S, 0.0, 6)
+    found, shown, path = found_alone(world, path)
+    first = np.unique(shown, return_index=True)[1]
+    some = replace(found, **{k: v[first] for k, v in vars(found).items() if hasattr(v, "shape")})
+    some = replace(some, t_ns=some.frame * 3_000_000_000)
+    assert len(some) == 6
+    assert (box_tracks(some, CAMERA, path) == -1).all()
+    none = replace(found, **{k: v[:0] for k, v in vars(found).items() if hasattr(v, "shape")})
+    assert len(box_tracks(none, CAMERA, None)) == 0
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_a_lorry_that_keeps_its_distance_is_one_thing(known: bool) -> None:
+    path = drive(12.0, 0.02, 100)
+    rng = np.random.default_rng(6)
+    half = 0.5 * 0.75 * CAMERA.matrix[0, 0] / (18.0 + rng.normal(0.0, 0.4, 100))
+    middle = CAMERA.matrix[:2, 2] + np.column_stack([6.0 + 0.0 * half, -20.0 + 0.0 * half])
+    box = np.column_stack([middle - half[:, None], middle + half[:, None]])
+    frame = np.arange(100)
+    found = Detections(
+        frame, frame * np.int64(STEP_S * 1e9), np.full(100, "a", object),
+        box + rng.normal(0.0, 1.0, (100, 4)), np.full(100, 0.9), np.full(100, -1, np.int64),
+    )  # fmt: skip
+    numbers, count = np.unique(
+        box_tracks(found, CAMERA, path if known else None), return_counts=True
+    )
+    # it does what no sign does: now and then a track ends, of more than are needed to tell it
+    assert count[numbers >= 0].sum() > 95
+    assert count[numbers >= 0].min() > limits.CARRIER_VIEWS

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -16,7 +17,8 @@ from pipeline.shared.progress import Progress
 if TYPE_CHECKING:
     from automap.io.drive import Drive
     from automap.io.video import VideoInput
-    from automap.records import Crop, PictureTurns
+    from automap.records import Camera, Crop, Detections, IntArray, PictureTurns
+    from automap.vision.camera_path import CameraPath
     from automap.vision.search import SearchResult
 
 
@@ -85,15 +87,15 @@ def _camera(
     from pipeline.detect.video_search import search_video
     from pipeline.detect.video_turns import at_corrected
 
-    cameras = context.drive.cameras()
-    camera = cameras.get(video.name)
+    camera = context.drive.cameras().get(video.name)
+    path_of = at_corrected(path_finder(context.out, context.drive, video), turns)
     if video.detections is not None:
         times = frame_times(video)
         size = None if camera is None else (camera.width, camera.height)
         table = read_detections_csv(video.detections, times, video.name, size)
         for text in (*times.warnings, *table.warnings):
             context.warn(text)
-        return SearchResult(table.data)
+        return SearchResult(_tracked(table.data, camera, path_of))
     if not video.chapters:
         return None
     settings = context.settings.detect
@@ -103,10 +105,24 @@ def _camera(
         detector,
         search_rules(settings),
         camera,
-        at_corrected(path_finder(context.out, context.drive, video), turns),
+        path_of,
         context.warn,
         progress,
     )
+
+
+def _tracked(
+    found: Detections, camera: Camera | None, path_of: Callable[[IntArray], CameraPath | None]
+) -> Detections:
+    """Boxes with the tracks that their detector gave them, else with our own."""
+    import numpy as np
+
+    from automap.vision.tracking import box_tracks
+
+    if camera is None or not len(found) or (found.track >= 0).any():
+        return found
+    stamps = found.t_ns[np.unique(found.frame, return_index=True)[1]]
+    return replace(found, track=box_tracks(found, camera, path_of(stamps)))
 
 
 def _numbered(found: list[SearchResult]) -> list[SearchResult]:
@@ -172,7 +188,8 @@ STAGE = Stage(
     # 9: bends that know an offset better than the manifest
     # 10: the classifier trained on, with what blue discs show and words on boards
     # 11: the detector trained on, with pictures in motion and what it found before kept
-    version=11,
+    # 12: boxes that come without tracks get some
+    version=12,
     run=run,
     inputs=_inputs,
     # where the camera was when says which frames are worth a search
