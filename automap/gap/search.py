@@ -18,10 +18,9 @@ from automap.effects.catalogue import bias_walks, pairs_of_sign
 from automap.effects.imu import imu_terms
 from automap.gap import limits
 from automap.gap.candidates import is_course
-from automap.gap.confirm import Confirmed, confirmed
+from automap.gap.confirm import Confirmed, Judge, confirmed
 from automap.gap.drive import OpenDrive
 from automap.gap.found import Found, in_layout
-from automap.gap.judge import Judge
 from automap.gap.noise import Fitted, Log, fitted_about, noise_score, with_levels, with_noise
 from automap.gap.scoring import likelier
 from automap.gap.screening import Screening

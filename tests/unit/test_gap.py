@@ -101,7 +101,7 @@ def test_sensitivities_predict_what_an_effect_does_to_the_innovations(
     # the same drive filtered with the effect at a value, linearised about the same path
     motion = motion_of(plain.last)
     sds = {p.name: p.prior_sd for p in CATALOGUE[effect].parameters}
-    columns = effect_columns(effect, plain, motion, node_motion(plain, motion), sds)
+    columns = effect_columns(effect, node_motion(plain, motion), sds)
     column = 2 if effect.startswith("gyro") else 0
     phi = sensitivities(plain, motion, columns)[:, column]
     values = {effect: {columns[column].parameter: size}}
@@ -128,7 +128,7 @@ def test_beside_late_velocities_a_delay_is_screened_by_what_happened_then(
     fit = fit_drive(fit.opened, model, linearised_at=fit)
     motion = motion_of(fit.last)
     sds = {p.name: p.prior_sd for p in CATALOGUE[effect].parameters}
-    columns = effect_columns(effect, fit, motion, node_motion(fit, motion), sds)
+    columns = effect_columns(effect, node_motion(fit, motion), sds)
     phi = sensitivities(fit, motion, columns)[:, 0]
     values = {**late, effect: {columns[0].parameter: size}}
     seen, at = changes(fit, fit_drive(fit.opened, replace(model, values=values), linearised_at=fit))

@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 
 from automap.gap import base_model
-from automap.gap.beside import Beside
 from automap.gap.candidates import named_columns
-from automap.gap.constancy import drifts
+from automap.gap.doubt import drifts
 from automap.gap.drive import GapDrive, open_drive
-from automap.gap.fit import Fit, fit_drive
+from automap.gap.fit import fit_drive
+from automap.gap.found import Beside
+from automap.gap.linear import Column, NodeMotion
 from automap.gap.result import Drift
 from automap.gap.selection import Chosen
 from automap.records import FloatArray
@@ -41,8 +42,8 @@ def told(*drives: GapDrive) -> dict[str, Drift]:
     column = [c.parameter for c in selection.linear.layout].index("z")
     chosen = Chosen(((EFFECT, (column,), 1.0),))
 
-    def columns(fit: Fit, *about) -> list:  # type: ignore[no-untyped-def, type-arg]
-        return named_columns([EFFECT], fit, *about)
+    def columns(at: NodeMotion) -> list[Column]:
+        return named_columns([EFFECT], at)
 
     return drifts(Beside(selection, chosen, columns, values), fits)
 
@@ -79,7 +80,7 @@ def test_what_is_there_or_not_has_no_value_that_changes() -> None:
     selection = screened(fit, ["earth_rotation"])
     chosen = Chosen((("earth_rotation", (0,), 1.0),))
 
-    def columns(fit: Fit, *about) -> list:  # type: ignore[no-untyped-def, type-arg]
-        return named_columns(["earth_rotation"], fit, *about)
+    def columns(at: NodeMotion) -> list[Column]:
+        return named_columns(["earth_rotation"], at)
 
     assert drifts(Beside(selection, chosen, columns, {}), [fit]) == {}

@@ -10,9 +10,9 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from automap.gap import judge, search
+from automap.gap import confirm, search
 from automap.gap.candidates import Candidate
-from automap.gap.judge import Judge
+from automap.gap.confirm import Judge
 from automap.gap.linear import Column
 from automap.gap.noise import Fitted, Joint
 from automap.gap.screening import Screening
@@ -65,7 +65,7 @@ def says(monkeypatch: pytest.MonkeyPatch, all_sigmas: float, received: float = 0
         sigmas = received if but else all_sigmas
         return 20.0 * sigmas, sigmas
 
-    for module in (search, judge):
+    for module in (search, confirm):
         monkeypatch.setattr(module, "likelier", likelier)
 
 

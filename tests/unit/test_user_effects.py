@@ -244,7 +244,7 @@ def test_an_effect_of_the_user_is_estimated_by_the_filter_and_shows_in_the_scree
     known = fit_drive(opened, replace(model, values={"pull": {"k": 0.15}}), linearised_at=plain)
     assert known.score > plain.score + 20.0
     motion = motion_of(plain.last)
-    columns = effect_columns("pull", plain, motion, node_motion(plain, motion), {"k": 0.05})
+    columns = effect_columns("pull", node_motion(plain, motion), {"k": 0.05})
     phi = sensitivities(plain, motion, columns)[:, 0]
     seen, at = changes(plain, known)
     assert np.corrcoef(phi[at], seen)[0, 1] > 0.95
