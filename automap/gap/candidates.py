@@ -37,7 +37,7 @@ from automap.gap import limits
 from automap.gap.fit import ORIGIN, prior_sd
 from automap.gap.limits import REFERENCE_TAU_S
 from automap.gap.linear import Column, Direct, Inertial, NodeMotion
-from automap.gap.motion import Motion, at_times, lagged, late_change
+from automap.gap.motion import Motion, at_times, lagged
 from automap.gap.result import coefficient_names, equation
 from automap.records import FloatArray
 
@@ -251,7 +251,7 @@ def _direct(effect: str, at: NodeMotion) -> dict[str, FloatArray]:
         for number, measured in enumerate(MEASURED):
             by_channel[:, _CHANNELS[measured]] = rows[:, number, :, first + i]
         out[state] = by_channel
-    change = late_change(motion, motion.acc, fit.delays)
+    change = at.late
     for term in CATALOGUE[effect].terms:
         of_velocity = term.on == VELOCITY and not CATALOGUE[effect].acts_on(POSITION)
         if term.kind in (Kind.TIME, Kind.LAG) and of_velocity:

@@ -20,9 +20,12 @@ from dataclasses import replace
 import numpy as np
 
 from automap.effects import CATALOGUE
+from automap.effects.user import OF_IMU
 from automap.gap import limits
+from automap.gap.candidates import follows_time, is_course
 from automap.gap.evidence import Evidence, by_stretch, evidence
 from automap.gap.fit import ORIGIN, Fit, Values
+from automap.gap.forms import Terms
 from automap.gap.found import Beside, Found
 from automap.gap.linear import Column, Conditional, Direct, Linear, NodeMotion, Part
 from automap.gap.reading_steps import cut_off
@@ -60,7 +63,12 @@ def doubt(selection: Selection, chosen: Chosen, name: str, gain: float) -> str:
 def formula_in_place(selection: Selection, chosen: Chosen, name: str) -> str:
     """The formula that explains most in the place of a named effect, and more than that one does,
     where the two are not told apart; nothing where none does."""
-    formulas = [c.name for c in selection.candidates.values() if c.terms]
+    # a course of what the name says by a constant is nearly that; whether it is one is asked below
+    formulas = [
+        c.name
+        for c in selection.candidates.values()
+        if c.terms and not (follows_time(c.terms) and _of_a_constant(c.terms))
+    ]
     best, instead = 0.0, ""
     for rival in selection.rivals(chosen, name, formulas, frozenset()):
         if rival.name in chosen.names:
@@ -70,6 +78,11 @@ def formula_in_place(selection: Selection, chosen: Chosen, name: str) -> str:
         if ahead > best and not selection.told_apart(rival, chosen, name):
             best, instead = ahead, rival.name
     return instead
+
+
+def _of_a_constant(terms: Terms) -> bool:
+    """Whether a course of time is one of a gain, or of how the unit sits and keeps time."""
+    return not is_course(terms) or terms[0][0] in OF_IMU
 
 
 def uneven(selection: Selection, chosen: Chosen, name: str) -> float:

@@ -18,11 +18,12 @@ import numpy as np
 from automap.effects.signals import Signals, signals_of
 from automap.effects.user import INERTIAL
 from automap.frames import quat_to_matrix
+from automap.fusion.problem import LateChange
 from automap.fusion.steady_rate import steady_rate
 from automap.gap import limits
 from automap.gap.fit import Fit, whitened_innovations
 from automap.gap.kernels import propagate_columns
-from automap.gap.motion import LEANS, Motion, at_times, leaning, motion_of
+from automap.gap.motion import LEANS, Motion, at_times, late_change, leaning, motion_of
 from automap.gap.stretches import Frame
 from automap.gap.whitening import LOOSE, Rows, moments, times, whitened_rows
 from automap.records import BoolArray, FloatArray, IntArray
@@ -98,6 +99,11 @@ class NodeMotion:
     signals: Signals
     along: Signals
     units: dict[str, dict[str, FloatArray]] = field(default_factory=dict)
+
+    @cached_property
+    def late(self) -> LateChange | None:
+        """By how much late velocities change otherwise than those at their tag."""
+        return late_change(self.motion, self.motion.acc, self.fit.delays)
 
     def there(self, values: FloatArray) -> FloatArray:
         """What is known along the drive [n] at the nodes [k], as the filter takes it: a formula may

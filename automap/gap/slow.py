@@ -25,6 +25,7 @@ from automap.gap.result import coefficient_names, equation
 from automap.records import FloatArray, IntArray
 
 BOX = "box"
+STEP, RAMP = "step(time - {:.4g})", "max(time - {:.4g}, 0)"
 PLATEAU = "(step(time - {:.5g}) - step(time - {:.5g}))"
 OVERSAMPLED = 2.0
 """Frequencies stand closer than the inverse length of the drive by this factor: in between a
@@ -102,34 +103,36 @@ def shapes(begin_s: float, end_s: float) -> list[Shape]:
     """Periods, decays and steps that a drive between two instants may show."""
     length = end_s - begin_s
     width = box_s(length)
-    count = int(OVERSAMPLED * length / (LEAST_BOXES * width))
-    out = []
-    for i in range(2, count + 1):
-        period = OVERSAMPLED * length / i
-        texts = (f"sin(2 * pi * time / {period:.4g})", f"cos(2 * pi * time / {period:.4g})")
-        out.append(Shape(texts))
-    for tau in np.geomspace(2.0 * width, 0.5 * length, DECAYS):
-        out.append(Shape((f"exp(-time / {tau:.3g})",)))
     # between two boxes
-    for at in np.arange(begin_s + 2.5 * width, end_s - 2.0 * width, width):
-        out.append(Shape((f"step(time - {at:.4g})",)))
-    return out
+    instants = np.arange(begin_s + 2.5 * width, end_s - 2.0 * width, width)
+    return _courses(length, LEAST_BOXES * width, (2.0 * width, DECAYS), instants, (STEP,))
 
 
 def gain_shapes(begin_s: float, end_s: float) -> list[Shape]:
     """Courses of a gain or a seat: slower than those of a bias, and some that begin to grow."""
     length = end_s - begin_s
-    shortest = max(limits.BLOCKS_S[-1], length / GAIN_PERIODS)
-    step = gain_step_s(length)
+    shortest, step = max(limits.BLOCKS_S[-1], length / GAIN_PERIODS), gain_step_s(length)
+    instants = np.arange(begin_s + step, end_s - 0.5 * step, step)
+    decays = limits.BLOCKS_S[0], GAIN_DECAYS
+    return _courses(length, shortest, decays, instants, (STEP, RAMP))
+
+
+def _courses(
+    length_s: float,
+    shortest_s: float,
+    decays: tuple[float, int],
+    instants: FloatArray,
+    begins: Sequence[str],
+) -> list[Shape]:
+    """Periods of ``shortest_s`` and more, so many ``decays`` from a time constant on, and what
+    ``begins`` at ``instants``."""
     out = []
-    for i in range(2, int(OVERSAMPLED * length / shortest) + 1):
-        turn = f"2 * pi * time / {OVERSAMPLED * length / i:.4g}"
+    for i in range(2, int(OVERSAMPLED * length_s / shortest_s) + 1):
+        turn = f"2 * pi * time / {OVERSAMPLED * length_s / i:.4g}"
         out.append(Shape((f"sin({turn})", f"cos({turn})")))
-    for tau in np.geomspace(limits.BLOCKS_S[0], 0.5 * length, GAIN_DECAYS):
+    for tau in np.geomspace(decays[0], 0.5 * length_s, decays[1]):
         out.append(Shape((f"exp(-time / {tau:.3g})",)))
-    for at in np.arange(begin_s + step, end_s - 0.5 * step, step):
-        out += [Shape((f"step(time - {at:.4g})",)), Shape((f"max(time - {at:.4g}, 0)",))]
-    return out
+    return out + [Shape((text.format(at),)) for at in instants for text in begins]
 
 
 def plateaus(times: FloatArray, score: FloatArray, info: FloatArray) -> list[Shape]:
