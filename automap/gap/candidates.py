@@ -278,9 +278,16 @@ def _beyond_first_order(kind: Kind, weight: float, motion: Motion, t: FloatArray
 
 
 def size_of(channel: str) -> float:
-    """Prior sd of the rms size of a formula on a channel, in its unit."""
+    """Prior sd of the size of a formula on a channel, in its unit: its rms, of how the unit sits
+    and keeps time its largest value."""
     sizes = limits.FORMULA_SIZES
     return sizes.get(channel, sizes.get(channel.partition("_")[0], 0.0))
+
+
+def usual_sd(channel: str, signal: FloatArray) -> float:
+    """Prior sd of what a ``signal`` [n] on a channel is multiplied with."""
+    spread = np.max(np.abs(signal)) if channel in OF_IMU else np.std(signal)
+    return size_of(channel) / max(float(spread), 1e-12)
 
 
 def formula_column(
@@ -312,7 +319,7 @@ def signal_column(
     """A ``signal`` [n] on the channel of a term as a column along one drive; ``name`` of the
     formula, where that has more terms."""
     channel = term[0]
-    sd = size_of(channel) / max(float(np.std(signal)), 1e-12)
+    sd = usual_sd(channel, signal)
     name = name or equation([term])
     if channel in INERTIAL:
         return Column(name, parameter, sd, (Inertial.on(channel, signal),), term=term)

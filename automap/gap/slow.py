@@ -18,7 +18,7 @@ from automap.effects.formula_text import parse_formula
 from automap.effects.signals import FIELDS, Signals
 from automap.effects.user import INERTIAL
 from automap.gap import limits
-from automap.gap.candidates import follows_time, is_course, signal_column, size_of
+from automap.gap.candidates import follows_time, is_course, signal_column, size_of, usual_sd
 from automap.gap.limits import LEAST_BOXES, PLATEAUS
 from automap.gap.linear import Column, Inertial, Linear, NodeMotion
 from automap.gap.result import coefficient_names, equation
@@ -71,9 +71,7 @@ def box_columns(at: NodeMotion) -> list[Column]:
         inside = number == i
         for channel in SEAT if inside.any() else ():
             term = (channel, f"{time[inside].mean():.3f}")
-            column = signal_column(term, inside.astype(np.float64), at, name, " ".join(term))
-            # as large as that of a bias, whatever share of the drive it is
-            out.append(replace(column, prior_sd=size_of(channel)))
+            out.append(signal_column(term, inside.astype(float), at, name, " ".join(term)))
     number = ((motion.t - motion.t[0]) / box_s(length)).astype(np.int64)
     for i in range(int(number[-1]) + 1):
         inside = number == i
@@ -203,7 +201,7 @@ def with_shapes(linear: Linear) -> Linear:
             names = coefficient_names(len(terms))
             for parameter, value, term in zip(names, values, terms, strict=True):
                 course = value[mine] * inputs[mine] if gain else value[mine]
-                sd = size_of(channel) / max(float(np.std(course if gain else value)), 1e-9)
+                sd = usual_sd(channel, course if gain else value)
                 courses.append(course)
                 layout.append(Column(name, parameter, sd, term=term, choices=shape.choices))
     mixing = np.zeros((len(linear.layout), len(layout)))

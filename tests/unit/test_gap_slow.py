@@ -251,6 +251,9 @@ def test_a_seat_that_changes_stands_out_of_its_boxes(course: str, on: str) -> No
     assert terms[0][0] == on
     assert terms[0][1].startswith(course[:4])
     assert nats[best] > 50.0
+    # what lasts for a moment is usually no larger than what stays
+    largest = np.abs(curve(terms[0][1])).max()
+    assert linear.prior_sd[parts[best][0]] * largest == pytest.approx(size_of(on))
     # its instant, time constant or period is refined as far as the next that was tried
     assert is_course(terms)
     finer = variants(terms, LENGTH_S)
