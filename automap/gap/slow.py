@@ -178,19 +178,22 @@ def with_shapes(linear: Linear) -> Linear:
     left = linear.score - linear.info @ linear.values
     signals, inputs = _time_signals(times), np.array([linear.layout[i].mean_input for i in boxes])
     ends = float(times.min()), float(times.max())
-    axes, none = tuple(INERTIAL), ("",) * len(INERTIAL)
-    every = [(shape, axes, none) for shape in shapes(*ends)]
+    axes = [(channel, "") for channel in INERTIAL]
+    every = [(shape, axes) for shape in shapes(*ends)]
     of_channel = {c: np.flatnonzero(np.array(channels) == c) for c in (*INERTIAL, *SEAT)}
     for channel in INERTIAL:
         mine = of_channel[channel]
         at = np.array(boxes)[mine]
         inner = linear.info[np.ix_(at, at)]
-        every += [(s, (channel,), none[:1]) for s in plateaus(times[mine], left[at], inner)]
-    gained, by = (*GAINS, *SEAT), (*GAINS.values(), *("",) * len(SEAT))
-    every += [(shape, gained, by) for shape in gain_shapes(*ends)]
-    for shape, on_channels, gains in every:
+        every += [(s, [(channel, "")]) for s in plateaus(times[mine], left[at], inner)]
+    slower = [*GAINS.items(), *((channel, "") for channel in SEAT)]
+    for shape in gain_shapes(*ends):
+        # a clock that warms settles to a rate, not to an offset
+        settles = shape.texts[0].startswith("exp")
+        every.append((shape, [on for on in slower if on[0] != "imu_time" or not settles]))
+    for shape, on_channels in every:
         values = [parse_formula(text)(signals) for text in shape.texts]
-        for channel, gain in zip(on_channels, gains, strict=True):
+        for channel, gain in on_channels:
             mine = of_channel[channel]
             if not len(mine) or (gain and not np.ptp(inputs[mine]) > 0.0):
                 continue
