@@ -104,8 +104,7 @@ def user_effect(name: str, summary: str, *terms: UserTerm) -> UserEffect:
     if len(families) > 1:
         raise ConfigError(
             f"the effect '{name}' acts on more than one of readings, fixes, vehicle, stamps and "
-            "camera; "
-            "make an effect for each"
+            "camera; make an effect for each"
         )
     parameters = tuple(Parameter(t.parameter, t.unit, t.prior_sd) for t in terms)
     acting = tuple(term for t in terms for term in _terms(name, t))

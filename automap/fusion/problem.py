@@ -152,13 +152,9 @@ def with_late_change(problem: Problem, change: LateChange) -> Problem:
     growing = change.whole * problem.t[:, None]
     distance = codes[:, 0] == model.places.get("gnss_course_distance", 0) - N_NAV
     of_users = [
-        (
-            _of_kind(codes, TIME, SIGNAL_COLUMN + i),
-            f"late_{name}",
-            change.whole * users[name][:, None],
-        )
+        (late, f"late_{name}", change.whole * users[name][:, None])
         for i, name in enumerate(model.signals)
-        if name in users
+        if (late := _of_kind(codes, TIME, SIGNAL_COLUMN + i)).any()
     ]
     for late, name, amounts in (
         (_of_kind(codes, TIME, SIGNAL_ONE), "late_change", change.whole),

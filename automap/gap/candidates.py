@@ -262,7 +262,10 @@ def _direct(effect: str, at: NodeMotion) -> dict[str, FloatArray]:
             # as the filter does: what is late changes by what happened then
             by = change.course if term.kind == Kind.COURSE else change.whole
             more = term.weight * at_times(motion, by, at.t)
-            more *= at.t[:, None] if term.signal == ELAPSED else 1.0
+            if term.signal == ELAPSED:
+                more *= at.t[:, None]
+            elif is_users(term.signal):
+                more *= at.there(user_signal(term.signal, at.along))[:, None]
             out[term.parameter][:, _CHANNELS[VELOCITY]] += more
     return out
 
