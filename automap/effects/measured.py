@@ -67,7 +67,7 @@ def _signal_code(term: Term, signals: list[str]) -> int:
 
 @dataclass(frozen=True)
 class Distortion:
-    """What terms on one measurement add up to at ``n`` instants: ``arm`` [3] m and ``turn`` [3]
+    """What terms on one measurement add up to at ``n`` instants: ``arm`` [3] m and ``turn`` [n, 3]
     rad in vehicle axes, ``late`` [n] s, ``course_late`` [n] s of the direction beyond that, ``lag``
     s of a low-pass, ``added`` [n, 3] in the
     measurement's axes, ``slip`` [n, 3] rad, ``longer`` [3] factors on the components."""
@@ -95,7 +95,7 @@ def distortion(
     """
     out = Distortion(
         np.zeros(3),
-        np.zeros(3),
+        np.zeros((n, 3)),
         np.zeros(n),
         np.zeros(n),
         0.0,
@@ -108,15 +108,15 @@ def distortion(
         amount = value * term.weight
         if term.kind == Kind.LAG:
             lag += amount
-        elif term.kind in (Kind.POINT, Kind.TURN, Kind.SCALE):
-            target = {Kind.POINT: out.arm, Kind.TURN: out.turn, Kind.SCALE: out.longer}[term.kind]
-            target[term.axis] += amount
+        elif term.kind in (Kind.POINT, Kind.SCALE):
+            (out.arm if term.kind == Kind.POINT else out.longer)[term.axis] += amount
         else:
             now = np.ones(n) if term.signal == ONE else signal(term.signal)
             if term.kind in (Kind.TIME, Kind.COURSE):
                 (out.late if term.kind == Kind.TIME else out.course_late)[:] += amount * now
             else:
-                (out.added if term.kind == Kind.AXIS else out.slip)[:, term.axis] += amount * now
+                target = {Kind.AXIS: out.added, Kind.SLIP: out.slip, Kind.TURN: out.turn}[term.kind]
+                target[:, term.axis] += amount * now
     return replace(out, lag=lag)
 
 

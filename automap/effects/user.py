@@ -33,9 +33,14 @@ OF_FIXES = (
 """Fixes: along the track, to its right, up; m and m/s."""
 OF_CAMERA = ("camera_roll", "camera_pitch", "camera_yaw", "camera_time")
 """The camera: turned about its own axes, rad, and what is added to its stamps, s."""
-ACTS_ON = INERTIAL + OF_FIXES + OF_VEHICLE + OF_CAMERA
+OF_MOUNT = ("imu_roll", "imu_pitch", "imu_yaw")
+OF_IMU = (*OF_MOUNT, "imu_time")
+"""The inertial unit: turned further in the vehicle, as its mounting, rad, and how late its stamps
+are, s."""
+ACTS_ON = INERTIAL + OF_IMU + OF_FIXES + OF_VEHICLE + OF_CAMERA
 _FAMILY = dict.fromkeys(INERTIAL, "imu") | dict.fromkeys(OF_FIXES, "gnss")
-_FAMILY |= dict.fromkeys(OF_VEHICLE, "vehicle") | dict.fromkeys(OF_CAMERA, "camera")
+_FAMILY |= dict.fromkeys((*OF_VEHICLE, *OF_MOUNT), "vehicle") | dict.fromkeys(OF_CAMERA, "camera")
+_FAMILY["imu_time"] = "clock"
 _SEPARATOR = "."
 COSINE, SINE = "cos", "sin"
 """Parts of a signal along a track: times cosine or sine of the heading."""
@@ -44,7 +49,7 @@ _NAME = re.compile(r"[a-z][a-z0-9_]{0,39}")
 
 @dataclass(frozen=True)
 class UserTerm:
-    """One parameter of a user's effect: reading = true + parameter * signal.
+    """One parameter of a user's effect: reading, angle or delay = true + parameter * signal.
 
     ``on`` one of ``ACTS_ON``; ``prior_sd`` how large the parameter may well be, one sigma, in
     ``unit``; ``signal`` a function of the drive's quantities, [n]; ``formula`` its text where
@@ -98,8 +103,8 @@ def user_effect(name: str, summary: str, *terms: UserTerm) -> UserEffect:
     families = {_FAMILY[t.on] for t in terms}
     if len(families) > 1:
         raise ConfigError(
-            f"the effect '{name}' acts on more than one of readings, fixes, vehicle and camera; "
-            "make an effect for each"
+            f"the effect '{name}' acts on more than one of readings, fixes, vehicle, stamps and "
+            "camera; make an effect for each"
         )
     parameters = tuple(Parameter(t.parameter, t.unit, t.prior_sd) for t in terms)
     acting = tuple(term for t in terms for term in _terms(name, t))
@@ -108,13 +113,15 @@ def user_effect(name: str, summary: str, *terms: UserTerm) -> UserEffect:
 
 @dataclass(frozen=True)
 class Toward:
-    """Part of a channel of users' effects: on what it acts, along which axis, with which sign;
-    ``turned``: times cosine or sine of the heading, for channels along the track or across."""
+    """Part of a channel of users' effects: on what it acts, along which axis, with which sign, in
+    which way; ``turned``: times cosine or sine of the heading, for channels along the track or
+    across."""
 
     on: str
     axis: int
     weight: float = 1.0
     turned: str = ""
+    kind: Kind = Kind.AXIS
 
 
 def towards(channel: str) -> tuple[Toward, ...]:
@@ -122,6 +129,10 @@ def towards(channel: str) -> tuple[Toward, ...]:
     if channel in INERTIAL:
         sensor, _, letter = channel.partition("_")
         return (Toward(sensor, "xyz".index(letter)),)
+    if channel in OF_IMU:
+        kind = Kind.TURN if channel in OF_MOUNT else Kind.TIME
+        axis = OF_IMU.index(channel) % len(OF_MOUNT)
+        return tuple(Toward(on, axis, kind=kind) for on in (POSITION, VELOCITY, VEHICLE))
     if channel in OF_VEHICLE:
         axis = OF_VEHICLE.index(channel)
         # the wheels report what is added; the constraint says nothing where there is something
@@ -140,7 +151,7 @@ def _terms(effect: str, given: UserTerm) -> Iterable[Term]:
     """How a user's term acts; its signal is named by effect and parameter, and the part of it."""
     for part in towards(given.on):
         name = _SEPARATOR.join([effect, given.parameter, *([part.turned] if part.turned else [])])
-        yield Term(given.parameter, part.on, Kind.AXIS, part.axis, name, part.weight)
+        yield Term(given.parameter, part.on, part.kind, part.axis, name, part.weight)
 
 
 def turned(values: FloatArray, part: str, signals: Signals) -> FloatArray:

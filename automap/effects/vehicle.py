@@ -49,7 +49,14 @@ def lever_arm_motion(
 
 def sensor_to_vehicle(values: Values) -> FloatArray:
     """``C_vehicle_sensor`` [3, 3] of ``imu_mounting``: ZYX angles, sensor to vehicle."""
-    return rpy_to_matrix(_constant(values).turn)
+    return rpy_to_matrix(_constant(values).turn[0])
+
+
+def mounting_angles(values: Values, n: int, signal: Callable[[str], FloatArray]) -> FloatArray:
+    """ZYX angles [n, 3] rad, sensor to vehicle, of a mounting that users' effects move; ``signal``
+    gives theirs."""
+    none = dict.fromkeys((FORWARD_ACCELERATION, LATERAL_ACCELERATION), np.zeros(n))
+    return distortion(values, VEHICLE, n, lambda s: none[s] if s in none else signal(s)).turn
 
 
 def sliding_point(values: Values) -> FloatArray:
@@ -57,10 +64,17 @@ def sliding_point(values: Values) -> FloatArray:
     return _constant(values).arm
 
 
-def stamp_error_s(t_s: FloatArray, values: Values) -> FloatArray:
+def stamp_error_s(
+    t_s: FloatArray, values: Values, signal: Callable[[str], FloatArray] | None = None
+) -> FloatArray:
     """How much later than the truth IMU stamps [n] are, ``t_s`` [n] s of the right clock after
-    the first sample: the delays of clocks, as fixes show them against stamps that are late."""
-    return distortion(values, POSITION, len(t_s), {ELAPSED: t_s}.__getitem__, ("clock",)).late
+    the first sample: the delays of clocks, as fixes show them against stamps that are late;
+    ``signal`` gives those of users."""
+
+    def now(name: str) -> FloatArray:
+        return t_s if name == ELAPSED or signal is None else signal(name)
+
+    return distortion(values, POSITION, len(t_s), now, ("clock",)).late
 
 
 def nose_angles(
@@ -108,4 +122,4 @@ def wheel_speed(
 
 def _constant(values: Values) -> Distortion:
     """What is the same at all instants."""
-    return distortion(values, VEHICLE, 0, lambda name: np.zeros(0))
+    return distortion(values, VEHICLE, 1, lambda name: np.zeros(1))

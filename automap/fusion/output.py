@@ -81,7 +81,8 @@ def node_trajectory(
 ) -> Iterator[Trajectory]:
     """Trajectory at the IMU epochs ``t_ns`` of nodes' states, stretch by stretch.
 
-    ``turn`` [3, 3] takes sensor axes (as filtered) to the vehicle's.
+    ``turn`` [3, 3] takes sensor axes (as filtered) to the vehicle's, [n, 3, 3] where a mounting
+    moves.
     ``unseen_sd`` [k, 3] m NED at the nodes is what no measurement tells of the position's error,
     ``slip_sd`` rad of the heading's, ``age_sd`` s of the age of the fixes, to which the motion
     was dated.
@@ -89,7 +90,7 @@ def node_trajectory(
     clock, or of the samples, which then belong to ``delay`` earlier than their stamp.
     """
     margin = MARGIN_S + float(np.abs(delay).max(initial=0.0))
-    back = matrix_to_quat(turn.T)
+    back = matrix_to_quat(np.swapaxes(turn, -1, -2))
     path = PathStates(states.nominal, states.params)
     for piece in dense_pieces(problem, nodes, path, blend, margin):
         t, at = problem.t[piece.around], nodes.t[piece.nodes]
@@ -103,8 +104,12 @@ def node_trajectory(
         own = slice(piece.rows.start - piece.around.start, piece.rows.stop - piece.around.start)
         t, dense, stamps = t[own], dense[own], t_ns[piece.rows]
         late = delay[piece.rows] if delay_is_clock else 0.0
-        node_rpy = quat_to_rpy(quat_multiply(nominal[:, 6:10], back))
-        node_sd = rpy_sd_from_tilt(node_rpy, vehicle_tilt(nominal, cov, turn))
+        back_here, back_there, turn_there = back, back, turn
+        if turn.ndim > 2:
+            there = np.clip(np.searchsorted(problem.t, at), 0, len(problem.t) - 1)
+            back_here, back_there, turn_there = back[piece.rows], back[there], turn[there]
+        node_rpy = quat_to_rpy(quat_multiply(nominal[:, 6:10], back_there))
+        node_sd = rpy_sd_from_tilt(node_rpy, vehicle_tilt(nominal, cov, turn_there))
         node_sd[:, 2] = np.hypot(node_sd[:, 2], slip_sd)
         variances = [np.maximum(cov[:, i, i], 0.0) for i in range(6)]
         variance = np.stack([_between(t, at, v, blend) for v in variances], axis=1)
@@ -115,7 +120,7 @@ def node_trajectory(
             lon_rad=(dense[:, 1] + np.pi) % (2 * np.pi) - np.pi,
             height_m=dense[:, 2],
             vel_ned=dense[:, 3:6],
-            rpy=quat_to_rpy(quat_multiply(dense[:, 6:10], back)),
+            rpy=quat_to_rpy(quat_multiply(dense[:, 6:10], back_here)),
             sd_pos_ned=np.sqrt(variance[:, :3]),
             sd_vel_ned=np.sqrt(variance[:, 3:6]),
             sd_rpy=np.stack([_between(t, at, node_sd[:, i], blend) for i in range(3)], axis=1),
@@ -142,7 +147,7 @@ def vehicle_tilt(nominal: FloatArray, cov: FloatArray, turn: FloatArray) -> Floa
     tilt = cov[:, phi, phi].copy()
     if cov.shape[1] > N_NAV:
         mount = slice(N_NAV, cov.shape[1])
-        c = quat_to_matrix(nominal[:, 6:10]) @ turn.T
+        c = quat_to_matrix(nominal[:, 6:10]) @ np.swapaxes(turn, -1, -2)
         cross = c @ cov[:, mount, phi]
         tilt += c @ cov[:, mount, mount] @ np.swapaxes(c, 1, 2)
         tilt -= cross + np.swapaxes(cross, 1, 2)

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 
 import numpy as np
 
-from automap.frames import (
-    matrix_to_rpy,
-    rpy_to_matrix,
-)
+from automap.effects import CATALOGUE
+from automap.effects.terms import POSITION, Kind
+from automap.effects.user import is_users
+from automap.frames import matrix_to_rpy, rpy_to_matrix
 from automap.fusion import limits
 from automap.fusion.aside import whole_trajectory
 from automap.fusion.delay_states import DELAY_STATE, SKEW_STATE
@@ -32,11 +32,7 @@ from automap.fusion.passes import Pass, Session
 from automap.fusion.problem import Problem
 from automap.fusion.tuning import shown_at_least
 from automap.fusion.wheels import Wheels
-from automap.records import (
-    ClockModel,
-    IntArray,
-    Trajectory,
-)
+from automap.records import ClockModel, FloatArray, IntArray, Trajectory
 
 
 @dataclass(frozen=True)
@@ -129,6 +125,25 @@ def collect(last: Pass, base_ns: int, outliers: IntArray) -> Outcome:
     )
 
 
+def moved_imu(problem: Problem, final: Mapping[str, float]) -> tuple[FloatArray, FloatArray]:
+    """By how much users' effects make the stamps late, [n] s, and turn the mounting, [n, 3] rad, at
+    the samples; ``final`` the estimated parameters by name. One row of nothing where none does."""
+    late, moved = np.zeros(1), np.zeros((1, 3))
+    for effect in problem.model.places:
+        for term in CATALOGUE[effect].terms:
+            if (
+                term.on == POSITION
+                and term.kind in (Kind.TIME, Kind.TURN)
+                and is_users(term.signal)
+            ):
+                amount = final[f"{effect}_{term.parameter}"] * problem.users[term.signal]
+                if term.kind == Kind.TIME:
+                    late = late + amount
+                else:
+                    moved = moved + amount[:, None] * np.eye(3)[term.axis]
+    return late, moved
+
+
 def assemble(
     session: Session,
     outcome: Outcome,
@@ -148,7 +163,9 @@ def assemble(
     spread = dict(zip(history.names, history.sd[-1], strict=True))
     delay = Prior(float(final.get(DELAY_STATE, 0.0)), float(spread.get(DELAY_STATE, 0.0)))
     angles = [f"imu_mounting_{a}" for a in ("roll", "pitch", "yaw")]
-    turn = rpy_to_matrix(np.array([final.get(name, 0.0) for name in angles]))
+    mounted = np.array([final.get(name, 0.0) for name in angles])
+    turn = rpy_to_matrix(mounted)
+    late, moved = moved_imu(outcome.problem, final)
     sd = np.array([spread.get(name, 0.0) for name in angles])
     if not axes_known:
         sd[1:] = np.maximum(sd[1:], limits.KNOWN_FORWARD_SD)
@@ -161,7 +178,8 @@ def assemble(
     make = partial(
         node_trajectory, outcome.problem, outcome.nodes,
         t_ns=session.imu.t_ns, clock=clock, delay=delay.mean + final.get(SKEW_STATE, 0.0)
-        * outcome.problem.t, delay_is_clock=delay_is_clock, turn=turn, unseen_sd=unseen,
+        * outcome.problem.t + late, delay_is_clock=delay_is_clock,
+        turn=rpy_to_matrix(mounted + moved) if moved.any() else turn, unseen_sd=unseen,
         slip_sd=np.radians(session.options.nhc_lasting_deg),
         age_sd=age_sd,
     )  # fmt: skip

@@ -22,22 +22,35 @@ from automap.effects.imu import ACCEL, BASIS_EXTRA, BASIS_FORCE, BASIS_ONE, imu_
 from automap.effects.measured import MEASURED, measured_terms
 from automap.effects.measured_kernels import rows_along
 from automap.effects.terms import ELAPSED, POSITION, VEHICLE, VELOCITY, Kind
-from automap.effects.user import INERTIAL, is_users, towards, turned, user_signal
+from automap.effects.user import (
+    INERTIAL,
+    OF_IMU,
+    OF_MOUNT,
+    is_users,
+    towards,
+    turned,
+    user_signal,
+)
 from automap.fusion.layout import CH_NHC, CH_ODOMETER, CH_POS, CH_VEL, MAX_SCALARS, N_NAV
 from automap.fusion.problem import node_signals
 from automap.gap import limits
-from automap.gap.fit import ORIGIN, Fit, prior_sd
+from automap.gap.fit import ORIGIN, prior_sd
 from automap.gap.limits import REFERENCE_TAU_S
 from automap.gap.linear import Column, Direct, Inertial, NodeMotion
-from automap.gap.motion import Motion, at_times, lagged, late_change
+from automap.gap.motion import Motion, at_times, lagged
 from automap.gap.result import coefficient_names, equation
 from automap.records import FloatArray
 
 FIX_AGE, VELOCITY_AGE = "gnss_latency", "gnss_velocity_latency"
 COURSE = re.compile(
-    r"\(?(step\(time - |exp\(-time / |sin\(2 \* pi \* time / |cos\(2 \* pi \* time / )"
+    r"\(?(step\(time - |max\(time - |exp\(-time / |sin\(2 \* pi \* time / |cos\(2 \* pi \* time / )"
 )
 GAIN = re.compile(r"(rate|force)_[xyz] \* ")
+OF_IMU_UNITS = {
+    **{channel: f"imu_mounting.{channel.removeprefix('imu_')}" for channel in OF_MOUNT},
+    "imu_time": "imu_time_offset.s",
+}
+"""Effect and parameter that act as a channel of the inertial unit does while it is the same."""
 FAMILIES = ("imu", "vehicle", "clock", "gnss", "earth")
 
 
@@ -124,45 +137,41 @@ def candidates_of(layout: Sequence[Column], effects: Collection[str]) -> list[Ca
     return out
 
 
-def named_columns(effects: Sequence[str], fit: Fit, motion: Motion, at: NodeMotion) -> list[Column]:
+def named_columns(effects: Sequence[str], at: NodeMotion) -> list[Column]:
     """Columns of named effects along one drive; an effect that the drive cannot show has none."""
     columns: list[Column] = []
-    options = fit.model.options
+    options = at.fit.model.options
     for effect in effects:
         sds = {p.name: prior_sd(options, effect, p.name) for p in CATALOGUE[effect].parameters}
-        columns += effect_columns(effect, fit, motion, at, sds or {"on": 1.0})
+        columns += effect_columns(effect, at, sds or {"on": 1.0})
     return columns
 
 
-def effect_columns(
-    effect: str, fit: Fit, motion: Motion, at: NodeMotion, prior_sds: Mapping[str, float]
-) -> list[Column]:
+def effect_columns(effect: str, at: NodeMotion, prior_sds: Mapping[str, float]) -> list[Column]:
     """The columns of a catalogue effect, none where the drive lacks what it needs."""
     known = CATALOGUE[effect]
     if known.family == "imu":
-        return _imu_columns(effect, fit, motion, at, prior_sds)
+        return _imu_columns(effect, at, prior_sds)
     if known.family == "earth":
-        return [_earth_column(effect, fit, motion)]
+        return [_earth_column(effect, at.motion)]
     if not known.acts_on(*MEASURED):
         return []
-    direct = _direct(effect, fit, motion, at)
+    direct = _direct(effect, at)
     if known.unknown_epoch:
         # with what was off already when the drive began, which nobody says
-        length = float(motion.t[-1] - motion.t[0])
+        length = float(at.motion.t[-1] - at.motion.t[0])
         prior_sds = {**prior_sds, ORIGIN: next(iter(prior_sds.values())) * length}
-        direct[ORIGIN] = next(iter(_direct(known.unknown_epoch, fit, motion, at).values()))
+        direct[ORIGIN] = next(iter(_direct(known.unknown_epoch, at).values()))
     return [
         Column(effect, parameter, prior_sds[parameter], direct=Direct(values))
         for parameter, values in direct.items()
     ]
 
 
-def _imu_columns(
-    effect: str, fit: Fit, motion: Motion, at: NodeMotion, prior_sds: Mapping[str, float]
-) -> list[Column]:
+def _imu_columns(effect: str, at: NodeMotion, prior_sds: Mapping[str, float]) -> list[Column]:
     from automap.effects import extra_basis
 
-    imu = fit.opened.drive.imu
+    motion, imu = at.motion, at.fit.opened.drive.imu
     terms = imu_terms([effect])
     speed = np.linalg.norm(motion.vel, axis=1)
     extra = extra_basis(
@@ -189,7 +198,7 @@ def _imu_columns(
     return out
 
 
-def _earth_column(effect: str, fit: Fit, motion: Motion) -> Column:
+def _earth_column(effect: str, motion: Motion) -> Column:
     """What the gyro and the accelerometer would read more were the Earth turning."""
     lat = float(motion.pos[0, 0])
     turn = RATE * np.array([np.cos(lat), 0.0, -np.sin(lat)])
@@ -208,9 +217,10 @@ _CHANNELS = {
 }
 
 
-def _direct(effect: str, fit: Fit, motion: Motion, at: NodeMotion) -> dict[str, FloatArray]:
+def _direct(effect: str, at: NodeMotion) -> dict[str, FloatArray]:
     """What a unit of each parameter adds to the nodes' channels [k, 15], beside the parameters
     that the fit has already."""
+    fit, motion = at.fit, at.motion
     model, states = fit.last.problem.model, CATALOGUE[effect].states
     places = {e: first - N_NAV for e, first in model.places.items()}
     params = fit.last.smooth.params[-1]
@@ -241,7 +251,7 @@ def _direct(effect: str, fit: Fit, motion: Motion, at: NodeMotion) -> dict[str, 
         for number, measured in enumerate(MEASURED):
             by_channel[:, _CHANNELS[measured]] = rows[:, number, :, first + i]
         out[state] = by_channel
-    change = late_change(motion, motion.acc, fit.delays)
+    change = at.late
     for term in CATALOGUE[effect].terms:
         of_velocity = term.on == VELOCITY and not CATALOGUE[effect].acts_on(POSITION)
         if term.kind in (Kind.TIME, Kind.LAG) and of_velocity:
@@ -252,7 +262,10 @@ def _direct(effect: str, fit: Fit, motion: Motion, at: NodeMotion) -> dict[str, 
             # as the filter does: what is late changes by what happened then
             by = change.course if term.kind == Kind.COURSE else change.whole
             more = term.weight * at_times(motion, by, at.t)
-            more *= at.t[:, None] if term.signal == ELAPSED else 1.0
+            if term.signal == ELAPSED:
+                more *= at.t[:, None]
+            elif is_users(term.signal):
+                more *= at.there(user_signal(term.signal, at.along))[:, None]
             out[term.parameter][:, _CHANNELS[VELOCITY]] += more
     return out
 
@@ -268,8 +281,16 @@ def _beyond_first_order(kind: Kind, weight: float, motion: Motion, t: FloatArray
 
 
 def size_of(channel: str) -> float:
-    """Prior sd of the rms size of a formula on a channel, in its unit."""
-    return limits.FORMULA_SIZES[channel.partition("_")[0]]
+    """Prior sd of the size of a formula on a channel, in its unit: its rms, of how the unit sits
+    and keeps time its largest value."""
+    sizes = limits.FORMULA_SIZES
+    return sizes.get(channel, sizes.get(channel.partition("_")[0], 0.0))
+
+
+def usual_sd(channel: str, signal: FloatArray) -> float:
+    """Prior sd of what a ``signal`` [n] on a channel is multiplied with."""
+    spread = np.max(np.abs(signal)) if channel in OF_IMU else np.std(signal)
+    return size_of(channel) / max(float(spread), 1e-12)
 
 
 def formula_column(
@@ -301,11 +322,17 @@ def signal_column(
     """A ``signal`` [n] on the channel of a term as a column along one drive; ``name`` of the
     formula, where that has more terms."""
     channel = term[0]
-    sd = size_of(channel) / max(float(np.std(signal)), 1e-12)
+    sd = usual_sd(channel, signal)
     name = name or equation([term])
     if channel in INERTIAL:
         return Column(name, parameter, sd, (Inertial.on(channel, signal),), term=term)
     amount = at.there(signal)
+    if channel in OF_IMU:
+        known, _, own = OF_IMU_UNITS[channel].partition(".")
+        if known not in at.units:
+            at.units[known] = _direct(known, at)
+        direct = Direct(at.units[known][own] * amount[:, None])
+        return Column(name, parameter, sd, direct=direct, term=term)
     by_channel = np.zeros((len(amount), MAX_SCALARS))
     for part in towards(channel):
         place = _CHANNELS[part.on][part.axis]

@@ -1,7 +1,8 @@
 """What held-out data say of effects that were found, and what each of these costs.
 
 None may be spoken against, and the model with all of them must not predict positions worse than
-without. What one costs is how far the smoothed path of a drive moves without it.
+without. What one costs is how far the smoothed path of a drive moves without it. For which of two
+sets drives speak is told by those that were fitted, held-out ones, and the receiver alone.
 """
 
 from __future__ import annotations
@@ -19,8 +20,10 @@ from automap.gap import limits
 from automap.gap.drive import OpenDrive
 from automap.gap.fit import Fit, GapModel, Values, fit_drive
 from automap.gap.limits import HUBER
+from automap.gap.noise import Fitted
 from automap.gap.result import Cost, Extent, HeldPositions, KeptOut
 from automap.gap.scoring import fit_held_out, likelier, total_score, whitener_of
+from automap.gap.whitening import LOOSE
 from automap.records import FloatArray
 
 LEVEL, DOWN = (CH_POS, CH_POS + 1), (CH_POS + 2,)
@@ -274,3 +277,41 @@ def _extent(parts: Sequence[FloatArray]) -> Extent:
     if not len(sizes):
         return Extent(0.0, 0.0)
     return Extent(float(np.sqrt(np.mean(sizes**2))), float(sizes.max()))
+
+
+class Judge:
+    """Compares sets on the drives that they were fitted to and on others, ``held_out``: nats by
+    which these are likelier with one set than with another, and the sigmas of that."""
+
+    def __init__(self, held_out: Sequence[OpenDrive]) -> None:
+        self.held_out = held_out
+        self._known: list[tuple[Fitted, list[Fit]]] = []
+
+    def ahead(self, one: Fitted, other: Fitted, of_vehicle: bool) -> tuple[float, float]:
+        """By all drives: nothing where the sets differ by nothing ``of_vehicle`` and the receiver
+        alone says the opposite. A body that sways against its path turns the gyro with it, and
+        what is made of small turn rates follows that."""
+        nats, sigmas = likelier(self._fits(one), self._fits(other))
+        if not of_vehicle and self.by_receiver(one, other)[0] * nats < 0.0:
+            return 0.0, 0.0
+        return nats, sigmas
+
+    def by_receiver(self, one: Fitted, other: Fitted) -> tuple[float, float]:
+        """The same without what the vehicle constraint says."""
+        return likelier(self._fits(one), self._fits(other), LOOSE)
+
+    def forget(self) -> None:
+        """Forget fits: they are large, and seldom one is asked for again."""
+        self._known = []
+
+    def _fits(self, fitted: Fitted) -> list[Fit]:
+        return [*fitted.fits, *self._held_out(fitted)]
+
+    def _held_out(self, fitted: Fitted) -> list[Fit]:
+        """Held-out drives under a fitted set; those of the last set but one are kept."""
+        for known, fits in self._known:
+            if known is fitted:
+                return fits
+        fits = fit_held_out(self.held_out, fitted.model, fitted.values())
+        self._known = [*self._known[-1:], (fitted, fits)]
+        return fits

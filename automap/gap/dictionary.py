@@ -1,6 +1,7 @@
 """The dictionary of formulas: physical quantities on every axis of the sensors and on the fixes.
 
-What a search takes from it becomes an effect, so that the filter can estimate it.
+One of a family: from there the others are found (``forms``). What a search takes from it becomes an
+effect, so that the filter can estimate it.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from automap.effects.inertial_signals import formula_of
 from automap.effects.terms import WARM_UP
 from automap.effects.user import (
     INERTIAL,
+    OF_FIXES,
     UserTerm,
     add_user_effect,
     is_users,
@@ -32,9 +34,103 @@ from automap.gap.candidates import (
 from automap.gap.fit import Fit
 from automap.gap.limits import SAME_SIGNAL
 from automap.gap.linear import Column, NodeMotion
-from automap.gap.motion import Motion
 from automap.gap.result import coefficient_names, equation
 from automap.records import FloatArray
+
+QUANTITIES = (
+    "speed",
+    "speed^3",
+    "sin(heading)",
+    "cos(heading)",
+    "sin(2 * heading)",
+    "cos(2 * heading)",
+    "abs(rate_z)",
+    "rate_z^2",
+    "rate_z * speed",
+    "force_x^2",
+    "force_y^2",
+    "force_x * force_y",
+    "force_x * rate_z",
+    "force_y * rate_z",
+    "force_x * speed",
+    "force_y * speed",
+    "force_x^3",
+    "force_y^3",
+    "rate_z^3",
+    "max(force_x, 0)",
+    "max(force_y, 0)",
+    "rate^2",
+    "rate_y^2",
+    "tanh(acceleration / 0.1)",
+    "tanh(rate_z / 0.01)",
+    # one axis late by itself, and where inside the housing an axis is
+    "angular_acceleration_x",
+    "angular_acceleration_y",
+    "angular_acceleration_z",
+    "jerk_x",
+    "jerk_y",
+    "jerk_z",
+    "time",
+    # what sun or standing air warms at rest, and wind cools
+    "lag(step(1 - speed), 20.0)",
+    "lag(speed, 20.0)",
+)
+ON_FIXES = (
+    *(
+        (on, text)
+        for on in OF_FIXES
+        for text in ("speed", "acceleration", "lateral_acceleration", "abs(rate_z)")
+        # a latency, a lever arm and a factor on velocities say these already
+        if (on, text)
+        not in {
+            ("velocity_along", "speed"),
+            ("position_along", "speed"),
+            ("velocity_along", "acceleration"),
+            ("velocity_across", "lateral_acceleration"),
+        }
+    ),
+    ("velocity_along", "speed^2"),
+    ("position_along", "speed^2"),
+)
+REMEMBERED = (
+    # an axis that hangs behind what it measures by a play: hysteresis
+    *((f"accel_{a}", f"(force_{a} - play(force_{a}, 0.5))") for a in "xy"),
+    ("gyro_z", "(rate_z - play(rate_z, 0.05))"),
+    # courses that a receiver holds until they have turned by more, and that hang behind by so much
+    ("velocity_across", "(speed * (heading - play(heading, 0.01)))"),
+    # receivers that run on; of velocities that is what a low-pass does, which has a name
+    ("position_along", "lag(acceleration, 2.0)"),
+    ("position_across", "lag(lateral_acceleration, 2.0)"),
+)
+"""Formulas of what has been: channel and text. Widths and times are refined where one is found."""
+ON_VEHICLE = (
+    # a slip that does not grow with the force alone, a wind, an axle that bends under load
+    ("nhc_y", "speed * lateral_acceleration^3"),
+    ("nhc_y", "speed^2 * lateral_acceleration"),
+    ("nhc_y", "speed * acceleration"),
+    ("nhc_y", "speed * sin(heading)"),
+    ("nhc_y", "speed * cos(heading)"),
+)
+"""What the point that follows the road does aside: channel and text."""
+ALONE = (*ON_FIXES, *REMEMBERED, *ON_VEHICLE)
+"""Formulas that are tried on their own channel only."""
+
+
+def warm(fit: Fit) -> bool:
+    """Whether a drive has temperatures."""
+    temperature = fit.opened.drive.imu.temp_c
+    return temperature is not None and bool(np.isfinite(temperature).any())
+
+
+def formula_terms(signals: Signals, has_temperature: bool) -> list[tuple[str, str]]:
+    """The dictionary for drives like one of these signals: channel and text of each."""
+    texts = list(QUANTITIES)
+    if has_temperature:
+        rise = f"(temperature - {float(np.median(signals.temperature)):.1f})"
+        # of a sensor whose core follows its case, what lies between the two
+        texts += [f"{rise}^2", "(temperature - lag(temperature, 40.0))", f"{rise} * speed"]
+    return [*((on, text) for text in texts for on in INERTIAL), *ALONE]
+
 
 PREFIX = "formula_"
 """Names of effects that were made of a formula begin with it."""
@@ -45,8 +141,6 @@ LEAST_OWN = 1e-6
 
 
 def formula_columns(
-    fit: Fit,
-    motion: Motion,
     at: NodeMotion,
     terms: Sequence[tuple[str, str]],
     exclude: Collection[str],
@@ -55,7 +149,7 @@ def formula_columns(
     readings that effects of the library say; it does without those to ``exclude``."""
     signals = {text: parse_formula(text)(at.along) for _, text in terms}
     inertial = [text for on, text in terms if on in INERTIAL]
-    said = _said(fit, motion, at.along, {t: signals[t] for t in inertial}, exclude)
+    said = _said(at, {t: signals[t] for t in inertial}, exclude)
     columns = [
         signal_column((on, text), signals[text], at)
         for on, text in terms
@@ -66,9 +160,7 @@ def formula_columns(
 
 
 def _said(
-    fit: Fit,
-    motion: Motion,
-    along: Signals,
+    at: NodeMotion,
     signals: Mapping[str, FloatArray],
     exclude: Collection[str],
 ) -> set[tuple[str, str]]:
@@ -79,7 +171,7 @@ def _said(
         return set()
     units = np.array([(s - s.mean()) / np.std(s) for s in shown.values()])
     out = set()
-    for channel, rows in _catalogue_signals(fit, motion, along, exclude).items():
+    for channel, rows in _catalogue_signals(at, exclude).items():
         if len(rows):
             share = np.sum((units @ rows.T / len(rows.T)) ** 2, axis=1)
             alike = zip(shown, share > SAME_SIGNAL**2, strict=True)
@@ -87,15 +179,13 @@ def _said(
     return out
 
 
-def left_out_columns(
-    fit: Fit, motion: Motion, at: NodeMotion, effects: Collection[str]
-) -> list[Column]:
+def left_out_columns(at: NodeMotion, effects: Collection[str]) -> list[Column]:
     """The columns of effects that the library does without, told as formulas."""
     out = []
     for effect in effects:
         if effect in CATALOGUE and CATALOGUE[effect].family in ("imu", "gnss", "vehicle", "clock"):
             sds = {p.name: p.prior_sd for p in CATALOGUE[effect].parameters}
-            out += [_as_formula(c) for c in effect_columns(effect, fit, motion, at, sds)]
+            out += [_as_formula(c) for c in effect_columns(effect, at, sds)]
     return out
 
 
@@ -144,18 +234,16 @@ def _basis_text(term: ImuTerm) -> str:
     return formula_of(str(term.extra))
 
 
-def _catalogue_signals(
-    fit: Fit, motion: Motion, signals: Signals, exclude: Collection[str]
-) -> dict[str, FloatArray]:
+def _catalogue_signals(at: NodeMotion, exclude: Collection[str]) -> dict[str, FloatArray]:
     """What catalogue effects already add to each channel: signals [k, n] of mean square one that
     are at right angles to one another."""
     # what a search has made an effect of stays a formula
     out_of = [e for e in CATALOGUE if e not in exclude and not e.startswith(PREFIX)]
     names = [e for e in out_of if CATALOGUE[e].family == "imu"]
     terms = imu_terms(names)
+    motion, temp_c = at.motion, at.fit.opened.drive.imu.temp_c
     speed = np.linalg.norm(motion.vel, axis=1)
-    temp_c = fit.opened.drive.imu.temp_c
-    extra = extra_basis(terms, motion.rate, motion.force, temp_c, speed, signals=signals)
+    extra = extra_basis(terms, motion.rate, motion.force, temp_c, speed, signals=at.along)
     both = np.concatenate([motion.rate, motion.force], axis=1)
     out: dict[str, list[FloatArray]] = {}
     for term in terms:

@@ -9,19 +9,17 @@ from automap.errors import InputError
 from automap.fusion.delay_states import COURSE_DISTANCE_STATE
 from automap.fusion.options import FusionOptions
 from automap.gap import limits
-from automap.gap.beside import Beside
 from automap.gap.camera.search import CameraGap
 from automap.gap.candidates import library
 from automap.gap.confirm import costs, levels_for_runs
-from automap.gap.constancy import drifts
 from automap.gap.dictionary import forget_formulas
+from automap.gap.doubt import doubts, drifts
 from automap.gap.drive import GapDrive, OpenDrive, in_vehicle_axes, open_drive
 from automap.gap.fit import Fit, GapModel, Values, base_model, fit_drive, without
-from automap.gap.found import Found
+from automap.gap.found import Beside, Found
 from automap.gap.leftover import given_up, in_noise
 from automap.gap.linear import Column, NodeMotion
 from automap.gap.misfit import Misfit, Place, misfits, places, worst_by_channel
-from automap.gap.motion import Motion
 from automap.gap.naming import (
     Identifiability,
     chance,
@@ -169,7 +167,7 @@ def _result(
     as_told = replace(model, values={**model.values, **values})
     fits = [fit_drive(f.opened, as_told, linearised_at=f) for f in found.fitted.fits]
     changing, later = _followed(found, screening, fits, final, values)
-    told = describe(found, values, maxima, changing)
+    told = describe(found, values, maxima, changing, doubts(found, values, changing))
     whitener, count = whitener_of(final[0]), epochs(final)
     rest, reference = remaining_gap(final), total_score(final, whitener)
     first = fit_held_out(held_out, base, {}, final)
@@ -264,8 +262,8 @@ def _followed(
         if found.effects.get(name, name) not in values:
             chosen = chosen.without(name)
 
-    def columns(fit: Fit, motion: Motion, at: NodeMotion) -> list[Column]:
-        return screening.columns(fit, motion, at, chosen.names)
+    def columns(at: NodeMotion) -> list[Column]:
+        return screening.columns(at, chosen.names)
 
     names = {effect: name for name, effect in found.effects.items()}
     known = {names.get(effect, effect): its for effect, its in values.items()}

@@ -1,12 +1,15 @@
-"""What a search hands on: where it ended, and what of it carries over to another layout."""
+"""What a search hands on: where it ended, what of it carries over to another layout, and what was
+found as that beside which more is looked for in any drives.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from automap.gap.confirm import Confirmed
-from automap.gap.linear import Column
+from automap.gap.fit import Fit, Values
+from automap.gap.linear import Column, Conditional, Linear, NodeMotion, conditional, linearised
 from automap.gap.noise import Fitted, Joint
 from automap.gap.selection import Chosen, Selection
 
@@ -50,3 +53,34 @@ def in_layout(chosen: Chosen, old: Sequence[Column], new: Selection) -> Chosen:
         if len(rows) == len(part):
             parts.append((name, rows, scale))
     return Chosen(tuple(parts))
+
+
+ColumnsOf = Callable[[NodeMotion], list[Column]]
+
+
+@dataclass(frozen=True)
+class Beside:
+    """A choice of a selection: ``columns_of`` its columns along a drive, ``values`` at which fits
+    have its effects."""
+
+    selection: Selection
+    chosen: Chosen
+    columns_of: ColumnsOf
+    values: Values
+
+    def linear(self, fits: Sequence[Fit], more: ColumnsOf, may_act: bool) -> Linear:
+        """Fits made linear in the choice and ``more`` columns, which may act or not."""
+
+        def columns(at: NodeMotion) -> list[Column]:
+            return self.columns_of(at) + more(at)
+
+        return linearised(fits, columns, self.values, may_act)
+
+    def known(self, linear: Linear) -> Conditional:
+        """A linear model that has its columns with the choice marginalised."""
+        return conditional(linear, self.selection.given_in(self.chosen, linear))
+
+    @property
+    def noise(self) -> float:
+        """By how much scores are larger than noise as modelled makes them."""
+        return self.selection.inflated.get(False, 1.0)

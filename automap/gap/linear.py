@@ -18,11 +18,12 @@ import numpy as np
 from automap.effects.signals import Signals, signals_of
 from automap.effects.user import INERTIAL
 from automap.frames import quat_to_matrix
+from automap.fusion.problem import LateChange
 from automap.fusion.steady_rate import steady_rate
 from automap.gap import limits
 from automap.gap.fit import Fit, whitened_innovations
 from automap.gap.kernels import propagate_columns
-from automap.gap.motion import LEANS, Motion, at_times, leaning, motion_of
+from automap.gap.motion import LEANS, Motion, at_times, late_change, leaning, motion_of
 from automap.gap.stretches import Frame
 from automap.gap.whitening import LOOSE, Rows, moments, times, whitened_rows
 from automap.records import BoolArray, FloatArray, IntArray
@@ -83,10 +84,13 @@ class Column:
 
 @dataclass(frozen=True)
 class NodeMotion:
-    """The motion at the nodes: velocity, acceleration NED, ``dcm`` body to NED, rate in body axes
-    without the noise of single readings; ``signals`` the quantities of formulas there, ``along``
-    these at the epochs of the IMU."""
+    """The motion at the nodes of a ``fit``: velocity, acceleration NED, ``dcm`` body to NED, rate
+    in body axes without the noise of single readings; ``signals`` the quantities of formulas there,
+    ``along`` these, and ``motion``, at the epochs of the IMU; ``units`` of effects what a unit of
+    each parameter adds to the channels [k, 15], where that was asked before."""
 
+    fit: Fit
+    motion: Motion
     t: FloatArray
     vel: FloatArray
     acc: FloatArray
@@ -94,6 +98,12 @@ class NodeMotion:
     rate: FloatArray
     signals: Signals
     along: Signals
+    units: dict[str, dict[str, FloatArray]] = field(default_factory=dict)
+
+    @cached_property
+    def late(self) -> LateChange | None:
+        """By how much late velocities change otherwise than those at their tag."""
+        return late_change(self.motion, self.motion.acc, self.fit.delays)
 
     def there(self, values: FloatArray) -> FloatArray:
         """What is known along the drive [n] at the nodes [k], as the filter takes it: a formula may
@@ -109,7 +119,7 @@ def node_motion(fit: Fit, motion: Motion) -> NodeMotion:
     acc = at_times(motion, motion.acc, t)
     along = motion_signals(fit, motion)
     signals, dcm = along.at(t + fit.opened.drive.begin_s), quat_to_matrix(nominal[:, 6:10])
-    return NodeMotion(t, nominal[:, 3:6].copy(), acc, dcm, rate, signals, along)
+    return NodeMotion(fit, motion, t, nominal[:, 3:6].copy(), acc, dcm, rate, signals, along)
 
 
 def motion_signals(fit: Fit, motion: Motion) -> Signals:
@@ -163,7 +173,7 @@ class Linear:
         return np.asarray(rows.phi.T[used].T.astype(np.float64) @ mixing[used], np.float64)
 
 
-ColumnsOf = Callable[[Fit, Motion, NodeMotion], Sequence[Column]]
+ColumnsOf = Callable[[NodeMotion], Sequence[Column]]
 
 
 def linearised(
@@ -205,7 +215,7 @@ def _raw(fit: Fit, columns_of: ColumnsOf) -> tuple[Rows, list[Column]]:
     """Innovations over their sds with their sensitivities to the columns of one drive, and these
     as a layout has them."""
     motion = motion_of(fit.last)
-    columns = columns_of(fit, motion, node_motion(fit, motion))
+    columns = columns_of(node_motion(fit, motion))
     whitened, t, channel = whitened_innovations(fit)
     phi: FloatArray = np.zeros((len(whitened), len(columns)), np.float32)
     for start in range(0, len(columns), BATCH):

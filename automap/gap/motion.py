@@ -184,7 +184,7 @@ def linear_in_delays(
     changing = _steady(last, motion) + inward
     acc = at_times(motion, changing, t)
     first_order = vel - old * acc
-    change = late_change(antenna, changing, delays)
+    change = late_change(antenna, changing, delays, rate)
     if change is not None:
         first_order -= old * at_times(motion, change.whole, t)
         first_order -= delays.course_s * at_times(motion, change.course, t)
@@ -200,9 +200,12 @@ def linear_in_delays(
     return replace(fixes, values=values), change
 
 
-def late_change(motion: Motion, acc: FloatArray, delays: Delays) -> LateChange | None:
+def late_change(
+    motion: Motion, acc: FloatArray, delays: Delays, rate: FloatArray | None = None
+) -> LateChange | None:
     """By how much the changes of late velocities differ from those at their tag, of which ``acc``
-    [n, 3] is the acceleration; None where they are not late. A low-pass changes with its time
+    [n, 3] is the acceleration, and ``rate`` [n, 3] that of turn without the noise of single
+    readings, where it is known; None where they are not late. A low-pass changes with its time
     constant by the acceleration passed through it twice: y = v / (1 + s tau), dy / dtau = -s v / (1
     + s tau)^2. A course is of its own instant, and so is what turns it."""
     late = delays.all_s + delays.velocity_s
@@ -228,7 +231,7 @@ def late_change(motion: Motion, acc: FloatArray, delays: Delays) -> LateChange |
     change[:, :2] += faster[:, None] * (
         course[:, :2] / its_size[:, None] - seen[:, :2] / size[:, None]
     )
-    swings = _nose_swings(motion, steady_rate(motion.t, motion.rate))
+    swings = _nose_swings(motion, steady_rate(motion.t, motion.rate) if rate is None else rate)
     return LateChange(
         change + turned - as_seen - acc,
         turned_once - at_tag,

@@ -12,14 +12,12 @@ from automap.fusion.layout import CHANNELS
 from automap.gap import limits
 from automap.gap.candidates import named_columns
 from automap.gap.chance import null_maxima, p_value, strongest_by_chance
-from automap.gap.doubt import doubt
 from automap.gap.evidence import shown_by
 from automap.gap.fit import ORIGIN, Fit, Values
 from automap.gap.found import Found, in_layout
 from automap.gap.limits import ALIKE, SHOWS
 from automap.gap.linear import Part, linearised
 from automap.gap.misfit import LIKE, Misfit
-from automap.gap.reading_steps import cut_off
 from automap.gap.result import (
     Drift,
     Finding,
@@ -37,11 +35,15 @@ from automap.records import FloatArray, IntArray
 
 
 def describe(
-    found: Found, values: Values, maxima: FloatArray, drifting: Mapping[str, Drift]
+    found: Found,
+    values: Values,
+    maxima: FloatArray,
+    drifting: Mapping[str, Drift],
+    doubts: Mapping[str, str],
 ) -> list[Finding | Unexplained]:
     """Findings and formulas of a search that stand with ``values``, the surest first; their gaps
     are filled in later. ``maxima`` [draws] what chance reaches, ``drifting`` the effects that are
-    not constant."""
+    not constant, ``doubts`` what the named ones may be instead."""
     selection, chosen = found.selection, found.chosen
     told: list[tuple[float, Finding | Unexplained]] = []
     against = {one.effect for one in found.stands.kept_out}
@@ -71,18 +73,13 @@ def describe(
             continue
         twins = [t for t in sorted(twins_of((name,))) if t in selection.candidates]
         confusable = tuple(dict.fromkeys([*close, *twins]))
-        # without held-out data these have said nothing
-        gain = found.stands.gains.get(effect, np.inf)
         units = {q.name: q.unit for q in CATALOGUE[effect].parameters}
         parameters = {
             q: ParameterValue(v, _honest_sd(found, name, q, sd), units[q])
             for q, (v, sd) in found.full.of(effect).items()
         }
-        drift = drifting.get(name)
-        other = str(drift) if drift else cut_off(found.fitted.fits, effect, found.full.of(effect))
-        other = other or doubt(selection, chosen, name, gain)
         its = (effect, parameters, nats, p, 0.0, 0.0, confusable, advice(effect, confusable))
-        told.append((sure, Finding(*its, other, drift)))
+        told.append((sure, Finding(*its, doubts.get(name, ""), drifting.get(name))))
     return [one for _, one in sorted(told, key=lambda item: -item[0])]
 
 
@@ -290,7 +287,7 @@ def _information(
     fits: Sequence[Fit], effects: Sequence[str]
 ) -> tuple[FloatArray, list[tuple[str, str]], FloatArray]:
     """Information [c, c] of all parameters, their names, and prior sds [c]."""
-    linear = linearised(fits, lambda *about: named_columns(effects, *about), {})
+    linear = linearised(fits, lambda at: named_columns(effects, at), {})
     # a skew's origin is no parameter of its own
     kept = [i for i, c in enumerate(linear.layout) if c.parameter != ORIGIN]
     layout = [(linear.layout[i].effect, linear.layout[i].parameter) for i in kept]

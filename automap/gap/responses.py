@@ -19,14 +19,13 @@ from automap.effects.formula_text import parse_formula
 from automap.effects.user import INERTIAL, OF_FIXES
 from automap.fusion.layout import CHANNELS
 from automap.gap import limits
-from automap.gap.beside import Beside
 from automap.gap.candidates import signal_column
 from automap.gap.chance import strongest_by_chance
 from automap.gap.evidence import evidence, shown_by
 from automap.gap.fit import Fit
+from automap.gap.found import Beside
 from automap.gap.linear import Column, Conditional, NodeMotion, Part
 from automap.gap.misfit import AFTER, Misfit
-from automap.gap.motion import Motion
 from automap.records import FloatArray
 
 MANOEUVRES = {
@@ -114,7 +113,7 @@ def gain_of(found: Response, asked: Beside, fits: Sequence[Fit]) -> float:
 def _known(asked: Beside, fits: Sequence[Fit], names: Collection[str] = ()) -> Conditional:
     """Fits made linear in all responses, or in those by ``names``, beside a choice."""
 
-    def more(fit: Fit, motion: Motion, at: NodeMotion) -> list[Column]:
+    def more(at: NodeMotion) -> list[Column]:
         return [c for c in response_columns(at) if not names or c.effect in names]
 
     return asked.known(asked.linear(fits, more, may_act=False))

@@ -27,11 +27,13 @@ from automap.gap.candidates import (
 from automap.gap.dictionary import (
     effect_for,
     formula_columns,
+    formula_terms,
     left_out_columns,
     left_out_effect,
+    warm,
 )
 from automap.gap.fit import CONSTANTS, ORIGIN, SKEW, Fit, fit_drive
-from automap.gap.formula_texts import formula_terms, warm
+from automap.gap.forms import About, Terms, likeliest, nearby
 from automap.gap.linear import (
     Column,
     ColumnsOf,
@@ -40,9 +42,8 @@ from automap.gap.linear import (
     motion_signals,
     node_motion,
 )
-from automap.gap.motion import Motion, motion_of
+from automap.gap.motion import motion_of
 from automap.gap.noise import Fitted, Joint, Log, fitted_about
-from automap.gap.refinement import About, Terms, likeliest, nearby
 from automap.gap.result import equation
 from automap.gap.selection import Chosen, Key, Selection
 from automap.gap.slow import box_columns, lasts, variants, with_shapes
@@ -76,9 +77,9 @@ class Screening:
         self._held_at = None
         fits, known = self._held(here)
 
-        def columns(fit: Fit, motion: Motion, at: NodeMotion) -> list[Column]:
-            boxes = box_columns(fit, motion) if slow else []
-            return self.columns(fit, motion, at) + boxes
+        def columns(at: NodeMotion) -> list[Column]:
+            boxes = box_columns(at) if slow else []
+            return self.columns(at) + boxes
 
         linear = linearised(fits, columns, known, may_act)
         linear = with_shapes(linear) if slow else linear
@@ -167,9 +168,9 @@ class Screening:
             single = [terms[0] for terms in tried if len(terms) == 1]
             asked = {equation(terms) for terms in tried}
 
-            def columns(fit: Fit, motion: Motion, at: NodeMotion) -> list[Column]:
-                out = self.columns(fit, motion, at, {*rest, *known} - asked)
-                out += formula_columns(fit, motion, at, single, self.exclude)
+            def columns(at: NodeMotion) -> list[Column]:
+                out = self.columns(at, {*rest, *known} - asked)
+                out += formula_columns(at, single, self.exclude)
                 return out + [c for t in tried if len(t) > 1 for c in term_columns(at, t)]
 
             return columns
@@ -297,17 +298,15 @@ class Screening:
         has_wheels = any(d.session.odometer is not None for d in drives)
         return library(frozenset(included), has_wheels, self.base.model.options.earth_rotation)
 
-    def columns(
-        self, fit: Fit, motion: Motion, at: NodeMotion, wanted: Collection[str] | None = None
-    ) -> list[Column]:
+    def columns(self, at: NodeMotion, wanted: Collection[str] | None = None) -> list[Column]:
         """Columns of one drive, of all candidates or of those ``wanted``."""
         names, formulas = self.names, self.dictionary
         if wanted is not None:
             names = [name for name in names if name in wanted]
             formulas = [term for term in formulas if equation([term]) in wanted]
-        out = named_columns(names, fit, motion, at)
-        out += formula_columns(fit, motion, at, formulas, self.exclude)
-        out += left_out_columns(fit, motion, at, self.exclude)
+        out = named_columns(names, at)
+        out += formula_columns(at, formulas, self.exclude)
+        out += left_out_columns(at, self.exclude)
         for known in self.refinements.values():
             out += term_columns(at, [c.term for c in known], known[0].choices)
         return [c for c in out if wanted is None or c.effect in wanted]

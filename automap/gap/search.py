@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
+from itertools import count
 
 import numpy as np
 
@@ -18,10 +19,9 @@ from automap.effects.catalogue import bias_walks, pairs_of_sign
 from automap.effects.imu import imu_terms
 from automap.gap import limits
 from automap.gap.candidates import is_course
-from automap.gap.confirm import Confirmed, confirmed
+from automap.gap.confirm import Confirmed, Judge, confirmed
 from automap.gap.drive import OpenDrive
 from automap.gap.found import Found, in_layout
-from automap.gap.judge import Judge
 from automap.gap.noise import Fitted, Log, fitted_about, noise_score, with_levels, with_noise
 from automap.gap.scoring import likelier
 from automap.gap.screening import Screening
@@ -56,6 +56,8 @@ class Search:
         self.challenged: set[frozenset[frozenset[str]]] = set()
         self.outdone: set[tuple[str, str]] = set()
         self.spoken_against: list[Confirmed] = []
+        self.stands = Confirmed({}, ())
+        self.nats: dict[str, float] = {}
         self.each_drive: list[str] = []
         self.before: tuple[Fitted, Selection, Chosen] | None = None
 
@@ -66,15 +68,16 @@ class Search:
         louder: Mapping[str, float] | None = self.stated
         selection = self.screening.selection(here, slow)
         chosen, fitted = Chosen(), frozenset[Key]()
-        for number in range(limits.MAX_ROUNDS):
-            selection.refused = frozenset(
-                k for k, count in self.tried.items() if count >= limits.TRIALS
-            )
+        for number in count():
+            selection.refused = frozenset(k for k, n in self.tried.items() if n >= limits.TRIALS)
             selection.outdone = frozenset(self.outdone)
             self.log(f"selecting beside {', '.join(chosen.names) or 'nothing'}")
             closing = number >= limits.MAX_ROUNDS - limits.CLOSING_ROUNDS
+            ending = number >= limits.MAX_ROUNDS
             limit = len(chosen.names) if closing else limits.MAX_FINDINGS
-            kept, new = self._kept(here, selection, chosen, select(selection, chosen, limit))
+            kept, new = chosen, None
+            if not ending:
+                kept, new = self._kept(here, selection, chosen, select(selection, chosen, limit))
             found = kept
             if louder is not None and not closing:
                 self.log("selecting under other noise")
@@ -100,7 +103,7 @@ class Search:
                     # what is not told must not stay in the model
                     here = self._fit(here, selection, found)
             elif slow or closing:
-                other = self._reconsidered(here, selection, found)
+                other = self._reconsidered(here, selection, found, ending)
                 if other is None:
                     break
                 found, brief = self.screening.refined(here, selection, other)
@@ -116,15 +119,14 @@ class Search:
             selection = self.screening.selection(here, slow)
             selection.needed = frozenset(self.borne_out)
             chosen = in_layout(found, layout, selection)
-        here, selection, chosen, nats = self._needed_alone(here, selection, chosen, slow)
         self.log("fitting all parameters")
         free = replace(here.model, options=self.screening.options)
         full = fitted_about(free, here.estimate, here.fits).joint()
-        stands = self._confirmed(here, selection, chosen)
         nothing_else = self.screening.selection(here, slow=False, may_act=False)
         return Found(
             *(self.base, here, full, selection, chosen, self.screening.effects, self.close),
-            *(self._told(stands).after(self.spoken_against), nothing_else, self.borne_out | nats),
+            *(self._told(self.stands).after(self.spoken_against), nothing_else),
+            self.borne_out | self.nats,
         )
 
     def _kept(
@@ -150,47 +152,6 @@ class Search:
         selection.needed = frozenset(self.borne_out)
         return chosen, None
 
-    def _needed_alone(
-        self, here: Fitted, selection: Selection, chosen: Chosen, slow: bool
-    ) -> tuple[Fitted, Selection, Chosen, dict[str, float]]:
-        """Where the search ended, less what the last fit does not need: a rival that took a place
-        in the last round has not been asked whether it is likelier than nothing. With it comes what
-        drift leaves of the evidence of what acts on a sensor."""
-        while True:
-            selection.inflate(chosen)
-            fewer, nats = pruned(selection, chosen), dict[str, float]()
-            if fewer == chosen:
-                fewer, nats = self._beside_drift(here, selection, chosen)
-            if fewer == chosen:
-                return here, selection, chosen, nats
-            here = self._fit(here, selection, fewer)
-            after = self.screening.selection(here, slow)
-            after.needed = frozenset(self.borne_out)
-            selection, chosen = after, in_layout(fewer, selection.linear.layout, after)
-
-    def _beside_drift(
-        self, here: Fitted, selection: Selection, chosen: Chosen
-    ) -> tuple[Chosen, dict[str, float]]:
-        """The choice less what acts on a sensor and is worth the least, where that is less than a
-        name's, and nats of each of these, drift fitted anew without it: beside biases that are
-        steady because of it, it also explains what drift would."""
-        nats, worth = dict[str, float](), dict[str, float]()
-        for name in chosen.names:
-            if not selection.sensors(chosen, name):
-                continue
-            self.log(f"checking how much of {name} drift says")
-            other = self._as_drift(here, selection, chosen, name)
-            nats[name], _ = likelier(here.fits, other.fits)
-            if name not in self.borne_out:
-                _, moves = selection.odds_of(chosen, name)
-                nats[name] = min(nats[name], sum(m.evidence.nats for m in moves))
-                fewer = chosen.without(name)
-                worth[name] = nats[name] + selection.log_prior(chosen) - selection.log_prior(fewer)
-        weakest = min(worth, key=lambda n: worth[n], default="")
-        if weakest and worth[weakest] < limits.LEAST_ODDS:
-            return chosen.without(weakest), {}
-        return chosen, nats
-
     def _as_drift(self, here: Fitted, selection: Selection, chosen: Chosen, name: str) -> Fitted:
         """A set less one candidate, the drift of the sensors that it acts on as suits the drives
         without it."""
@@ -201,9 +162,12 @@ class Search:
         """Try parts no more."""
         self.tried |= dict.fromkeys(keys, limits.TRIALS)
 
-    def _reconsidered(self, here: Fitted, selection: Selection, found: Chosen) -> Chosen | None:
+    def _reconsidered(
+        self, here: Fitted, selection: Selection, found: Chosen, ending: bool
+    ) -> Chosen | None:
         """Another set, where noise as it really is, rivals or held-out data speak against one that
-        nothing can be added to; None where nothing does."""
+        nothing can be added to, a smaller one where the search is ``ending``; None where nothing
+        does."""
         if self.before is not None:
             earlier, its_selection, without = self.before
             self.before = None
@@ -220,22 +184,23 @@ class Search:
             idle = Chosen(tuple(p for p in found.parts if p not in fewer.parts))
             self._bar(selection.alike(idle))
             return fewer
-        fewer = self._beyond_drift(here, selection, found)
-        if fewer != found:
-            return fewer
-        formed = self.screening.formed(here, selection, found)
+        formed = found if ending else self.screening.formed(here, selection, found)
         if formed != found:
             return formed
-        rival = self._decided(here, selection, found)
+        rival = None if ending else self._decided(here, selection, found)
         if rival is not None:
             pair = frozenset({frozenset(found.names), frozenset(rival.names)})
             if pair not in self.challenged:
                 # decided once; either may be asked again beside a third that came in between
                 self.challenged.add(pair)
                 return rival
+        fewer = self._beyond_drift(here, selection, found)
+        if fewer != found:
+            self._bar(selection.keys(found) - selection.keys(fewer))
+            return fewer
         self.log("checking on held-out data")
         self.judge.forget()
-        stands = self._confirmed(here, selection, found)
+        stands = self.stands = self._confirmed(here, selection, found)
         gone = [n for n in found.names if self.screening.effects[n] not in stands.values]
         if not gone:
             return None
@@ -247,23 +212,32 @@ class Search:
         return found
 
     def _beyond_drift(self, here: Fitted, selection: Selection, found: Chosen) -> Chosen:
-        """The set less what was proposed in the place of drift, where drift says as much: beside
-        biases that are steady because of it, it always seems needed. So the set is asked without
-        it, with the drift fitted anew, on fitted and on held-out drives."""
+        """The set less what acts on a sensor and is worth less than a name beyond what drift says:
+        beside biases that are steady because of it, it always seems needed. So the set is asked
+        without it, with the drift fitted anew; what was proposed in the place of drift by held-out
+        drives, too. With it come the nats of what stays."""
+        self.nats, worth = {}, dict[str, float]()
         for name in found.names:
-            if name not in self.swallowed or name in self.borne_out:
+            if not selection.sensors(found, name):
                 continue
-            self.log(f"checking whether drift says what {name} does")
-            fewer = found.without(name)
-            other = self._as_drift(here, selection, found, name)
-            ahead, sigmas = self.judge.ahead(here, other, selection.of_vehicle(found, {name}))
-            ahead += selection.log_prior(found) - selection.log_prior(fewer)
-            if ahead < limits.LEAST_ODDS or sigmas < limits.APART:
-                self._bar(selection.keys(found) - selection.keys(fewer))
-                return fewer
-            self.borne_out[name] = ahead
+            self.log(f"checking how much of {name} drift says")
+            fewer, other = found.without(name), self._as_drift(here, selection, found, name)
+            prior = selection.log_prior(found) - selection.log_prior(fewer)
+            self.nats[name], _ = likelier(here.fits, other.fits)
+            if name in self.borne_out:
+                continue
+            if name in self.swallowed:
+                ahead, sigmas = self.judge.ahead(here, other, selection.of_vehicle(found, {name}))
+                if ahead + prior < limits.LEAST_ODDS or sigmas < limits.APART:
+                    return fewer
+                self.borne_out[name] = ahead + prior
+                continue
+            _, moves = selection.odds_of(found, name)
+            self.nats[name] = min(self.nats[name], sum(m.evidence.nats for m in moves))
+            worth[name] = self.nats[name] + prior
         selection.needed = frozenset(self.borne_out)
-        return found
+        weakest = min(worth, key=lambda n: worth[n], default="")
+        return found.without(weakest) if worth.get(weakest, np.inf) < limits.LEAST_ODDS else found
 
     def _confirmed(self, here: Fitted, selection: Selection, chosen: Chosen) -> Confirmed:
         """What held-out data say of a set. There are hundreds of formulas, so one must be borne out

@@ -2,7 +2,8 @@
 
 A bias in boxes of some seconds along each inertial axis has a column a box. Every slow course of
 time is a sum of boxes, so thousands of periods, time constants and instants cost no column more.
-So is a gain that changes: what an axis measures, times a course of time.
+So is a gain that changes: what an axis measures, times a course of time. And so is what the unit
+sits and keeps time by: its mounting may slip, creep or sway, its clock step or change its rate.
 """
 
 from __future__ import annotations
@@ -17,15 +18,14 @@ from automap.effects.formula_text import parse_formula
 from automap.effects.signals import FIELDS, Signals
 from automap.effects.user import INERTIAL
 from automap.gap import limits
-from automap.gap.candidates import follows_time, is_course, size_of
-from automap.gap.fit import Fit
+from automap.gap.candidates import follows_time, is_course, signal_column, size_of, usual_sd
 from automap.gap.limits import LEAST_BOXES, PLATEAUS
-from automap.gap.linear import Column, Inertial, Linear
-from automap.gap.motion import Motion
+from automap.gap.linear import Column, Inertial, Linear, NodeMotion
 from automap.gap.result import coefficient_names, equation
 from automap.records import FloatArray, IntArray
 
 BOX = "box"
+STEP, RAMP = "step(time - {:.4g})", "max(time - {:.4g}, 0)"
 PLATEAU = "(step(time - {:.5g}) - step(time - {:.5g}))"
 OVERSAMPLED = 2.0
 """Frequencies stand closer than the inverse length of the drive by this factor: in between a
@@ -37,13 +37,15 @@ GAINS = {
     "accel_y": "force_y",
 }
 """What an axis mostly measures in a vehicle. Upwards that is its weight, and a gain is a bias."""
+SEAT = ("imu_pitch", "imu_yaw", "imu_time")
+"""How the unit sits, and keeps time. What it leans by its weight tells no better than its drift."""
 GAIN_PERIODS = 32
-"""So many periods of a gain a drive at most, and steps: a gain shows in bends and changes of speed
-alone, and between two of them nobody sees it."""
+"""So many periods of a gain or a seat a drive at most, and steps: these show in bends and changes
+of speed alone, and between two of them nobody sees them."""
 GAIN_DECAYS = 4
 FINER = 21
 """Steps of a refinement: a tenth of the distance of those first tried."""
-NUMBER = re.compile(r"(?<=[-/] )[\d.e+-]+(?=\))")
+NUMBER = re.compile(r"(?<=[-/] )[\d.e+-]+(?=[,)])")
 """The instants, the time constant or the period of a course of time in its text."""
 
 
@@ -52,12 +54,25 @@ def box_s(length_s: float) -> float:
     return max(limits.BOX_S, length_s / limits.MOST_BOXES)
 
 
-def box_columns(fit: Fit, motion: Motion) -> list[Column]:
-    """A column a box for each inertial axis along one drive."""
+def gain_step_s(length_s: float) -> float:
+    """Time between steps of a gain, or of a seat, and the length of the boxes of these, s."""
+    return max(limits.BLOCKS_S[0], length_s / GAIN_PERIODS)
+
+
+def box_columns(at: NodeMotion) -> list[Column]:
+    """A column a box for each inertial axis along one drive, and for each of its ``SEAT``."""
+    fit, motion = at.fit, at.motion
     time = motion.t + fit.opened.drive.begin_s
-    width = box_s(float(motion.t[-1] - motion.t[0]))
-    number = ((motion.t - motion.t[0]) / width).astype(np.int64)
+    length = float(motion.t[-1] - motion.t[0])
+    name = f"{BOX} {fit.opened.drive.name}"
+    number = ((motion.t - motion.t[0]) / gain_step_s(length)).astype(np.int64)
     out = []
+    for i in range(int(number[-1]) + 1):
+        inside = number == i
+        for channel in SEAT if inside.any() else ():
+            term = (channel, f"{time[inside].mean():.3f}")
+            out.append(signal_column(term, inside.astype(float), at, name, " ".join(term)))
+    number = ((motion.t - motion.t[0]) / box_s(length)).astype(np.int64)
     for i in range(int(number[-1]) + 1):
         inside = number == i
         if not inside.any():
@@ -65,7 +80,6 @@ def box_columns(fit: Fit, motion: Motion) -> list[Column]:
         middle = float(time[inside].mean())
         for channel in INERTIAL:
             acts = (Inertial.on(channel, inside),)
-            name = f"{BOX} {fit.opened.drive.name}"
             key = f"{channel} {middle:.3f}"
             sensor, axis = divmod(INERTIAL.index(channel), 3)
             # of a gyro the turn rate, whatever its axis
@@ -87,34 +101,36 @@ def shapes(begin_s: float, end_s: float) -> list[Shape]:
     """Periods, decays and steps that a drive between two instants may show."""
     length = end_s - begin_s
     width = box_s(length)
-    count = int(OVERSAMPLED * length / (LEAST_BOXES * width))
-    out = []
-    for i in range(2, count + 1):
-        period = OVERSAMPLED * length / i
-        texts = (f"sin(2 * pi * time / {period:.4g})", f"cos(2 * pi * time / {period:.4g})")
-        out.append(Shape(texts))
-    for tau in np.geomspace(2.0 * width, 0.5 * length, DECAYS):
-        out.append(Shape((f"exp(-time / {tau:.3g})",)))
     # between two boxes
-    for at in np.arange(begin_s + 2.5 * width, end_s - 2.0 * width, width):
-        out.append(Shape((f"step(time - {at:.4g})",)))
-    return out
+    instants = np.arange(begin_s + 2.5 * width, end_s - 2.0 * width, width)
+    return _courses(length, LEAST_BOXES * width, (2.0 * width, DECAYS), instants, (STEP,))
 
 
 def gain_shapes(begin_s: float, end_s: float) -> list[Shape]:
-    """Courses of a gain: slower than those of a bias."""
+    """Courses of a gain or a seat: slower than those of a bias, and some that begin to grow."""
     length = end_s - begin_s
-    shortest = max(limits.BLOCKS_S[-1], length / GAIN_PERIODS)
-    step = max(limits.BLOCKS_S[0], length / GAIN_PERIODS)
+    shortest, step = max(limits.BLOCKS_S[-1], length / GAIN_PERIODS), gain_step_s(length)
+    instants = np.arange(begin_s + step, end_s - 0.5 * step, step)
+    decays = limits.BLOCKS_S[0], GAIN_DECAYS
+    return _courses(length, shortest, decays, instants, (STEP, RAMP))
+
+
+def _courses(
+    length_s: float,
+    shortest_s: float,
+    decays: tuple[float, int],
+    instants: FloatArray,
+    begins: Sequence[str],
+) -> list[Shape]:
+    """Periods of ``shortest_s`` and more, so many ``decays`` from a time constant on, and what
+    ``begins`` at ``instants``."""
     out = []
-    for i in range(2, int(OVERSAMPLED * length / shortest) + 1):
-        turn = f"2 * pi * time / {OVERSAMPLED * length / i:.4g}"
+    for i in range(2, int(OVERSAMPLED * length_s / shortest_s) + 1):
+        turn = f"2 * pi * time / {OVERSAMPLED * length_s / i:.4g}"
         out.append(Shape((f"sin({turn})", f"cos({turn})")))
-    for tau in np.geomspace(limits.BLOCKS_S[0], 0.5 * length, GAIN_DECAYS):
+    for tau in np.geomspace(decays[0], 0.5 * length_s, decays[1]):
         out.append(Shape((f"exp(-time / {tau:.3g})",)))
-    for at in np.arange(begin_s + step, end_s - 0.5 * step, step):
-        out.append(Shape((f"step(time - {at:.4g})",)))
-    return out
+    return out + [Shape((text.format(at),)) for at in instants for text in begins]
 
 
 def plateaus(times: FloatArray, score: FloatArray, info: FloatArray) -> list[Shape]:
@@ -162,19 +178,24 @@ def with_shapes(linear: Linear) -> Linear:
     left = linear.score - linear.info @ linear.values
     signals, inputs = _time_signals(times), np.array([linear.layout[i].mean_input for i in boxes])
     ends = float(times.min()), float(times.max())
-    axes, some, none = tuple(INERTIAL), tuple(GAINS), ("",) * len(INERTIAL)
-    every = [(shape, axes, none) for shape in shapes(*ends)]
-    of_channel = {c: np.flatnonzero(np.array(channels) == c) for c in INERTIAL}
-    for channel, mine in of_channel.items():
+    axes = [(channel, "") for channel in INERTIAL]
+    every = [(shape, axes) for shape in shapes(*ends)]
+    of_channel = {c: np.flatnonzero(np.array(channels) == c) for c in (*INERTIAL, *SEAT)}
+    for channel in INERTIAL:
+        mine = of_channel[channel]
         at = np.array(boxes)[mine]
         inner = linear.info[np.ix_(at, at)]
-        every += [(s, (channel,), none[:1]) for s in plateaus(times[mine], left[at], inner)]
-    every += [(shape, some, tuple(GAINS.values())) for shape in gain_shapes(*ends)]
-    for shape, on_channels, gains in every:
+        every += [(s, [(channel, "")]) for s in plateaus(times[mine], left[at], inner)]
+    slower = [*GAINS.items(), *((channel, "") for channel in SEAT)]
+    for shape in gain_shapes(*ends):
+        # a clock that warms settles to a rate, not to an offset
+        settles = shape.texts[0].startswith("exp")
+        every.append((shape, [on for on in slower if on[0] != "imu_time" or not settles]))
+    for shape, on_channels in every:
         values = [parse_formula(text)(signals) for text in shape.texts]
-        for channel, gain in zip(on_channels, gains, strict=True):
+        for channel, gain in on_channels:
             mine = of_channel[channel]
-            if gain and not np.ptp(inputs[mine]) > 0.0:
+            if not len(mine) or (gain and not np.ptp(inputs[mine]) > 0.0):
                 continue
             terms = [(channel, f"{gain} * {text}" if gain else text) for text in shape.texts]
             name = equation(terms)
@@ -183,7 +204,7 @@ def with_shapes(linear: Linear) -> Linear:
             names = coefficient_names(len(terms))
             for parameter, value, term in zip(names, values, terms, strict=True):
                 course = value[mine] * inputs[mine] if gain else value[mine]
-                sd = size_of(channel) / max(float(np.std(course if gain else value)), 1e-9)
+                sd = usual_sd(channel, course if gain else value)
                 courses.append(course)
                 layout.append(Column(name, parameter, sd, term=term, choices=shape.choices))
     mixing = np.zeros((len(linear.layout), len(layout)))
@@ -235,27 +256,26 @@ def lasts(terms: Sequence[tuple[str, str]], length_s: float) -> bool:
 def variants(
     terms: Sequence[tuple[str, str]], length_s: float
 ) -> list[tuple[tuple[str, str], ...]]:
-    """A course of time with its period, time constant or instant moved in small steps, nothing for
-    other formulas."""
-    if not is_course(terms):
-        if not follows_time(terms):
-            return []
-        gain, times, _ = terms[0][1].partition(" * ")
-        plain = [(on, text.removeprefix(gain + times)) for on, text in terms]
-        every = variants(plain, length_s)
-        return [tuple((on, gain + times + text) for on, text in one) for one in every]
-    width = box_s(length_s)
-    text = terms[0][1]
+    """A course of time with its period, time constant or instant moved in small steps, as far as
+    those that were tried lie apart; nothing for other formulas."""
+    if not follows_time(terms):
+        return []
+    on, text = terms[0]
+    gain = "" if is_course(terms) else "".join(text.partition(" * ")[:2])
+    width, decays = box_s(length_s), DECAYS
+    if gain or on in SEAT:
+        width, decays = gain_step_s(length_s), GAIN_DECAYS
+    text = text.removeprefix(gain)
     ends = [float(n) for n in NUMBER.findall(text)]
     value = ends[-1]
     if len(ends) == 2:
         around = width * np.linspace(-1.0, 1.0, FINER // 2)
         pairs = [(ends[0] + x, ends[1] + y) for x in around for y in around]
-        return [((terms[0][0], PLATEAU.format(*pair)),) for pair in pairs]
-    if text.startswith("step"):
+        return [((on, PLATEAU.format(*pair)),) for pair in pairs]
+    if text.startswith(("step", "max")):
         moved = value + width * np.linspace(-1.0, 1.0, FINER)
     elif text.startswith("exp"):
-        ratio = (0.25 * length_s / width) ** (1.0 / (DECAYS - 1))
+        ratio = (0.25 * length_s / width) ** (1.0 / (decays - 1))
         moved = value * np.geomspace(1.0 / ratio, ratio, FINER)
     else:
         moved = 1.0 / (1.0 / value + np.linspace(-1.0, 1.0, FINER) / (OVERSAMPLED * length_s))

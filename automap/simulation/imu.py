@@ -9,10 +9,12 @@ from automap.effects.inertial_signals import asks_for_the_drive
 from automap.effects.measured import Values
 from automap.effects.signals import signals_of
 from automap.effects.terms import TEMPERATURE
-from automap.effects.vehicle import sensor_to_vehicle
+from automap.effects.user import user_signal
+from automap.effects.vehicle import mounting_angles, sensor_to_vehicle
+from automap.frames import rpy_to_matrix
 from automap.records import FloatArray, ImuData, IntArray
 from automap.simulation.scenario import Imu, Scenario, WarmUp
-from automap.simulation.trajectory import Motion
+from automap.simulation.trajectory import Motion, body_rate
 
 
 def temperature(scenario: Scenario, t_s: FloatArray) -> FloatArray | None:
@@ -41,12 +43,11 @@ def record_imu(
     zero; white noise has the setup's density over the Nyquist band.
     """
     speed = np.linalg.norm(motion.vel_ned, axis=1)
-    C_v_s = sensor_to_vehicle(errors)
-    rates, forces = motion.angular_rate @ C_v_s, motion.specific_force @ C_v_s
     given = {name: dict(values) for name, values in errors.items()}
     acting = [t.signal for n in given if n in CATALOGUE for t in CATALOGUE[n].terms]
     asked = any(asks_for_the_drive(signal) for signal in acting)
     signals = true_signals(motion, temp_c) if asked else None
+    rates, forces = _in_sensor_axes(motion, errors, signals)
     gyro, accel = distort_imu(rates, forces, given, temp_c=temp_c, speed=speed, signals=signals)
     steps = np.diff(motion.t_s, prepend=motion.t_s[:1])
     gyro += _walk(given.get("gyro_bias_walk", {}), steps, rng)
@@ -55,6 +56,24 @@ def record_imu(
     gyro += rng.standard_normal(gyro.shape) * setup.gyro_noise * root_rate
     accel += rng.standard_normal(accel.shape) * setup.accel_noise * root_rate
     return ImuData(t_ns=t_ns, gyro=gyro, accel=accel, temp_c=temp_c)
+
+
+def _in_sensor_axes(
+    motion: Motion, errors: Values, signals: Signals | None
+) -> tuple[FloatArray, FloatArray]:
+    """Rates and forces [n, 3] along the axes of a sensor whose mounting may move."""
+    angles = np.zeros((1, 3))
+    if signals is not None:
+        angles = mounting_angles(errors, len(motion.t_s), lambda name: user_signal(name, signals))
+    if not np.ptp(angles, axis=0).any():
+        C_v_s = sensor_to_vehicle(errors)
+        return motion.angular_rate @ C_v_s, motion.specific_force @ C_v_s
+    moved = rpy_to_matrix(angles)
+    rates, forces = (
+        np.einsum("nij,ni->nj", moved, of) for of in (motion.angular_rate, motion.specific_force)
+    )
+    swing = np.asarray(np.gradient(angles, motion.t_s, axis=0))
+    return rates + body_rate(angles, swing), forces
 
 
 def true_signals(motion: Motion, temp_c: FloatArray | None = None) -> Signals:

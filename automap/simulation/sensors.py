@@ -8,12 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from automap import timebase
+from automap.effects.user import user_signal
 from automap.effects.vehicle import stamp_error_s
 from automap.errors import ConfigError
 from automap.records import ClockModel, FixErrors, Fixes, FloatArray, ImuData, IntArray, WheelSpeed
 from automap.simulation.errors import check_errors, error_values
 from automap.simulation.gnss import receive
-from automap.simulation.imu import record_imu, temperature
+from automap.simulation.imu import record_imu, temperature, true_signals
 from automap.simulation.odometer import count_wheels
 from automap.simulation.replay import Replayed
 from automap.simulation.scenario import Scenario
@@ -121,6 +122,8 @@ def _record_imu(
     rate = 1.0 + scenario.clock.drift_ppm * 1e-6
     t_s = np.asarray((true_ns - scenario.clock.start_ns) * 1e-9 * rate)
     motion = drive.at(np.minimum(t_s, drive.duration_s))
-    late = stamp_error_s(grid - grid[0], errors)
+    late = stamp_error_s(
+        grid - grid[0], errors, lambda name: user_signal(name, true_signals(motion))
+    )
     stamps = true_ns + np.rint(late * 1e9).astype(np.int64)
     return record_imu(stamps, motion, setup, errors, rng, temperature(scenario, motion.t_s))

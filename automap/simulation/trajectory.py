@@ -96,7 +96,7 @@ class DriveMotion:
         )
         rpy = self.rpy(t)
         C_n_b = frames.rpy_to_matrix(rpy)
-        turn = _body_rate(rpy, self.rpy(t, 1))
+        turn = body_rate(rpy, self.rpy(t, 1))
         w_ie = self.earth_rate * np.stack([cos, np.zeros_like(lat), -sin], axis=-1)
         w_en = np.stack([cos * lon1, -lat1, -sin * lon1], axis=-1)
         gravity = np.zeros_like(vel)
@@ -145,7 +145,7 @@ def drive_motion(scenario: Scenario, rng: np.random.Generator) -> DriveMotion:
     if axle.any():
         angles = rpy(t)
         offset, swing = lever_arm_motion(
-            frames.rpy_to_matrix(angles), _body_rate(angles, rpy(t, 1)), axle
+            frames.rpy_to_matrix(angles), body_rate(angles, rpy(t, 1)), axle
         )
         north, east, climb = north - swing[:, 0], east - swing[:, 1], climb + swing[:, 2]
         start_ned = -offset[0]
@@ -232,7 +232,7 @@ def _integral(grid: FloatArray, values: FloatArray, at: FloatArray) -> FloatArra
     return np.asarray(CubicSpline(grid, values).antiderivative()(at), np.float64)
 
 
-def _body_rate(rpy: FloatArray, rate: FloatArray) -> FloatArray:
+def body_rate(rpy: FloatArray, rate: FloatArray) -> FloatArray:
     """Angular rate in body axes of ZYX angles ``rpy`` [n, 3] changing at ``rate`` [n, 3]."""
     roll, pitch = rpy[:, 0], rpy[:, 1]
     return np.stack(

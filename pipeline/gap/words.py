@@ -233,6 +233,8 @@ def channel_words(channel: str) -> str:
     sensors = {"gyro": "gyro", "accel": "accelerometer"}
     if name and sensor in sensors:
         return f"the {sensors[sensor]}'s {name} axis"
+    if sensor == "imu":
+        return "the IMU's clock" if axis == "time" else f"the {axis} of the IMU's mounting"
     return f"the receiver's or the vehicle's {channel.replace('_', ' ')}"
 
 

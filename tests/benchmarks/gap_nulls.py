@@ -19,9 +19,9 @@ sys.path.insert(0, str(Path(__file__).parents[2]))
 
 from automap.fusion.options import FusionOptions
 from automap.gap import limits
-from automap.gap.beside import Beside
 from automap.gap.chance import strongest_by_chance
 from automap.gap.drive import in_vehicle_axes, open_drive
+from automap.gap.found import Beside
 from automap.gap.noise import Log, open_fits
 from automap.gap.responses import Response, strongest_responses
 from automap.gap.screening import Screening

@@ -112,7 +112,7 @@ def _true_families(outside: Outside) -> set[str]:
         return _family(outside.channel)
     # a clock or a bracket bends both triads, a swaying car its constraint and both
     whole = {
-        "imu": {"gyro", "accel"},
+        "imu": {"gyro", "accel", "imu"},
         "antenna": {"position", "velocity"},
         "camera": {"camera"},
     }

@@ -51,6 +51,7 @@ FIX_AXES = (
     "velocity_down",
 )
 VEHICLE_AXES = ("nhc_y", "nhc_z")
+MOUNT_AXES = ("imu_roll", "imu_pitch", "imu_yaw")
 
 
 @dataclass(frozen=True)
@@ -172,6 +173,8 @@ def told_extras(terms: Sequence[Term]) -> Extras:
     inertial = [t for t in terms if t.channel in IMU_AXES]
     measured = [t for t in terms if t.channel in FIX_AXES]
     vehicle = [t for t in terms if t.channel in VEHICLE_AXES]
+    mounted = [t for t in terms if t.channel in MOUNT_AXES]
+    stamps = [t for t in terms if t.channel == "imu_time"]
 
     def imu(s: Signals) -> tuple[Array, Array]:
         out = np.zeros_like(s.rate), np.zeros_like(s.force)
@@ -181,7 +184,15 @@ def told_extras(terms: Sequence[Term]) -> Extras:
             target[:, "xyz".index(term.channel[-1])] += term.coefficient * evaluate(
                 term.formula, known
             )
-        return out
+        turn = np.zeros_like(s.rate)
+        for term in mounted:
+            angle = term.coefficient * evaluate(term.formula, known)
+            turn[:, MOUNT_AXES.index(term.channel)] += angle
+        swing = np.gradient(turn, s.t, axis=0)
+        return out[0] + np.cross(s.rate, turn) + swing, out[1] + np.cross(s.force, turn)
+
+    def clock(t: Array) -> Array:
+        return sum((c.coefficient * evaluate(c.formula, {"time": t}) for c in stamps), 0.0 * t)
 
     def fix(motion: Motion, t: Array) -> tuple[Array, Array]:
         known = _of_motion(motion, t)
@@ -202,7 +213,8 @@ def told_extras(terms: Sequence[Term]) -> Extras:
         return out
 
     return Extras(
-        imu=imu if inertial else None,
+        imu=imu if inertial or mounted else None,
+        clock=clock if stamps else None,
         fix=fix if measured else None,
         nhc=nhc if vehicle else None,
     )

@@ -7,6 +7,8 @@ from typing import Any
 
 import pytest
 
+from automap.effects.user import set_user_effects
+from automap.effects.user_tables import effects_of_formulas
 from automap.gap import find_gaps
 from tests.unit.test_gap import simulated
 
@@ -43,6 +45,23 @@ def test_a_drive_without_errors_has_no_findings(seed: int) -> None:
     assert result.findings == ()
     assert result.formulas == ()
     assert result.misfits == ()
+
+
+@pytest.mark.parametrize(("on", "size"), [("imu_time", 0.12), ("imu_yaw", 0.04)])
+def test_a_clock_or_a_mount_that_steps_is_told_as_one(on: str, size: float) -> None:
+    table = {"k": {"on": on, "formula": "step(time - 60)", "prior_sd": 0.1}}
+    set_user_effects(effects_of_formulas({"steps": table}, "x"))
+    hidden: dict[str, Any] = {"steps": {"k": size}}
+    drive, held = simulated(hidden), simulated(hidden, seed=8)
+    set_user_effects([])
+    result = find_gaps([drive], [held])
+    (told,) = result.formulas
+    assert told.channel == on
+    assert told.formula.startswith(f"{on} += k * step(time - ")
+    assert abs(told.coefficient - size) < 4.0 * told.sd
+    assert not {"imu_clock_skew", "imu_time_offset", "imu_mounting"} & {
+        f.effect for f in result.findings
+    }
 
 
 def test_an_effect_kept_out_of_the_library_is_not_given_another_name() -> None:

@@ -40,7 +40,7 @@ def _halves(name: str) -> tuple[str, str]:
 
 def screened(fit: Fit, effects: Sequence[str]) -> Selection:
     """A fit made linear in effects by name, and these as candidates."""
-    linear = linearised([fit], lambda *about: named_columns(effects, *about), {})
+    linear = linearised([fit], lambda at: named_columns(effects, at), {})
     return Selection(linear, {c.name: c for c in candidates_of(linear.layout, effects)})
 
 

@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 
 from automap.effects import CATALOGUE
+from automap.effects.user import set_user_effects
+from automap.effects.user_tables import effects_of_formulas
 from automap.errors import InputError
 from automap.gap import GapDrive, base_model, find_gaps
 from automap.gap.candidates import effect_columns, library
@@ -101,7 +103,7 @@ def test_sensitivities_predict_what_an_effect_does_to_the_innovations(
     # the same drive filtered with the effect at a value, linearised about the same path
     motion = motion_of(plain.last)
     sds = {p.name: p.prior_sd for p in CATALOGUE[effect].parameters}
-    columns = effect_columns(effect, plain, motion, node_motion(plain, motion), sds)
+    columns = effect_columns(effect, node_motion(plain, motion), sds)
     column = 2 if effect.startswith("gyro") else 0
     phi = sensitivities(plain, motion, columns)[:, column]
     values = {effect: {columns[column].parameter: size}}
@@ -114,10 +116,14 @@ def test_sensitivities_predict_what_an_effect_does_to_the_innovations(
     assert slope == pytest.approx(1.0, abs=0.1)
 
 
-@pytest.mark.parametrize(("effect", "size"), [("imu_time_offset", 1e-2), ("imu_clock_skew", 1e-4)])
+@pytest.mark.parametrize(
+    ("effect", "size"), [("imu_time_offset", 1e-2), ("imu_clock_skew", 1e-4), ("grows", 1e-4)]
+)
 def test_beside_late_velocities_a_delay_is_screened_by_what_happened_then(
     effect: str, size: float
 ) -> None:
+    table = {"k": {"on": "imu_time", "formula": "time", "prior_sd": 1e-3}}
+    set_user_effects(effects_of_formulas({"grows": table}, "x"))
     late = {"gnss_velocity_latency": {"s": 0.8}}
     model = without(base_model(), "gnss_course_distance")
     options = replace(model.options, gate_probability=0.0)
@@ -128,13 +134,14 @@ def test_beside_late_velocities_a_delay_is_screened_by_what_happened_then(
     fit = fit_drive(fit.opened, model, linearised_at=fit)
     motion = motion_of(fit.last)
     sds = {p.name: p.prior_sd for p in CATALOGUE[effect].parameters}
-    columns = effect_columns(effect, fit, motion, node_motion(fit, motion), sds)
+    columns = effect_columns(effect, node_motion(fit, motion), sds)
     phi = sensitivities(fit, motion, columns)[:, 0]
     values = {**late, effect: {columns[0].parameter: size}}
     seen, at = changes(fit, fit_drive(fit.opened, replace(model, values=values), linearised_at=fit))
     predicted = size * phi[at]
     assert np.corrcoef(predicted, seen)[0, 1] > 0.9
     assert float(predicted @ seen / (predicted @ predicted)) == pytest.approx(1.0, abs=0.1)
+    set_user_effects([])
 
 
 def test_whitening_takes_out_colour_and_size() -> None:

@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 
 from automap.gap import base_model
-from automap.gap.beside import Beside
 from automap.gap.candidates import named_columns
-from automap.gap.constancy import drifts
+from automap.gap.doubt import drifts
 from automap.gap.drive import GapDrive, open_drive
-from automap.gap.fit import Fit, fit_drive
+from automap.gap.fit import ORIGIN, SKEW, Values, fit_drive
+from automap.gap.found import Beside
+from automap.gap.linear import Column, NodeMotion
 from automap.gap.result import Drift
 from automap.gap.selection import Chosen
 from automap.records import FloatArray
@@ -34,15 +35,20 @@ def scaled(share: FloatArray) -> GapDrive:
 
 def told(*drives: GapDrive) -> dict[str, Drift]:
     """How the scale changes beside a constant one, which is held at half of SIZE."""
-    values = {EFFECT: {"x": 0.0, "y": 0.0, "z": 0.5 * SIZE}}
+    return beside({EFFECT: {"x": 0.0, "y": 0.0, "z": 0.5 * SIZE}}, "z", *drives)
+
+
+def beside(values: Values, parameter: str, *drives: GapDrive) -> dict[str, Drift]:
+    """How an effect that is held at its values changes along drives."""
+    (effect,) = values
     model = replace(base_model(), values=values)
     fits = [fit_drive(open_drive(d, model.options), model) for d in drives]
-    selection = screened(fits[0], [EFFECT])
-    column = [c.parameter for c in selection.linear.layout].index("z")
-    chosen = Chosen(((EFFECT, (column,), 1.0),))
+    selection = screened(fits[0], [effect])
+    column = [c.parameter for c in selection.linear.layout].index(parameter)
+    chosen = Chosen(((effect, (column,), 1.0),))
 
-    def columns(fit: Fit, *about) -> list:  # type: ignore[no-untyped-def, type-arg]
-        return named_columns([EFFECT], fit, *about)
+    def columns(at: NodeMotion) -> list[Column]:
+        return named_columns([effect], at)
 
     return drifts(Beside(selection, chosen, columns, values), fits)
 
@@ -73,13 +79,27 @@ def test_another_value_on_another_drive_is_told_so() -> None:
     assert "from one drive to another" in str(drift)
 
 
+@pytest.mark.parametrize("step_s", [0.15, 0.0])
+def test_a_clock_that_steps_is_none_that_runs_fast(step_s: float) -> None:
+    late = np.where(T > HALF, step_s, 0.0 if step_s else 1e-3 * T)
+    imu = replace(DRIVE.imu, t_ns=DRIVE.imu.t_ns + np.rint(late * 1e9).astype(np.int64))
+    drive, model = replace(DRIVE, imu=imu), base_model()
+    fit = fit_drive(open_drive(drive, model.options), model, {SKEW: 1.0})
+    found = beside({SKEW: fit.value_of(SKEW)}, "skew", drive)
+    assert (SKEW in found) is (step_s > 0.0)
+    if step_s:
+        assert (found[SKEW].parameter, found[SKEW].kind, found[SKEW].unit) == (ORIGIN, "step", "s")
+        assert found[SKEW].at_s == pytest.approx(HALF, abs=HALF / 4.0)
+        assert found[SKEW].change == pytest.approx(step_s, abs=4.0 * found[SKEW].sd)
+
+
 def test_what_is_there_or_not_has_no_value_that_changes() -> None:
     model = base_model()
     fit = fit_drive(open_drive(DRIVE, model.options), model)
     selection = screened(fit, ["earth_rotation"])
     chosen = Chosen((("earth_rotation", (0,), 1.0),))
 
-    def columns(fit: Fit, *about) -> list:  # type: ignore[no-untyped-def, type-arg]
-        return named_columns(["earth_rotation"], fit, *about)
+    def columns(at: NodeMotion) -> list[Column]:
+        return named_columns(["earth_rotation"], at)
 
     assert drifts(Beside(selection, chosen, columns, {}), [fit]) == {}

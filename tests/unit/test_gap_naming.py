@@ -12,6 +12,7 @@ from automap.fusion.layout import CHANNELS
 from automap.gap import limits
 from automap.gap.candidates import candidates_of
 from automap.gap.confirm import Confirmed
+from automap.gap.doubt import doubts
 from automap.gap.evidence import shown_by
 from automap.gap.fit import Values, base_model
 from automap.gap.found import Found
@@ -79,7 +80,7 @@ def found_with(
 
 
 def told_of(found: Found, values: Values) -> list[Finding | Unexplained]:
-    return describe(found, values, chance(found), {})
+    return describe(found, values, chance(found), {}, doubts(found, values, {}))
 
 
 def test_findings_come_with_all_parameters_and_the_surest_first() -> None:

@@ -7,8 +7,8 @@ import pytest
 
 from automap.effects.formula_text import parse_formula
 from automap.effects.signals import FIELDS, Signals
-from automap.gap.formula_texts import formula_terms
-from automap.gap.neighbours import amounts, neighbours
+from automap.gap.dictionary import formula_terms
+from automap.gap.forms import amounts, neighbours
 
 
 @pytest.fixture(scope="module")

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from automap.gap import base_model, limits
-from automap.gap.beside import Beside
 from automap.gap.drive import GapDrive, open_drive
 from automap.gap.fit import Fit, fit_drive
+from automap.gap.found import Beside
 from automap.gap.linear import node_motion
 from automap.gap.misfit import AFTER
 from automap.gap.motion import motion_of

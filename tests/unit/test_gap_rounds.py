@@ -10,9 +10,9 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from automap.gap import judge, search
+from automap.gap import confirm, search
 from automap.gap.candidates import Candidate
-from automap.gap.judge import Judge
+from automap.gap.confirm import Judge
 from automap.gap.linear import Column
 from automap.gap.noise import Fitted, Joint
 from automap.gap.screening import Screening
@@ -65,8 +65,20 @@ def says(monkeypatch: pytest.MonkeyPatch, all_sigmas: float, received: float = 0
         sigmas = received if but else all_sigmas
         return 20.0 * sigmas, sigmas
 
-    for module in (search, judge):
+    for module in (search, confirm):
         monkeypatch.setattr(module, "likelier", likelier)
+
+
+def on_sensor() -> Selection:
+    """A selection of which one acts on a sensor, with 2000 nats."""
+    move = SimpleNamespace(evidence=SimpleNamespace(nats=2000.0))
+    told = dict(
+        sensors=lambda chosen, name: {0} if name == LOW_PASSED else set(),
+        of_vehicle=lambda chosen, names: False,
+        odds_of=lambda chosen, name: (1997.0, [move]),
+        log_prior=lambda chosen: -3.0 * len(chosen.names),
+    )
+    return cast("Selection", SimpleNamespace(**told))
 
 
 def only(name: str) -> Chosen:
@@ -125,12 +137,12 @@ def test_what_came_in_the_place_of_drift_must_say_more_than_drift(
     asked = Asked()
     asked.swallowed = {LOW_PASSED}
     monkeypatch.setattr(asked.judge, "ahead", lambda *about: (20.0, sigmas))
+    monkeypatch.setattr(search, "likelier", lambda one, other: (40.0, 9.0))
     both = Chosen((*only(LATE).parts, (LOW_PASSED, (1,), 1.0)))
-    assert asked._beyond_drift(HERE, SELECTION, both) == (both if stays else only(LATE))
-    # asked without it, and of the other, which was proposed beside the drift as fitted, nothing
+    assert asked._beyond_drift(HERE, on_sensor(), both) == (both if stays else only(LATE))
+    # asked without it, and of the other, which acts on no sensor, nothing
     assert asked.sets == [(LATE,)]
-    assert (asked.borne_out == {LOW_PASSED: 20.0}) is stays
-    assert bool(asked.tried) is not stays
+    assert (asked.borne_out == {LOW_PASSED: 17.0}) is stays
 
 
 @pytest.mark.parametrize(
@@ -141,20 +153,11 @@ def test_what_drift_would_say_is_no_evidence(
 ) -> None:
     asked = Asked()
     monkeypatch.setattr(search, "likelier", lambda one, other: (by_filter, 9.0))
-    move = SimpleNamespace(evidence=SimpleNamespace(nats=2000.0))
-    selection = cast(
-        "Selection",
-        SimpleNamespace(
-            sensors=lambda chosen, name: {0} if name == LOW_PASSED else set(),
-            odds_of=lambda chosen, name: (1997.0, [move]),
-            log_prior=lambda chosen: -3.0 * len(chosen.names),
-        ),
-    )
     both = Chosen((*only(LATE).parts, (LOW_PASSED, (1,), 1.0)))
-    kept, nats = asked._beside_drift(HERE, selection, both)
+    kept = asked._beyond_drift(HERE, on_sensor(), both)
     assert asked.sets == [(LATE,)]
     assert kept == (only(LATE) if told is None else both)
-    assert nats == ({} if told is None else {LOW_PASSED: told})
+    assert told is None or asked.nats == {LOW_PASSED: told}
 
 
 @pytest.mark.parametrize("of_vehicle", [False, True])

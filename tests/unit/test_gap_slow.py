@@ -18,9 +18,12 @@ from automap.gap.evidence import plain_nats
 from automap.gap.linear import Column, Given, Linear, conditional
 from automap.gap.result import equation
 from automap.gap.slow import (
+    NUMBER,
     PLATEAU,
+    SEAT,
     _time_signals,
     box_s,
+    gain_step_s,
     lasts,
     plateaus,
     shapes,
@@ -179,14 +182,14 @@ ROWS_A_BOX = 4
 
 
 @lru_cache
-def boxes(course: str, on: str) -> Linear:
-    """A drive that was made linear in boxes, with a course of time of usual size on an axis, and a
-    column that is none."""
+def boxes(course: str, on: str, channels: tuple[str, ...] = CHANNELS) -> Linear:
+    """A drive that was made linear in boxes of channels, with a course of time of usual size on one
+    of them, and a column that is none."""
     layout = [Column("gyro_scale", "z", 0.01)]
     layout += [
         Column("box drive", f"{c} {t:.3f}", size_of(c), term=(c, f"{t:.3f}"))
         for t in TIMES
-        for c in CHANNELS
+        for c in channels
     ]
     rng = np.random.default_rng(6)
     phi = np.zeros((ROWS_A_BOX * (len(layout) - 1), len(layout)))
@@ -196,7 +199,7 @@ def boxes(course: str, on: str) -> Linear:
         phi[at, i] = 4.0 / size_of(column.term[0])
     acts = phi[:, [c.term[0] == on for c in layout]]
     w = acts @ (size_of(on) * curve(course)) + rng.standard_normal(len(phi))
-    t = np.repeat(TIMES, ROWS_A_BOX * len(CHANNELS))
+    t = np.repeat(TIMES, ROWS_A_BOX * len(channels))
     rows = Rows(w, phi, t, np.zeros(len(t), np.int64))
     sds = np.array([c.prior_sd for c in layout])
     score, info = phi.T @ w, phi.T @ phi
@@ -227,6 +230,38 @@ def test_a_course_of_time_stands_out_of_its_boxes(course: str, on: str, word: st
     assert word in text
     assert nats[best] > 50.0
     assert best == equation([linear.layout[i].term for i in parts[best]])
+
+
+@pytest.mark.parametrize(
+    ("course", "on"),
+    [
+        ("max(time - 150, 0) / 60", "imu_time"),
+        ("exp(-time / 60)", "imu_yaw"),
+    ],
+)
+def test_a_seat_that_changes_stands_out_of_its_boxes(course: str, on: str) -> None:
+    linear = with_shapes(boxes(course, on, (*CHANNELS, *SEAT)))
+    parts: dict[str, list[int]] = {}
+    for i, column in enumerate(linear.layout):
+        parts.setdefault(column.effect, []).append(i)
+    known = conditional(linear, Given())
+    nats = {name: plain_nats(known, tuple(part))[0] for name, part in parts.items()}
+    best = max(nats, key=lambda name: nats[name])
+    terms = [linear.layout[i].term for i in parts[best]]
+    assert terms[0][0] == on
+    assert terms[0][1].startswith(course[:4])
+    assert nats[best] > 50.0
+    # what lasts for a moment is usually no larger than what stays
+    largest = np.abs(curve(terms[0][1])).max()
+    assert linear.prior_sd[parts[best][0]] * largest == pytest.approx(size_of(on))
+    # its instant, time constant or period is refined as far as the next that was tried
+    assert is_course(terms)
+    finer = variants(terms, LENGTH_S)
+    assert len(finer) > 10
+    ends = [float(NUMBER.findall(one[0][1])[-1]) for one in finer]
+    own = float(NUMBER.findall(terms[0][1])[-1])
+    if terms[0][1].startswith(("step", "max")):
+        assert max(ends) - own == pytest.approx(gain_step_s(LENGTH_S), rel=1e-3)
 
 
 def turning(linear: Linear, swing: FloatArray) -> Linear:

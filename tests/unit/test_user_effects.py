@@ -15,18 +15,22 @@ from automap.effects.signals import VOCABULARY, signals_of, signals_of_readings
 from automap.effects.user import set_user_effects, signal_of, towards, turned
 from automap.effects.user_tables import as_table, effects_of_formulas
 from automap.errors import ConfigError
+from automap.fusion.engine import fuse_imu_gnss
+from automap.fusion.options import FusionOptions
+from automap.fusion.result import Prior
 from automap.gap import base_model
-from automap.gap.candidates import effect_columns
+from automap.gap.candidates import effect_columns, term_columns
 from automap.gap.drive import open_drive
 from automap.gap.fit import fit_drive
 from automap.gap.linear import node_motion, sensitivities
 from automap.gap.motion import motion_of
+from automap.simulation.sensors import random_streams, simulate_sensors
 from pipeline.settings.load import load_settings
 from pipeline.settings.user_effects import activate, effects_of_python
 from pipeline.simulate.command import simulate
 from tests.docs_commands import DOCS, files
 from tests.unit.gap_linear import changes
-from tests.unit.test_gap import simulated
+from tests.unit.test_gap import ARM, scenario_with, simulated
 
 PULL = {"k": {"on": "accel_x", "formula": "sin(heading)", "prior_sd": 0.05, "unit": "m/s^2"}}
 STRETCH = {"k": {"on": "position_along", "formula": "speed^2 / 100", "prior_sd": 0.5}}
@@ -244,7 +248,7 @@ def test_an_effect_of_the_user_is_estimated_by_the_filter_and_shows_in_the_scree
     known = fit_drive(opened, replace(model, values={"pull": {"k": 0.15}}), linearised_at=plain)
     assert known.score > plain.score + 20.0
     motion = motion_of(plain.last)
-    columns = effect_columns("pull", plain, motion, node_motion(plain, motion), {"k": 0.05})
+    columns = effect_columns("pull", node_motion(plain, motion), {"k": 0.05})
     phi = sensitivities(plain, motion, columns)[:, 0]
     seen, at = changes(plain, known)
     assert np.corrcoef(phi[at], seen)[0, 1] > 0.95
@@ -262,6 +266,53 @@ def test_an_effect_on_the_fixes_is_found_and_taken_out() -> None:
     known = fit_drive(opened, replace(model, values={"stretch": {"k": 0.8}}), linearised_at=plain)
     assert known.score > plain.score + 10.0
     assert [e for e, _ in found.names] == ["stretch", "gyro_scale", "gyro_scale", "gyro_scale"]
+
+
+@pytest.mark.parametrize(("on", "size"), [("imu_yaw", 0.02), ("imu_time", 0.1)])
+def test_a_unit_that_slips_in_its_mount_or_its_time_is_found(on: str, size: float) -> None:
+    text = "(1 + tanh((time - 60) / 0.3))"
+    own = {"k": {"on": on, "formula": text, "prior_sd": 0.05}}
+    set_user_effects(effects_of_formulas({"slips": own}, "x"))
+    model = base_model()
+    recorded = simulated({"slips": {"k": 0.5 * size}})
+    opened = open_drive(recorded, model.options)
+    plain = fit_drive(opened, model)
+    # beside an angle or an offset that stays
+    same = "imu_time_offset" if on == "imu_time" else "imu_mounting"
+    found = fit_drive(opened, model, {"slips": 1.0, same: 1.0}, plain)
+    value, sd = found.value_of("slips")["k"], found.sd_of("slips")["k"]
+    assert abs(value - 0.5 * size) < 4.0 * sd
+    assert sd < 0.1 * size
+    at = node_motion(plain, motion_of(plain.last))
+    (column,) = effect_columns("slips", at, {"k": 0.05})
+    (formula,) = term_columns(at, [(on, text)])
+    assert column.direct is not None
+    assert formula.direct is not None
+    np.testing.assert_allclose(formula.direct.by_channel, column.direct.by_channel, atol=1e-9)
+    assert CATALOGUE["slips"].family == CATALOGUE[same].family
+
+
+def test_the_path_is_that_of_the_vehicle_whatever_the_unit_does_in_it() -> None:
+    text = "(1 + tanh((time - 60) / 0.3))"
+    tables = {
+        "slips": {"k": {"on": "imu_yaw", "formula": text, "prior_sd": 0.1}},
+        "steps": {"k": {"on": "imu_time", "formula": text, "prior_sd": 0.1}},
+    }
+    set_user_effects(effects_of_formulas(tables, "x"))
+    errors = {"slips": {"k": 0.03}, "steps": {"k": 0.05}}
+    sensors = simulate_sensors(scenario_with(errors), random_streams(4))
+    assert sensors.fixes is not None
+    offs = []
+    for fixed in ({}, errors):
+        options = replace(FusionOptions(), fixed=fixed)
+        given = (sensors.imu, sensors.fixes, sensors.clock, options, Prior(0.0, 1e-3), ARM)
+        path = fuse_imu_gnss(*given, delay_is_clock=True).trajectory
+        t = path.gps_s - sensors.begin_gps_s
+        true = sensors.drive.at(np.maximum(t, 0.0))
+        off = np.remainder(path.rpy[:, 2] - true.rpy[:, 2] + np.pi, 2.0 * np.pi) - np.pi
+        offs.append(float(np.sqrt(np.mean(off[t > 62.0] ** 2))))
+    assert offs[0] > 0.01
+    assert offs[1] < 0.003
 
 
 def test_the_files_of_the_documentation_are_accepted(tmp_path: Path) -> None:
