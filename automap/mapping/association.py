@@ -21,12 +21,9 @@ from automap.mapping.candidates import (
     found_sign,
 )
 from automap.mapping.classes import class_evidence
-from automap.mapping.offset_kernels import smooth, vote
+from automap.mapping.offset_kernels import vote
 from automap.mapping.sightings import Sightings
 from automap.records import BoolArray, FloatArray, IntArray
-
-_SETTLING = 3
-"""Turns of assignment and smoothing."""
 
 
 @dataclass(frozen=True)
@@ -43,9 +40,9 @@ class Association:
 def associate(sightings: Sightings, rounds: int = limits.ROUNDS) -> Association:
     """Group the sightings into signs.
 
-    Drive after drive is laid over the map of those before it: its offset found by vote and
-    smoothed along the drive, its sightings then given to map signs one to one, the rest made
-    new signs. In further rounds each drive is taken out and laid over the map of all others.
+    Drive after drive is laid over the map of those before it: its offset found by vote, its
+    sightings then given to map signs one to one, the rest made new signs. In further rounds each
+    drive is taken out and laid over the map of all others.
     """
     n = len(sightings)
     sign = np.full(n, -1, np.int64)
@@ -143,11 +140,7 @@ def _associate(
             time_s, shared_sd = seen.time_s[lo:hi], seen.shared_sd[lo:hi]
             here, here_var = offset[lo:hi], offset_var[lo:hi]
             chosen = np.empty(hi - lo, np.int64)
-            vote(time_s, shared_sd, index, values, here)
-            here_var[:] = 0.0
-            for _ in range(_SETTLING):
-                assign(index, values, here, here_var, chosen, taken)
-                smooth(time_s, shared_sd, chosen, values, here, here_var)
+            vote(time_s, shared_sd, index, values, here, here_var)
             assign(index, values, here, here_var, chosen, taken)
             for i in range(lo, hi):
                 c = chosen[i - lo]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import namedtuple
 from typing import NamedTuple
 
 import numpy as np
@@ -38,22 +39,12 @@ _LEAST_INFORMATION = 1e-9
 """On the place of a sign without members, 1/m^2."""
 
 
-class Columns(NamedTuple):
-    """The columns of ``Sightings`` that kernels take."""
-
-    time_s: FloatArray
-    lat: FloatArray
-    lon: FloatArray
-    height: FloatArray
-    per_lat: FloatArray
-    per_lon: FloatArray
-    own: FloatArray
-    own_u: FloatArray
-    shared_sd: FloatArray
-    facing: FloatArray
-    facing_sd_rad: FloatArray
-    code: IntArray
-    confidence: FloatArray
+Columns = namedtuple(
+    "Columns",
+    "time_s lat lon height per_lat per_lon own own_u shared_sd facing facing_sd_rad code "
+    "confidence",
+)
+"""The columns of ``Sightings`` that kernels take."""
 
 
 class MapSigns(NamedTuple):

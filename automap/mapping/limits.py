@@ -64,9 +64,6 @@ LEAST_OFFSET_VARIANCE = 1e-4
 """Of a drive's offset, m^2: a centimetre, where a trajectory states none."""
 STRAY_PROBABILITY = math.exp(-4.5)
 """A sighting that is right counts less so rarely: three sigmas in the plane."""
-STRAY_GATE = gate_in_plane(STRAY_PROBABILITY)
-"""The squared sigmas that go with it; on a single axis chance exceeds them at a quarter of the
-time."""
 STRAY_MEMBERS = 3
 """Sightings of a sign from which one may be called stray: of two nobody knows which."""
 

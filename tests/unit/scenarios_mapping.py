@@ -233,7 +233,7 @@ def _values(rng: np.random.Generator, n: int, most: int) -> tuple[Any, FloatArra
 
 @scenario
 def mapping_kernels() -> Any:
-    """Votes, smoothing and assignment of a drive; cells; histories; ways along roads."""
+    """Votes and assignment of a drive; cells; histories; ways along roads."""
     from automap.mapping import candidates, grid, offset_kernels
     from automap.mapping.association import assign
     from automap.mapping.attributes import _change_point
@@ -245,12 +245,9 @@ def mapping_kernels() -> Any:
     time_s = np.cumsum(rng.uniform(1.0, 30.0, n))
     shared = rng.uniform(0.3, 1.2, (n, 3))
     offset, variance = np.zeros((n, 3)), np.zeros((n, 3))
-    offset_kernels.vote(time_s, shared, index, values, offset)
-    voted = offset.copy()
+    offset_kernels.vote(time_s, shared, index, values, offset, variance)
     chosen = np.zeros(n, np.int64)
     assign(index, values, offset, rng.uniform(0.0, 0.3, (n, 3)), chosen, np.zeros(7, np.bool_))
-    assigned = chosen.copy()
-    offset_kernels.smooth(time_s, shared, chosen, values, offset, variance)
     lat, lon = -0.6 + 4e-6 * rng.normal(size=12), 2.6 + 4e-6 * rng.normal(size=12)
     lon[:3] = [np.pi - 1e-7, -np.pi + 1e-7, 0.4]
     filled = grid.filled_table(lat, lon, 16.0)
@@ -265,9 +262,8 @@ def mapping_kernels() -> Any:
     empty[6] = 0.0
     return levelled(
         {
-            "voted": voted,
-            "assigned": assigned,
-            "smoothed": (offset, variance),
+            "voted": (offset, variance),
+            "assigned": chosen,
             "agreement": [
                 offset_kernels.agreement(values[i, 0], 0.3, -0.2, 0.1, 0.2, 0.4) for i in range(n)
             ],

@@ -23,7 +23,7 @@ from automap.mapping.candidates import (
     V_U,
 )
 from automap.mapping.limits import COMMON_SD_M, MOST
-from automap.mapping.offset_kernels import smooth, vote
+from automap.mapping.offset_kernels import vote
 from automap.mapping.sightings import DrivePath, DriveSigns, Sightings, stack_sightings
 
 TAU_S = 60.0
@@ -269,49 +269,53 @@ def candidates(places: np.ndarray, covs: np.ndarray) -> tuple[np.ndarray, np.nda
     return index, values
 
 
-def test_each_stretch_of_a_drive_has_the_offset_that_most_of_its_sightings_agree_with() -> None:
+def test_the_offset_is_the_mean_of_what_most_sightings_of_a_stretch_agree_with() -> None:
     rng = np.random.default_rng(7)
     n, sd = 10, np.array([2.0, 3.0, 1.5])
     covs = np.stack([ellipse(0.9, 0.2, bearing, 0.3) for bearing in rng.uniform(10.0, 80.0, n)])
     true = np.repeat([[1.5, -2.0, 0.7], [-1.0, 0.5, 0.0]], 5, axis=0)
     places = true + 0.2 * rng.standard_normal((n, 3))
     strays = [1, 7]
-    places[strays] = [4.0, 4.0, 0.5]
-    time = np.concatenate([100.0 + 7.0 * np.arange(5), 180.0 + 6.0 * np.arange(5)])
+    places[strays] = [9.0, 9.0, 0.5]
+    time = np.concatenate([120.0 + 7.0 * np.arange(5), 200.0 + 6.0 * np.arange(5)])
     index, values = candidates(places, covs)
     # as of one class: a stray may be a sign that the map does not hold yet
     values[:, 0, EVIDENCE] = 2.0
-    offset = np.zeros((n, 3))
-    vote(time, np.tile(sd, (n, 1)), index, values, offset)
-    for rows in (slice(0, 5), slice(5, 10)):
-        assert (offset[rows] == offset[rows][0]).all()
-        proposed = [k for k in range(n)[rows] if k not in strays]
-        assert (places[proposed] == offset[rows][0]).all(axis=1).any()
-
-
-def test_offsets_along_a_drive_are_the_conditional_mean_of_the_process() -> None:
-    """Kalman and Rauch-Tung-Striebel against the covariances of all instants at once."""
-    rng = np.random.default_rng(8)
-    n = 9
-    time = np.cumsum(rng.uniform(1.0, 40.0, n))
-    shared = np.column_stack([rng.uniform(0.5, 1.5, n) for _ in range(3)])
-    covs = np.stack([np.diag(rng.uniform(0.05, 0.6, 3)) for _ in range(n)])
-    places = 0.3 * rng.standard_normal((n, 3))
-    _, values = candidates(places, covs)
-    chosen = np.zeros(n, np.int64)
-    chosen[[2, 6]] = -1
-    values[4, 0, V_U] = np.nan
     offset, variance = np.zeros((n, 3)), np.zeros((n, 3))
-    smooth(time, shared, chosen, values, offset, variance)
-    for axis, column in enumerate((V_EE, V_NN, V_U)):
-        sd = np.sqrt(2.0 * shared[:, axis] ** 2 + 1e-4)
-        prior = np.outer(sd, sd) * np.exp(-np.abs(time[:, None] - time) / TAU_S)
-        rows = np.flatnonzero((chosen >= 0) & np.isfinite(values[:, 0, column]))
-        noisy = prior[np.ix_(rows, rows)] + np.diag(values[rows, 0, column])
-        gain = np.linalg.solve(noisy, prior[rows]).T
-        assert offset[:, axis] == pytest.approx(gain @ places[rows, axis], abs=1e-9)
-        left = np.diag(prior - gain @ prior[rows])
-        assert variance[:, axis] == pytest.approx(left, abs=1e-9)
+    vote(time, np.tile(sd, (n, 1)), index, values, offset, variance)
+    prior = 2.0 * sd**2 + 1e-4
+    for i in range(n):
+        right = [k for k in range(n) if k not in strays and abs(time[k] - time[i]) < 40.0]
+        # what a process of this time constant has gone from each to here
+        wandered = 1.0 - np.exp(-2.0 * np.abs(time[right] - time[i]) / TAU_S)
+        own = values[right][:, 0, [V_EE, V_NN, V_U]]
+        weight = 1.0 / (own + wandered[:, None] * prior)
+        total = 1.0 / prior + weight.sum(axis=0)
+        mean = (weight * places[right]).sum(axis=0) / total
+        np.testing.assert_allclose(offset[i], mean, rtol=1e-9)
+        np.testing.assert_allclose(variance[i], 1.0 / total, rtol=1e-9)
+
+
+def test_offsets_near_a_sighting_are_the_same_whatever_else_is_looked_at() -> None:
+    rng = np.random.default_rng(3)
+    n, sd = 60, np.tile([1.0, 1.2, 0.8], (60, 1))
+    time = 1000.0 + np.cumsum(rng.uniform(2.0, 6.0, n))
+    index, values = candidates(
+        0.5 * rng.standard_normal((n, 3)), np.tile(0.1 * np.eye(3), (n, 1, 1))
+    )
+    whole, part = np.zeros((n, 3)), np.zeros((30, 3))
+    vote(time, sd, index, values, whole, np.zeros((n, 3)))
+    vote(time[20:50], sd[:30], index[20:50], values[20:50], part, np.zeros((30, 3)))
+    np.testing.assert_allclose(part[15], whole[35], atol=1e-12)
+
+
+def test_a_stretch_that_nothing_tells_of_is_as_far_off_as_its_drive_states() -> None:
+    sd = np.array([[2.0, 3.0, 1.5]])
+    none, values = np.full((1, MOST), -1), np.zeros((1, MOST, PLACES))
+    offset, variance = np.ones((1, 3)), np.zeros((1, 3))
+    vote(np.zeros(1), sd, none, values, offset, variance)
+    assert (offset == 0.0).all()
+    np.testing.assert_allclose(variance, 2.0 * sd**2 + 1e-4)
 
 
 def test_a_size_that_all_drives_took_a_sign_for_is_not_averaged_away() -> None:
