@@ -213,7 +213,7 @@ def geolocation_existence() -> Any:
                     mark.position,
                     0.8,
                     views.centre[mark.rows],
-                    times,
+                    times + round(drive.cameras["front"].time_offset_s * 1e9),
                     drive.path,
                     drive.cameras["front"],
                     views.origin,
