@@ -336,8 +336,8 @@ STAGE = Stage(
     # a nose off its course
     # 26: of two mirror images of a face the likelier is stated; boxes too narrow to be found
     # 29: pieces of a track are joined as passes are, times are searched among many signs too
-    # 35: what stays at its place in the picture is left out
-    version=35,
+    # 36: a sign is sought from distances by its size alone
+    version=36,
     run=run,
     inputs=_inputs,
     needs=(
