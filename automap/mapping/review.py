@@ -269,4 +269,4 @@ def match(
 def _distance_m(verdict: Verdict, lon_deg: FloatArray, lat_deg: FloatArray) -> FloatArray:
     """Metres [n] to where the verdict's sign was seen; good near by, which is all it is for."""
     seen = np.radians([verdict.seen_lat_deg, verdict.seen_lon_deg])
-    return np.hypot(*east_north(np.radians(lat_deg), np.radians(lon_deg), *seen).T)
+    return np.asarray(np.hypot(*east_north(np.radians(lat_deg), np.radians(lon_deg), *seen).T))
