@@ -70,14 +70,22 @@ def costs(rays: Rays, rows: IntArray, points: FloatArray, rules: BearingRules) -
     that of a far one. Infinite beyond the greatest range.
     """
     offset = points[None] - rays.centre[rows, None]
-    distance = np.maximum(np.hypot(offset[..., 0], offset[..., 1]), 0.1)
-    turn = wrap_pi(np.arctan2(offset[..., 1], offset[..., 0]) - rays.bearing[rows, None])
-    near = rules.position_sd_m / distance
-    cost = turn**2 / (rays.sd[rows, None] ** 2 + near**2)
-    stretch = np.log(distance) - rays.log_depth[rows, None]
-    depth_cost = stretch**2 / (rules.depth_log_sd**2 + near**2)
-    cost += np.where(np.isfinite(stretch), depth_cost, 0.0)
+    distance, turn, turn_variance, stretch, stretch_variance = _misses(rays, rows, offset, rules)
+    cost = turn**2 / turn_variance + np.nan_to_num(stretch**2 / stretch_variance)
     return np.where((distance <= rules.max_range_m) & (np.abs(turn) < np.pi / 2), cost, np.inf)
+
+
+def _misses(
+    rays: Rays, rows: IntArray, offset: FloatArray, rules: BearingRules
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Distance [n, ...] at an ``offset`` [n, ..., 2] from each camera, how far its direction and
+    the logarithm of that (NaN: no depth) are off what was measured, each with the variance."""
+    alone = (slice(None), *[None] * (offset.ndim - 2))
+    distance = np.maximum(np.hypot(offset[..., 0], offset[..., 1]), 0.1)
+    near = (rules.position_sd_m / distance) ** 2
+    turn = wrap_pi(np.arctan2(offset[..., 1], offset[..., 0]) - rays.bearing[rows][alone])
+    stretch = np.log(distance) - rays.log_depth[rows][alone]
+    return distance, turn, rays.sd[rows][alone] ** 2 + near, stretch, rules.depth_log_sd**2 + near
 
 
 def fit_point(rays: Rays, rows: IntArray, start: FloatArray, rules: BearingRules) -> FloatArray:
@@ -98,18 +106,13 @@ def normal_equations(
 ) -> tuple[FloatArray, FloatArray]:
     """Normal matrix [2, 2] and right-hand side [2] of a point."""
     offset = point - rays.centre[rows]
-    distance = np.maximum(np.hypot(offset[:, 0], offset[:, 1]), 0.1)
-    turn = wrap_pi(np.arctan2(offset[:, 1], offset[:, 0]) - rays.bearing[rows])
-    near = rules.position_sd_m / distance
-    J = np.column_stack([-offset[:, 1], offset[:, 0]]) / distance[:, None] ** 2
-    weight = 1.0 / (rays.sd[rows] ** 2 + near**2)
-    N = (J * weight[:, None]).T @ J
-    g = -(J * weight[:, None]).T @ turn
-    stretch = np.log(distance) - rays.log_depth[rows]
+    distance, turn, turn_variance, stretch, stretch_variance = _misses(rays, rows, offset, rules)
+    square = distance[:, None] ** 2
+    J = np.column_stack([-offset[:, 1], offset[:, 0]]) / square
     known = np.isfinite(stretch)
-    K = offset[known] / distance[known, None] ** 2
-    weight = 1.0 / (rules.depth_log_sd**2 + near[known] ** 2)
-    N += (K * weight[:, None]).T @ K
-    g += -(K * weight[:, None]).T @ stretch[known]
+    J = np.vstack([J, (offset / square)[known]])
+    weight = 1.0 / np.append(turn_variance, stretch_variance[known])
+    weighted = (J * weight[:, None]).T
+    N, g = weighted @ J, -weighted @ np.append(turn, stretch[known])
     # without depth a single direction leaves the range open
     return N + 1e-6 * np.eye(2), g

@@ -93,7 +93,7 @@ def estimate_cameras(
         for one in ends:
             found = one.corrections[name]
             fitted = one.views, one.landmarks, cameras[name], found, rules.size, rules.camera
-            minima.append(time_minima.Minimum(found, time_minima.cost_of(*fitted)))
+            minima.append((found, time_minima.cost_of(*fitted)))
         best, times = time_minima.alike(minima)
         return ends[best], times
 

@@ -33,12 +33,9 @@ class Trial:
 
     def rows(self, name: str) -> slice:
         """The rows of a camera's boxes among all."""
-        first = 0
-        for record in self.detections:
-            if record.camera == name:
-                return slice(first, first + len(record))
-            first += len(record)
-        return slice(0, 0)
+        place = [record.camera for record in self.detections].index(name)
+        first = sum(map(len, self.detections[:place]))
+        return slice(first, first + len(self.detections[place]))
 
 
 Locate = Callable[[Trial, Callable[[float], None]], GeolocationResult]

@@ -111,10 +111,14 @@ def better_explanations(
     def fast(rate: float, scale: float) -> float:
         return mean_loss(geometry.paced(rate), np.zeros(4), scale)
 
+    step_s = 2.0 * limits.START_STEP_S
+    length_s, seen_s = (float(np.ptp(t_ns)) * 1e-9 for t_ns in (trajectory.t_ns, found.t_ns))
+    offset = _best_in_time(min(limits.MOST_SHIFT_S, 0.5 * length_s), step_s, late)
+    # a step moves the last frame by two of offsets
+    rate = _best_in_time(limits.MOST_RATE, 2.0 * step_s / max(seen_s, 1.0), fast)
     tried = [
         *_pictures(plain), *_mountings(plain), *_calibrations(plain),
-        _shifted(plain, _best_in_time(_offsets(trajectory), late)),
-        _paced(plain, _best_in_time(_rates(found), fast)),
+        _shifted(plain, offset), _paced(plain, rate),
     ]  # fmt: skip
     # a box has many pairs, which repeat its evidence
     gains = [(start - judge.loss(one)) * geometry.n_boxes for one in tried]
@@ -208,28 +212,12 @@ def _paced(plain: Hypothesis, rate: float) -> Hypothesis:
     return replace(plain, what=what, found=found)
 
 
-def _offsets(trajectory: Trajectory) -> tuple[FloatArray, float]:
-    """Offsets to try, s, and their distance."""
-    length = float(trajectory.t_ns[-1] - trajectory.t_ns[0]) * 1e-9
-    reach, step = min(limits.MOST_SHIFT_S, 0.5 * length), 2.0 * limits.START_STEP_S
+def _best_in_time(reach: float, step: float, loss: Callable[[float, float], float]) -> float:
+    """The best value of one family of stamps up to ``reach`` on either side, by a look at one each
+    ``step`` and a finer one about the best; ``loss`` of a value with a scale in rad."""
     n = int(reach / step)
-    return np.arange(-n, n + 1, dtype=np.float64) * step, step
-
-
-def _rates(found: Detections) -> tuple[FloatArray, float]:
-    """Rates to try and their distance: what moves the last frame by two steps of offsets."""
-    length = max(float(found.t_ns.max() - found.t_ns.min()) * 1e-9, 1.0)
-    step = 4.0 * limits.START_STEP_S / length
-    n = int(limits.MOST_RATE / step)
-    return np.arange(-n, n + 1, dtype=np.float64) * step, step
-
-
-def _best_in_time(grid: tuple[FloatArray, float], loss: Callable[[float, float], float]) -> float:
-    """The best of one family of stamps, by a coarse look at all and a finer one about the best;
-    ``loss`` of a value with a scale in rad."""
-    values, step = grid
     wide, narrow = limits.SCALES_RAD[:2]
-    best: float = min(values.tolist(), key=lambda value: loss(value, wide))
+    best: float = min((step * np.arange(-n, n + 1.0)).tolist(), key=lambda value: loss(value, wide))
     finer = best + step * np.linspace(-1.0, 1.0, _FINER)
     result: float = min(finer.tolist(), key=lambda value: loss(value, narrow))
     return result

@@ -85,9 +85,8 @@ def due_frames(
     near = slice(*np.searchsorted(searched.t_ns, [first - around, last + around]).tolist())
     if near.start == near.stop:
         return np.zeros(0, np.int64)
-    stamps = searched.t_ns[near] - np.int64(round(camera.time_offset_s * 1e9))
     height = apparent_heights(
-        *(mark.position, mark.size_m, views.centre[mark.rows], stamps, trajectory),
+        *(mark.position, mark.size_m, views.centre[mark.rows], searched.t_ns[near], trajectory),
         *(camera, views.origin, searched.region[near]),
     )
     return np.asarray(near.start + np.flatnonzero(height >= usual * focal_length(camera)))
@@ -103,11 +102,10 @@ def apparent_heights(
     origin: tuple[float, float, float],
     region: FloatArray,
 ) -> FloatArray:
-    """Height in pixels [n] of a sign at the frame stamps; zero where it is not wholly in the
+    """Height in pixels [n] of a sign at stamps of the path; zero where it is not wholly in the
     ``region`` [n, 4] of the picture that was searched, or shows itself from another side than to
     the cameras at ``seen_from`` [m, 3]."""
-    poses = poses_at(trajectory, t_ns + np.int64(round(camera.time_offset_s * 1e9)))
-    centre, C_cam_ref = camera_poses(poses, camera, origin)
+    centre, C_cam_ref = camera_poses(poses_at(trajectory, t_ns), camera, origin)
     q = np.einsum("nij,nj->ni", C_cam_ref, position - centre)
     with np.errstate(invalid="ignore", divide="ignore"):
         pixels = project(camera, q)

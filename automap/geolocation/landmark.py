@@ -117,8 +117,7 @@ def fit_landmark(views: Views, rows: IntArray, prior: SizePrior, robust: bool = 
     """Estimate one sign from the views ``rows`` [n], n >= 1.
 
     The anchor is the view with the largest box, the nearest one as a rule. Several start
-    distances are tried: the one from the size, half and double of it, and the linear
-    intersection of the rays.
+    distances are tried: the one from the size, half and double of it.
     """
     rows = np.asarray(rows, np.int64)
     anchor = int(rows[np.argmax(views.measured[rows, 2])])
@@ -128,9 +127,6 @@ def fit_landmark(views: Views, rows: IntArray, prior: SizePrior, robust: bool = 
     starts = [max(boxes.prior_mean - views.measured[anchor, 2], nearest)]
     if len(rows) > 1:
         starts += [starts[0] + np.log(2.0), starts[0] - np.log(2.0)]
-        crossing = _crossing_depth(views, rows, anchor)
-        if crossing > limits.MIN_FORWARD_M:
-            starts.append(float(np.log(crossing)))
     best: tuple[FloatArray, float] | None = None
     for start in starts:
         first = np.array([*views.measured[anchor, :2], start, start + views.measured[anchor, 2]])
@@ -257,20 +253,6 @@ def seen_from(
     if not q[0] > limits.MIN_FORWARD_M:
         return None
     return np.array([q[1] / q[0], q[2] / q[0], np.log(q[0]), log_size])
-
-
-def _crossing_depth(views: Views, rows: IntArray, anchor: int) -> float:
-    """Forward distance of the point nearest to all rays in the sense of least squares; zero where
-    they are too parallel to say."""
-    rays = np.column_stack([np.ones(len(rows)), views.measured[rows, :2]])
-    rays = np.einsum("nji,nj->ni", views.C_cam_ref[rows], rays)
-    rays /= np.linalg.norm(rays, axis=1)[:, None]
-    across = np.eye(3) - rays[:, :, None] * rays[:, None, :]
-    normal = across.sum(axis=0)
-    if np.linalg.eigvalsh(normal)[0] < 1e-6 * len(rows):
-        return 0.0
-    point = np.linalg.solve(normal, np.einsum("nij,nj->i", across, views.centre[rows]))
-    return float((views.C_cam_ref[anchor] @ (point - views.centre[anchor]))[0])
 
 
 def distances_to(

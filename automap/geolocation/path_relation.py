@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -41,28 +41,17 @@ def make_path(
     if len(trajectory) > 2:
         interval = float(np.median(np.diff(trajectory.t_ns))) * 1e-9
         step = max(1, int(_STEP_S / max(interval, 1e-9)))
-    rows = range(0, max(len(trajectory), 1), step * _ROWS)
-    pieces = [_path(trajectory, slice(a, a + step * _ROWS, step), origin, adjustment) for a in rows]
-    return Path(*(np.concatenate([getattr(p, f.name) for p in pieces]) for f in fields(Path)))
-
-
-def _path(
-    trajectory: Trajectory,
-    rows: slice,
-    origin: tuple[float, float, float],
-    adjustment: Adjustment | None,
-) -> Path:
-    thin = trajectory.at(rows)
-    if adjustment is not None:
-        thin = shifted(thin, adjustment, origin)
-    height = np.where(np.isfinite(thin.height_m), thin.height_m, origin[2])
-    moving = np.hypot(thin.vel_ned[:, 0], thin.vel_ned[:, 1]) > MOVING_SPEED
-    course = np.arctan2(thin.vel_ned[:, 1], thin.vel_ned[:, 0])
-    return Path(
-        t_ns=thin.t_ns,
-        position=local_ned(thin.lat_rad, thin.lon_rad, height, origin),
-        course=np.where(moving, course, thin.rpy[:, 2]),
-    )
+    parts = []
+    for first in range(0, max(len(trajectory), 1), step * _ROWS):
+        thin = trajectory.at(slice(first, first + step * _ROWS, step))
+        if adjustment is not None:
+            thin = shifted(thin, adjustment, origin)
+        height = np.where(np.isfinite(thin.height_m), thin.height_m, origin[2])
+        moving = np.hypot(thin.vel_ned[:, 0], thin.vel_ned[:, 1]) > MOVING_SPEED
+        course = np.arctan2(thin.vel_ned[:, 1], thin.vel_ned[:, 0])
+        place = local_ned(thin.lat_rad, thin.lon_rad, height, origin)
+        parts.append((thin.t_ns, place, np.where(moving, course, thin.rpy[:, 2])))
+    return Path(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
 
 
 def roads_at(path: Path, position: FloatArray, first_ns: int, last_ns: int) -> FloatArray:

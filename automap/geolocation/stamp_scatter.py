@@ -18,7 +18,6 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import Bounds, minimize
 
-from automap.effects.camera import direction_by_point
 from automap.effects.camera_kernels import TIME
 from automap.gates import gate
 from automap.geolocation import limits
@@ -26,10 +25,10 @@ from automap.geolocation.landmark import (
     Landmark,
     SizePrior,
     columns_of,
-    direction_residuals,
     fit_landmark,
-    position_jacobian,
+    relative_views,
 )
+from automap.geolocation.landmark_kernels import expected_boxes
 from automap.geolocation.pass_errors import pass_sd
 from automap.geolocation.view_errors import places_apart
 from automap.geolocation.views import Views, numbered_tracks
@@ -106,14 +105,12 @@ def residuals_of(views: Views, mark: Landmark, prior: SizePrior) -> Residuals:
     """The residuals of a sign as it was fitted, in the stated sigmas of its boxes."""
     rows = mark.rows
     common, effects = columns_of(views, rows, mark.anchor, mark.parameters)
-    q = np.einsum("nij,nj->ni", views.C_cam_ref[rows], mark.position - views.centre[rows])
-    height = views.measured[rows, 2] - (mark.parameters[3] - np.log(q[:, 0]))
-    by_sign = direction_by_point(q) @ views.C_cam_ref[rows] @ position_jacobian(views, mark)
-    by_sign[:, 2, 3] = 1.0
+    theta = np.tile(mark.parameters, (len(rows), 1))
+    expected, by_sign = expected_boxes(theta, *relative_views(views, rows, mark.anchor))
     by_fit = np.concatenate([by_sign, common * pass_sd(views, rows)], axis=2)
     size, sd = prior.of(views.class_name[rows].tolist()), views.sd[rows]
     return Residuals(
-        np.column_stack([direction_residuals(views, mark), height]) / sd,
+        (views.measured[rows] - expected) / sd,
         effects[:, :, TIME] / sd,
         by_fit / sd[:, :, None],
         np.concatenate([[0.0, 0.0, 0.0, size.log_sd**-2], np.ones(common.shape[2])]),

@@ -11,7 +11,6 @@ offset.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -25,14 +24,6 @@ from automap.records import Camera, FloatArray
 
 _STARTS = 3
 """On either side, a sigma apart."""
-
-
-@dataclass(frozen=True)
-class Minimum:
-    """Where a descent ended and the sum of squares there, the prior's among them."""
-
-    correction: CameraCorrection
-    cost: float
 
 
 def starts(sd_s: float) -> tuple[FloatArray, FloatArray]:
@@ -50,28 +41,26 @@ def cost_of(
     prior: SizePrior,
     priors: CameraPriors,
 ) -> float:
-    """Robust sum of squares of all signs with the errors of their passes, and of the camera."""
+    """Robust sum of squares of all signs with the errors of their passes, and of the camera, by its
+    prior."""
     values = correction.values
     total = float(np.sum(values**2 / np.diag(prior_covariance(camera, priors))))
     settled = (solve_with_pass_errors(views, mark, prior) for mark in landmarks if mark.ok)
     return total + sum(mark.cost for mark in settled)
 
 
-def alike(minima: Sequence[Minimum]) -> tuple[int, tuple[float, ...]]:
-    """The number of the least of the minima, and the offsets (s, ascending) that explain the
-    boxes as well.
+def alike(minima: Sequence[tuple[CameraCorrection, float]]) -> tuple[int, tuple[float, ...]]:
+    """The number of the least of the minima, where descents ended with costs, and the offsets
+    (s, ascending) that explain the boxes as well.
 
     The offsets are empty where the least stands alone; else its own is among them.
     """
-    order = sorted(range(len(minima)), key=lambda k: minima[k].cost)
-    best = minima[order[0]]
+    order = sorted(range(len(minima)), key=lambda k: minima[k][1])
+    most = minima[order[0]][1] + gate(limits.ALIKE_PROBABILITY, 1)
     found: list[CameraCorrection] = []
-    for k in order:
-        one = minima[k]
-        if one.cost < best.cost + gate(limits.ALIKE_PROBABILITY, 1) and all(
-            apart(one.correction, f) for f in found
-        ):
-            found.append(one.correction)
+    for correction, cost in (minima[k] for k in order):
+        if cost < most and all(apart(correction, other) for other in found):
+            found.append(correction)
     return order[0], tuple(sorted(c.time_s for c in found)) if len(found) > 1 else ()
 
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 
@@ -17,11 +19,10 @@ from automap.mapping.changes import (
     shared_sightings,
 )
 from automap.mapping.existence import DetectionRates, still_there
-from automap.mapping.grid import filled_table
 from automap.mapping.identity import drive_key
 from automap.mapping.merge import Merged
 from automap.mapping.sightings import CameraView
-from automap.mapping.visibility import Passage, head_on, in_view, opportunities
+from automap.mapping.visibility import Passage, head_on, opportunities
 from automap.records import BoolArray, FloatArray, IntArray, Sign
 from automap.records.sign_lists import numbers_of, values_of
 
@@ -150,6 +151,6 @@ def _seen_before(
         return [None] * len(places)
     own = [signs[k] for k in places]
     lat, lon, facing = numbers_of(own, "lat_rad", "lon_rad", "facing_rad")
-    table = filled_table(lat, lon, limits.FARTHEST_M)
-    looked = set(in_view(older.coverage, (COVERAGE_VIEW,), table, lat, lon, facing)[0].tolist())
+    before: Any = SimpleNamespace(path=older.coverage, cameras=(COVERAGE_VIEW,))
+    looked = set(opportunities([before], lat, lon, facing).sign.tolist())
     return [k in looked for k in range(len(places))]

@@ -118,8 +118,11 @@ def detection_rates(pairs: Chances, n_signs: int, n_drives: int) -> DetectionRat
         belief = _mixture(pairs, rates, evidence)
         if turn % _ROUNDS == _ROUNDS - 1:
             rates = _with_spread(pairs, rates, belief)
-        of_drives = pairs.sign, pairs.drive, pairs.seen, belief * telling, len(rates.drive)
-        hits, tries = _by_drive(*of_drives)
+        real_there = belief * telling
+        hits, misses = _sums(
+            *(pairs.drive, pairs.sign, pairs.seen, real_there, real_there, len(rates.drive))
+        )
+        tries = hits + misses
         overall = (hits.sum() + limits.RATE_PRIOR[0]) / (tries.sum() + sum(limits.RATE_PRIOR))
         overall = float(np.clip(overall, *limits.OVERALL_LIMITS))
         by_drive = (hits + limits.DRIVE_FREEDOM * overall) / (tries + limits.DRIVE_FREEDOM)
@@ -143,36 +146,24 @@ def _ratios(pairs: Chances) -> FloatArray:
 
 def _counts(pairs: Chances, rates: DetectionRates, n_signs: int) -> tuple[FloatArray, FloatArray]:
     """How often each sign was seen, and missed, [m] each."""
-    weight = rates.miss_weight(np.arange(len(rates.drive)))
-    return _by_sign(pairs.sign, pairs.drive, pairs.seen, weight, n_signs)
+    missed = rates.miss_weight(np.arange(len(rates.drive)))
+    return _sums(pairs.sign, pairs.drive, pairs.seen, np.ones(len(missed)), missed, n_signs)
 
 
 @kernel
-def _by_sign(
-    sign: IntArray, drive: IntArray, seen: BoolArray, weight: FloatArray, n_signs: int
+def _sums(
+    of: IntArray, by: IntArray, seen: BoolArray, found: FloatArray, missed: FloatArray, count: int
 ) -> tuple[FloatArray, FloatArray]:
-    """Of each sign [m] the pairs that saw it, and the ``weight`` [d] of the drives that did not:
+    """Sums [count] over the pairs ``of`` each sign (drive), those that were seen and those that
+    were not, of what they weigh ``by`` their drives (signs), when ``found`` and when ``missed``:
     of ten million pairs no array but these."""
-    hits, misses = np.zeros(n_signs), np.zeros(n_signs)
-    for k in range(len(sign)):
+    hits, misses = np.zeros(count), np.zeros(count)
+    for k in range(len(of)):
         if seen[k]:
-            hits[sign[k]] += 1.0
+            hits[of[k]] += found[by[k]]
         else:
-            misses[sign[k]] += weight[drive[k]]
+            misses[of[k]] += missed[by[k]]
     return hits, misses
-
-
-@kernel
-def _by_drive(
-    sign: IntArray, drive: IntArray, seen: BoolArray, weight: FloatArray, n_drives: int
-) -> tuple[FloatArray, FloatArray]:
-    """Of each drive [d] the ``weight`` [m] of the signs that it saw, and of all in its view."""
-    hits, tries = np.zeros(n_drives), np.zeros(n_drives)
-    for k in range(len(sign)):
-        tries[drive[k]] += weight[sign[k]]
-        if seen[k]:
-            hits[drive[k]] += weight[sign[k]]
-    return hits, tries
 
 
 def _mixture(pairs: Chances, rates: DetectionRates, evidence: FloatArray) -> FloatArray:

@@ -8,6 +8,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from automap.mapping import limits
+from automap.mapping.changes import one_to_one
+from automap.mapping.grid import east_north
 from automap.mapping.review_state import Verdict, standing, verdicts
 from automap.records import TRACK_PROBABILITIES, FloatArray, PlacedSign, ReviewAction, Sign
 from automap.records.signs import BY_SIZE
@@ -248,34 +250,23 @@ def match(
     nearest pair first. Signs or verdicts without a position are known by id and class.
     """
     row_of = {name: row for row, name in enumerate(ids)} if decided else {}
-    rows: list[int | None] = [None] * len(decided)
-    taken: set[int] = set()
+    pairs: list[tuple[float, int, int]] = []
     for number, verdict in enumerate(decided):
         row = row_of.get(verdict.sign)
-        if row is None or row in taken:
-            continue
-        distance = float(_distance_m(verdict, lon_deg[row : row + 1], lat_deg[row : row + 1])[0])
-        same_class = classes[row] == verdict.seen_class
-        if distance <= limits.MATCH_M or (np.isnan(distance) and same_class):
-            rows[number] = row
-            taken.add(row)
-    pairs = []
-    for number, verdict in enumerate(decided):
-        if rows[number] is None and len(ids):
-            far = _distance_m(verdict, lon_deg, lat_deg)
-            near = np.flatnonzero(far <= limits.MATCH_M).tolist()
-            pairs += [
-                (float(far[row]), number, row) for row in near if classes[row] == verdict.seen_class
-            ]
-    for _, number, row in sorted(pairs):
-        if rows[number] is None and row not in taken:
-            rows[number] = row
-            taken.add(row)
-    return rows
+        if row is not None:
+            far = _distance_m(verdict, lon_deg[row : row + 1], lat_deg[row : row + 1])[0]
+            if far <= limits.MATCH_M or (np.isnan(far) and classes[row] == verdict.seen_class):
+                # before any that is only near
+                pairs.append((-1.0, number, row))
+                continue
+        far = _distance_m(verdict, lon_deg, lat_deg)
+        near = np.flatnonzero(far <= limits.MATCH_M).tolist()
+        pairs += [(float(far[k]), number, k) for k in near if classes[k] == verdict.seen_class]
+    found = one_to_one(pairs)
+    return [found.get(number) for number in range(len(decided))]
 
 
 def _distance_m(verdict: Verdict, lon_deg: FloatArray, lat_deg: FloatArray) -> FloatArray:
     """Metres [n] to where the verdict's sign was seen; good near by, which is all it is for."""
-    east = np.mod(lon_deg - verdict.seen_lon_deg + 180.0, 360.0) - 180.0
-    east = east * np.cos(np.radians(verdict.seen_lat_deg))
-    return np.asarray(111_195.0 * np.hypot(east, lat_deg - verdict.seen_lat_deg), np.float64)
+    seen = np.radians([verdict.seen_lat_deg, verdict.seen_lon_deg])
+    return np.asarray(np.hypot(*east_north(np.radians(lat_deg), np.radians(lon_deg), *seen).T))

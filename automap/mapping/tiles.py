@@ -46,12 +46,8 @@ def cut_tiles(
     order = np.argsort(home, kind="stable")
     wanted = (order[at] for cell, at in groups(home[order]) if only is None or cell in only)
     for rows in (part for own in wanted for part in _halve(sphere, own, core)):
-        centre = sphere[rows].mean(axis=0)
-        reach = (
-            float(np.max(np.linalg.norm(sphere[rows] - centre, axis=1))) + margin_m / MEAN_RADIUS
-        )
-        near = np.array(sorted(tree.query_ball_point(centre, reach)), np.int64)
-        others = np.setdiff1d(near, rows, assume_unique=True)
+        near = np.concatenate(tree.query_ball_point(sphere[rows], margin_m / MEAN_RADIUS))
+        others = np.setdiff1d(near.astype(np.int64), rows)
         if len(others):
             gap = np.asarray(cKDTree(sphere[rows]).query(sphere[others])[0], np.float64)
             nearest = np.argsort(gap, kind="stable")

@@ -71,39 +71,23 @@ def opportunities(
     table = filled_table(lat, lon, limits.FARTHEST_M)
     none, zero = np.zeros(0, np.int64), np.zeros(0)
     parts = [(none, none, zero, zero, none)]
-    for number, drive in enumerate(drives):
-        if drive.path is None or len(drive.path) == 0 or not drive.cameras or not len(lat):
-            continue
-        seen, heading, offset, rows = in_view(
-            drive.path, drive.cameras, table, lat, lon, facing, stride
-        )
-        parts.append((seen, np.full(len(seen), number, np.int64), heading, offset, rows))
-    return Opportunities(*(np.concatenate([part[k] for part in parts]) for k in range(5)))
-
-
-def in_view(
-    path: DrivePath,
-    cameras: Sequence[CameraView],
-    table: Table,
-    lat: FloatArray,
-    lon: FloatArray,
-    facing: FloatArray,
-    stride: int = STRIDE,
-) -> tuple[IntArray, FloatArray, FloatArray, IntArray]:
-    """Signs in view from a path, ascending, with heading, offset and rows as ``Opportunities`` has
-    them; ``table`` holds the signs in cells of FARTHEST_M."""
-    per_lat, per_lon = metres_per_radian(path.lat_rad, 0.0)
-    views = np.array([[c.yaw_rad, limits.EDGE_SHARE * c.half_angle_rad] for c in cameras])
-    count = np.zeros(len(lat), np.int64)
-    nearest = np.full((len(lat), 3), np.inf)
     touched = np.empty(len(lat), np.int64)
-    n = _look(
-        stride, path.lat_rad, path.lon_rad, path.yaw_rad, per_lat, per_lon, views, table,
-        lat, lon, facing, count, nearest, touched,
-    )  # fmt: skip
-    seen = np.sort(touched[:n])
-    seen = seen[count[seen] >= limits.LEAST_ROWS]
-    return seen, nearest[seen, 1], nearest[seen, 2], count[seen]
+    for number, drive in enumerate(drives):
+        path = drive.path
+        if path is None or len(path) == 0 or not drive.cameras or not len(lat):
+            continue
+        per_lat, per_lon = metres_per_radian(path.lat_rad, 0.0)
+        views = np.array([[c.yaw_rad, limits.EDGE_SHARE * c.half_angle_rad] for c in drive.cameras])
+        count, nearest = np.zeros(len(lat), np.int64), np.full((len(lat), 3), np.inf)
+        n = _look(
+            stride, path.lat_rad, path.lon_rad, path.yaw_rad, per_lat, per_lon, views, table,
+            lat, lon, facing, count, nearest, touched,
+        )  # fmt: skip
+        seen = np.sort(touched[:n])
+        seen = seen[count[seen] >= limits.LEAST_ROWS]
+        heading, offset = nearest[seen, 1:].T
+        parts.append((seen, np.full(len(seen), number, np.int64), heading, offset, count[seen]))
+    return Opportunities(*(np.concatenate([part[k] for part in parts]) for k in range(5)))
 
 
 @kernel

@@ -130,7 +130,7 @@ def geolocation_passes() -> Any:
     corrected = boresight.refine_correction(views, marks, 0, camera, current, PRIOR, priors)
     straight = replace(views, rate=0.2 * views.rate)
     minima = [
-        time_minima.Minimum(replace(corrected, time_s=t), cost)
+        (replace(corrected, time_s=t), cost)
         for t, cost in ((0.3, 41.0), (0.02, 40.0), (-0.4, 42.5), (0.021, 40.5), (0.8, 90.0))
     ]
     walk = [np.cumsum(rng.normal(size=n)) * 0.4 + rng.normal(size=n) for n in (9, 14, 11, 30)]
@@ -154,8 +154,8 @@ def geolocation_passes() -> Any:
             "starts": time_minima.starts(0.03),
             "alike": [time_minima.alike(minima[k:]) for k in (0, 2, 4)],
             "apart": [
-                time_minima.apart(minima[1].correction, replace(other.correction, covariance=cov))
-                for other in minima
+                time_minima.apart(minima[1][0], replace(other, covariance=cov))
+                for other, _ in minima
                 for cov in (1e-6 * np.eye(9), 0.01 * np.eye(9))
             ],
             "disagreement": [

@@ -163,7 +163,6 @@ def geolocation_faces() -> Any:
     """What widths tell of normals, belief by belief, and what the boxes tell of a face's state."""
     from automap.geolocation import condition
     from automap.geolocation import facing as of
-    from automap.geolocation.landmark import _crossing_depth
     from automap.geolocation.path_relation import (
         make_path,
         roads_at,
@@ -191,11 +190,6 @@ def geolocation_faces() -> Any:
         of._believe(one, f) for one, f in zip(observed, [faces, of.Faces()] * 3, strict=True)
     ]
     first, last = int(drive.path.t_ns[300]), int(drive.path.t_ns[900])
-    parallel = replace(
-        views,
-        measured=np.zeros_like(views.measured),
-        C_cam_ref=views.C_cam_ref[:1] + 0 * views.C_cam_ref,
-    )
     rows = drive.rows(views, 8)
     notes = ["too small", "dark", "", "too small", "blurred", "dark", "too small"]
     contrast = np.array([0.2, 0.5, np.nan, 0.3, 0.41, 0.9, 0.35])
@@ -216,7 +210,6 @@ def geolocation_faces() -> Any:
             "side": [
                 side_of_path(a, b) for a in (-4.0, -1.0, 0.0, 2.9, 3.1) for b in (3.0, 4.6, 6.0)
             ],
-            "depth": [_crossing_depth(v, rows, int(rows[1])) for v in (views, parallel)],
             "face": [
                 condition.face_of_views(contrast[:n], notes[:n], heights[:n]) for n in (7, 4, 1)
             ]

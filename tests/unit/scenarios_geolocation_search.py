@@ -77,7 +77,6 @@ def geolocation_hypotheses() -> Any:
     plain = of.Hypothesis("", _some(record, np.arange(9, 24)), camera)
     families = (of._pictures, of._mountings, of._calibrations)
     geometry = pair_geometry(drive.path, record, camera, ORIGIN)
-    grid = of._rates(record)
     judge = of._Judge(drive.path, ORIGIN, 1111.0)
     trial = Trial(drive.detections, drive.cameras, GeolocationRules())
     assumed = trial.assuming("left", replace(plain, camera=drive.cameras["front"]))
@@ -97,9 +96,7 @@ def geolocation_hypotheses() -> Any:
             ],
             "late": vars(of._shifted(plain, 1.37)),
             "fast": vars(of._paced(plain, -0.021)),
-            "offsets": of._offsets(drive.path),
-            "rates": (grid, of._rates(_some(record, np.arange(2)))),
-            "best": of._best_in_time(grid, lambda v, scale: (v - 0.0123) ** 2 + scale * v),
+            "best": of._best_in_time(0.25, 0.004, lambda v, scale: (v - 0.0123) ** 2 + scale * v),
             "loss": [of.mean_loss(geometry, at, s) for at in (x, 40.0 * x) for s in (0.01, 0.1)],
             "scale": judge.scale(plain, 0.01),
             "judged": judge.loss(of.Hypothesis("", record, camera)),
@@ -128,7 +125,7 @@ def geolocation_hypotheses() -> Any:
             ],
             "doubtful": camera_doubt.doubtful(signs[3], 7.5),
             "assumed": (assumed.cameras["left"].matrix, assumed.rules.camera),
-            "rows": [str(trial.rows(name)) for name in ("front", "left", "none")],
+            "rows": [str(trial.rows(name)) for name in ("front", "left")],
         }
     )
 
@@ -216,7 +213,7 @@ def geolocation_existence() -> Any:
                     mark.position,
                     0.8,
                     views.centre[mark.rows],
-                    times,
+                    times + round(drive.cameras["front"].time_offset_s * 1e9),
                     drive.path,
                     drive.cameras["front"],
                     views.origin,

@@ -269,9 +269,7 @@ def mapping_kernels() -> Any:
             "voted": voted,
             "assigned": assigned,
             "smoothed": (offset, variance),
-            "agreement": [
-                offset_kernels.agreement(values[i, 0], *of_drive) for i in range(n)
-            ],
+            "agreement": [offset_kernels.agreement(values[i, 0], *of_drive) for i in range(n)],
             "mean": [candidates.mean_of(s) for s in (state, empty)],
             "facing": [
                 candidates.facing_evidence(a, v)

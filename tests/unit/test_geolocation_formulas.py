@@ -27,7 +27,7 @@ from automap.geolocation.due_frames import _aspect, apparent_heights
 from automap.geolocation.epipolar import PairGeometry
 from automap.geolocation.existence import expected_log_odds, probability
 from automap.geolocation.path_relation import make_path, roads_at, side_of_path
-from automap.geolocation.time_minima import Minimum, alike, apart, starts
+from automap.geolocation.time_minima import alike, apart, starts
 from automap.records import Bearings, FloatArray, Trajectory
 
 
@@ -233,15 +233,15 @@ def test_offsets_to_start_from_lie_on_either_side_within_the_reach() -> None:
 
 
 def test_offsets_are_apart_by_their_own_sigmas_and_alike_by_their_costs() -> None:
-    def minimum(time_s: float, cost: float, sd: float = 0.01) -> Minimum:
+    def minimum(time_s: float, cost: float, sd: float = 0.01) -> Any:
         covariance = np.diag([1.0, 1.0, 1.0, sd**2])
-        return Minimum(SimpleNamespace(time_s=time_s, covariance=covariance), cost)  # type: ignore[arg-type]
+        return SimpleNamespace(time_s=time_s, covariance=covariance), cost
 
     far, chance = 1.01 * sigmas(limits.ALIKE_PROBABILITY), gate(limits.ALIKE_PROBABILITY, 1)
     one = minimum(0.0, 10.0)
     for factor, sd, wanted in ((1.0, 0.01, True), (0.98, 0.01, False), (-2.0, 0.02, True)):
         offset = 0.01 * far * factor
-        assert apart(one.correction, minimum(offset, 0.0, sd).correction) == wanted
+        assert apart(one[0], minimum(offset, 0.0, sd)[0]) == wanted
     second, third = minimum(0.05, 10.0 + 0.99 * chance), minimum(-0.05, 10.0 + 1.01 * chance)
     assert alike([second, one, third]) == (1, (0.0, 0.05))
     assert alike([third, one]) == (1, ())

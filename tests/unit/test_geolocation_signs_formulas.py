@@ -15,7 +15,6 @@ from automap.gates import gate
 from automap.geolocation import assembly, due_frames, facing, limits, merging
 from automap.geolocation.assembly import AssemblyRules, _status, class_beliefs
 from automap.geolocation.landmark import (
-    _crossing_depth,
     elapsed_s,
     place,
     position_jacobian,
@@ -124,12 +123,8 @@ def test_a_place_seen_from_a_view_is_that_place() -> None:
         for k in range(6):
             own = views.C_cam_ref[k] @ (point - views.centre[k])
             assert M[k] @ q + b[k] == pytest.approx(own)
-        assert _crossing_depth(views, np.arange(6), anchor) == pytest.approx(np.exp(x[2]))
     behind = views.centre[0] - views.C_cam_ref[0].T @ [limits.MIN_FORWARD_M, 0.0, 0.0]
     assert seen_from(views, 0, behind, 0.0) is None
-    # rays of one place and direction do not cross
-    twice: Any = SimpleNamespace(**{k: np.repeat(v[:1], 3, axis=0) for k, v in vars(views).items()})
-    assert _crossing_depth(twice, np.arange(3), 0) == 0.0
 
 
 def test_views_from_one_place_count_as_one_in_whatever_order_they_come() -> None:

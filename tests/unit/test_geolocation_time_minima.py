@@ -10,7 +10,7 @@ from geolocation_scene import boxes, camera, drive_path, roadside
 
 from automap.geolocation.locate import locate_signs
 from automap.geolocation.result import GeolocationResult
-from automap.geolocation.time_minima import Minimum, alike
+from automap.geolocation.time_minima import alike
 from automap.geolocation.views import CameraCorrection
 from automap.records import FloatArray
 from tests.benchmarks.geolocation_world import Difficulty, make_world
@@ -18,9 +18,9 @@ from tests.benchmarks.geolocation_world import Difficulty, make_world
 SWING_S = 0.66
 
 
-def minimum(time_s: float, cost: float, sd_s: float = 0.03) -> Minimum:
+def minimum(time_s: float, cost: float, sd_s: float = 0.03) -> tuple[CameraCorrection, float]:
     covariance = np.diag([1e-6] * 3 + [sd_s**2] + [1e-6] * 5)
-    return Minimum(CameraCorrection(np.zeros(3), time_s, covariance), cost)
+    return CameraCorrection(np.zeros(3), time_s, covariance), cost
 
 
 def test_minima_that_chance_does_not_tell_apart_are_all_named() -> None:

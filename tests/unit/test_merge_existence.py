@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,15 +18,13 @@ from automap.mapping.existence import (
     existence,
     still_there,
 )
-from automap.mapping.grid import filled_table
-from automap.mapping.limits import FARTHEST_M, LASTING
+from automap.mapping.limits import LASTING
 from automap.mapping.merge import merge_drives
 from automap.mapping.sightings import CameraView
 from automap.mapping.visibility import (
     Opportunities,
     alike,
     head_on,
-    in_view,
     opportunities,
 )
 from automap.records import DrivePath
@@ -194,23 +194,23 @@ def straight(speed: float = 10.0) -> DrivePath:
 def test_what_a_drive_has_in_view(east: float, north: float, facing_deg: float, seen: bool) -> None:
     lat, lon, _ = to_geodetic(np.array([[east, north, 2.0]]))
     facing = np.radians([facing_deg])
-    table = filled_table(lat, lon, FARTHEST_M)
-    found, _, offset, rows = in_view(straight(), (CameraView(0.0, 0.6),), table, lat, lon, facing)
+    passing: Any = SimpleNamespace(path=straight(), cameras=(CameraView(0.0, 0.6),))
+    found = opportunities([passing], lat, lon, facing)
     assert (len(found) == 1) is seen
     if seen:
-        assert offset[0] == pytest.approx(east, abs=0.1)
+        assert found.offset[0] == pytest.approx(east, abs=0.1)
         # from 60 m on to where it leaves 0.9 of the picture's half, every 8 m
-        assert 4 <= rows[0] <= 7
+        assert 4 <= found.rows[0] <= 7
 
 
 def test_a_camera_to_the_side_sees_the_side() -> None:
     lat, lon, _ = to_geodetic(np.array([[30.0, 100.0, 2.0]]))
     facing = np.radians([270.0])
-    table = filled_table(lat, lon, FARTHEST_M)
-    ahead = in_view(straight(), (CameraView(0.0, 0.4),), table, lat, lon, facing)[0]
-    right = in_view(straight(), (CameraView(np.pi / 2, 0.4),), table, lat, lon, facing)[0]
-    assert len(ahead) == 0
-    assert len(right) == 1
+    drives: Any = [
+        SimpleNamespace(path=straight(), cameras=(CameraView(yaw, 0.4),))
+        for yaw in (0.0, np.pi / 2)
+    ]
+    assert opportunities(drives, lat, lon, facing).drive.tolist() == [1]
 
 
 def test_only_drives_that_came_the_same_way_should_have_seen_it() -> None:

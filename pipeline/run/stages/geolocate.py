@@ -338,7 +338,8 @@ STAGE = Stage(
     # 29: pieces of a track are joined as passes are, times are searched among many signs too
     # 35: what stays at its place in the picture is left out
     # 36: and what is followed for longer than signs are in sight
-    version=36,
+    # 37: a sign is sought from distances by its size alone
+    version=37,
     run=run,
     inputs=_inputs,
     needs=(
