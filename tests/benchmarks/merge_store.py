@@ -187,10 +187,11 @@ def difference(one: Path, two: Path) -> dict[str, float]:
     }
 
 
-def show(title: str, values: dict[str, float]) -> None:
+def show(title: str, values: dict[str, float | list[float]]) -> None:
     print(title)
     for name, value in values.items():
-        print(f"  {name:<32}{value:.5g}", flush=True)
+        figures = value if isinstance(value, list) else [value]
+        print(f"  {name:<32}{' '.join(f'{figure:.5g}' for figure in figures)}", flush=True)
 
 
 def main() -> None:
