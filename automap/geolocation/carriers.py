@@ -20,8 +20,9 @@ from automap.geolocation import limits
 from automap.geolocation.fixed_in_picture import driven_m
 from automap.geolocation.landmark import SizePrior, boxes_of, fit_landmark
 from automap.geolocation.landmark_kernels import solve_landmark
+from automap.geolocation.view_errors import places_apart
 from automap.geolocation.views import MeasurementNoise, Views, build_views, numbered_tracks
-from automap.records import BoolArray, Camera, Detections, IntArray, Trajectory
+from automap.records import BoolArray, Camera, Detections, FloatArray, IntArray, Trajectory
 
 
 def carried_views(views: Views, prior: SizePrior) -> BoolArray:
@@ -42,9 +43,10 @@ def far_carried(
     """Which boxes [n] of one camera belong to a track that moves along for more than
     ``SEEN_FROM_M`` driven.
 
-    No sign by the road does, however the camera is turned and its frames are stamped, so that such
-    boxes say nothing of the camera either. A track that goes on from one sign to the next lasts for
-    as long; there its box jumps and is smaller, which ends it.
+    No sign by the road does, so that such boxes say nothing of the camera either. How the camera is
+    turned is not known yet: it is taken as turned so that most shorter tracks stand. A track that
+    goes on from one sign to the next lasts for as long; there its box jumps and is smaller, which
+    ends it.
     """
     far = np.zeros(len(found), np.bool_)
     if not len(found) or not len(trajectory.t_ns):
@@ -59,24 +61,67 @@ def far_carried(
     driven = driven_m(trajectory, np.asarray(found.t_ns, np.int64))[order]
     way = np.maximum.reduceat(driven, first) - np.minimum.reduceat(driven, first)
     part = np.concatenate([[0], np.cumsum(apart)])
-    long = (way > limits.SEEN_FROM_M)[part] & (found.track[order] >= 0)
-    rows = order[long]
-    if len(rows):
-        columns: dict[str, Any] = {
-            k: v[rows] for k, v in vars(found).items() if isinstance(v, np.ndarray)
-        }
-        some = replace(found, **{**columns, "track": part[long]})
-        views = build_views(trajectory, [some], {found.camera: camera}, noise)
-        far[rows[views.row[carried_views(views, prior)]]] = True
+    numbered = found.track[order] >= 0
+    if not ((way > limits.SEEN_FROM_M)[part] & numbered).any():
+        return far
+    rows = order[numbered]
+    columns: dict[str, Any] = {
+        k: v[rows] for k, v in vars(found).items() if isinstance(v, np.ndarray)
+    }
+    some = replace(found, **{**columns, "track": part[numbered]})
+    views = build_views(trajectory, [some], {found.camera: camera}, noise)
+    suspects, others = [], []
+    for track in numbered_tracks(views):
+        if way[views.track[track[0]]] <= limits.SEEN_FROM_M:
+            others.append(places_apart(views, track))
+        elif moves_along(views, track, prior, limits.FAR_PROBABILITY):
+            suspects.append(track)
+    if suspects:
+        told = sorted(others, key=len, reverse=True)[: limits.TURN_TRACKS]
+        turned = _turned(views, told, prior, camera.mount_sd)
+        for track in suspects:
+            far[rows[views.row[track]]] = moves_along(turned, track, prior, limits.FAR_PROBABILITY)
     return far
 
 
-def moves_along(views: Views, rows: IntArray, prior: SizePrior) -> bool:
+def _turned(views: Views, tracks: list[IntArray], prior: SizePrior, mount_sd: float) -> Views:
+    """The views as of a camera turned sideways and up, by some of ``mount_sd`` rad, so that the
+    ``tracks`` are best explained by what stands; one that is not counts as a bad one."""
+    from scipy.optimize import minimize
+
+    sd = max(mount_sd, limits.SURE_TURN_RAD)
+
+    def at(turn: FloatArray) -> Views:
+        return replace(views, measured=views.measured + np.append(sd * turn, 0.0))
+
+    def cost(turn: FloatArray) -> float:
+        seen = at(turn)
+        told = (fit_landmark(seen, track, prior).cost / (3 * len(track)) for track in tracks)
+        return sum(min(float(one), limits.BAD_TRACK) for one in told) + 1e-3 * float(turn @ turn)
+
+    start = np.array([[0.0, 0.0], [0.5, 0.0], [0.0, 0.5]])
+    best = minimize(
+        cost,
+        start[0],
+        method="Nelder-Mead",
+        options={"initial_simplex": start, "xatol": 0.03, "fatol": 0.02, "maxiter": 40},
+    )
+    return at(np.asarray(best.x, np.float64))
+
+
+def moves_along(
+    views: Views, rows: IntArray, prior: SizePrior, chance: float = limits.CARRIER_PROBABILITY
+) -> bool:
     """Whether a thing of a sign's size that goes about as fast as the camera explains the boxes
     ``rows`` of one track far better than one that stands does. What is in a frame twice is no
-    track of one thing."""
+    track of one thing.
+
+    From where the vehicle waits both are seen alike, while its path's height wanders by decimetres:
+    many frames of that would speak for the one that has no part in the path.
+    """
     if len(np.unique(views.frame[rows])) < len(rows):
         return False
+    rows = places_apart(views, rows)
     standing = fit_landmark(views, rows, prior)
     others = rows[standing.weight < limits.MISFIT_WEIGHT]
     if 2 * len(others) > len(rows):
@@ -93,4 +138,4 @@ def moves_along(views: Views, rows: IntArray, prior: SizePrior) -> bool:
     )
     # where sigmas were too small both cost too much
     scale = max(1.0, moving / standing.dof)
-    return bool(standing.cost - moving > gate(limits.CARRIER_PROBABILITY, 1) * scale)
+    return bool(standing.cost - moving > gate(chance, 1) * scale)

@@ -359,11 +359,17 @@ CARRIER_PROBABILITY = 1e-9
 """Chance, by the gate, of boxes that fit a thing that moves along so much better than one that
 stands. Where only the size tells the two apart, it is one eleven times as large as signs usually
 are. Chosen: what is left out of the map must be sure, and gantries are four times as large."""
+FAR_PROBABILITY = 1e-3
+"""The same of what is followed for more than ``SEEN_FROM_M``: of that about every other one is
+carried, and a sign in a thousand may be lost by it."""
 CARRIER_CLOSING = (-0.3, -0.2, -0.1, -0.05, 0.0, 0.05, 0.1, 0.2, 0.3)
 """Parts of its own way by which a camera comes nearer to a carrier. With more it is overtaken
 within some 100 m, and looks like a sign that is half as large again."""
 CARRIER_VIEWS = 4
 """Fewer boxes, twelve measurements of five unknowns, tell no motion."""
+TURN_TRACKS, BAD_TRACK = 8, 20.0
+"""So many tracks, those of most places, tell how a camera is turned before anything is fitted, each
+at most by so much a measurement: sigmas of four and a half, as of what does not stand. Chosen."""
 
 NEXT_SMALLER = 1.5
 """A box so many times smaller than the one before in its track, of which it covers nothing, is of

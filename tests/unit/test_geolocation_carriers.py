@@ -112,6 +112,28 @@ def test_a_false_box_ahead_of_a_track_makes_no_sign_move(turn_rate: float) -> No
         assert not carriers.moves_along(views, np.arange(len(views)), SizePrior())
 
 
+def test_a_wait_in_sight_of_a_sign_makes_it_no_lorrys() -> None:
+    """The car stands for 40 s, 12 m before a sign, and its path sinks by half a metre meanwhile."""
+    moving = drive_path(30.0, SPEED, 0.0)
+    stop, waits = 1300, 4000
+    at = np.concatenate([np.arange(stop), np.full(waits, stop), np.arange(stop, len(moving))])
+    held = {k: v[at] for k, v in vars(moving).items()}
+    since = 0.01 * np.arange(len(at))
+    held |= {"t_ns": (1e12 + since * 1e9).astype(np.int64), "gps_s": 1.4e9 + since}
+    held["vel_ned"][stop : stop + waits] = 0.0
+    held["sd_vel_ned"][stop : stop + waits] = 0.005
+    true = Trajectory(**held)
+    found, owner = boxes(true, roadside(moving), camera(), np.random.default_rng(2), interval_s=0.1)
+    sunk = np.interp(since, [13.0, 53.0], [0.0, -0.5])
+    views = build_views(
+        replace(true, height_m=true.height_m + sunk), [found], {"front": camera()}, NARROW
+    )
+    seen, number = np.bincount(owner), owner[views.row]
+    assert seen.max() > 300
+    for sign in np.flatnonzero(seen > 10):
+        assert not carriers.moves_along(views, np.flatnonzero(number == sign), SizePrior())
+
+
 def jam(path: Trajectory, speed: float) -> Detections:
     """Signs by the road, and one on a lorry ahead for 20 s."""
     found, owner = boxes(path, roadside(path), camera(), np.random.default_rng(2))
