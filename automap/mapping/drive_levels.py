@@ -59,8 +59,8 @@ def drive_squares(sightings: Sightings, sign: IntArray, cell: int) -> tuple[IntA
         # one error in all tiles
         squares[:, 1] /= count[known, None]
         squares[:, :, 0] *= factors[known] ** 2
-        common, own = _common_and_own(squares)
-        factors[known] = common * own
+        common = _common(squares)
+        factors[known] = common * _own(squares, common)
     return known, squares
 
 
@@ -89,22 +89,25 @@ def error_levels(
         total[drive] += squares
         count[drive] += 1.0
     total[:, 1] /= np.maximum(count, 1.0)[:, None]
-    common, factors = _common_and_own(total)
-    steps = np.array(limits.LEVEL_STEPS)
-    return _rounded(common, steps), _rounded(factors, limits.DRIVE_LEVEL_STEP)
+    # a drive's own on the rounded ones: else each drive more would move some of all others'
+    common = _rounded(_common(total), np.array(limits.LEVEL_STEPS))
+    return common, _rounded(_own(total, common), limits.DRIVE_LEVEL_STEP)
 
 
 def _rounded(levels: FloatArray, step: float | FloatArray) -> FloatArray:
     return np.asarray(np.exp(step * np.rint(np.log(levels) / step)))
 
 
-def _common_and_own(squares: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """The levels [3] that the squares [d, 3, 2] of all drives tell, in what is stated, and the
-    factors [d, 3] of each drive on them."""
+def _common(squares: FloatArray) -> FloatArray:
+    """The levels [3] that the squares [d, 3, 2] of all drives tell, in what is stated."""
+    return _told(np.maximum(squares, 0.0).sum(axis=0))
 
-    def told(found: FloatArray, freedom: FloatArray) -> FloatArray:
-        return np.sqrt((_FREEDOM + found) / (_FREEDOM + freedom))
 
+def _own(squares: FloatArray, common: FloatArray) -> FloatArray:
+    """The factors [d, 3] of each drive on the levels ``common`` [3]."""
+    return _told(squares / np.stack([common**2, np.ones(3)], axis=-1))
+
+
+def _told(squares: FloatArray) -> FloatArray:
     found, freedom = np.moveaxis(np.maximum(squares, 0.0), -1, 0)
-    common = told(found.sum(axis=0), freedom.sum(axis=0))
-    return common, told(found / common**2, freedom)
+    return np.asarray(np.sqrt((_FREEDOM + found) / (_FREEDOM + freedom)))

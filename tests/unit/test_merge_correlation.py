@@ -22,6 +22,7 @@ from automap.mapping.candidates import (
     V_NN,
     V_U,
 )
+from automap.mapping.drive_levels import error_levels
 from automap.mapping.limits import COMMON_SD_M, MOST
 from automap.mapping.offset_kernels import smooth, vote
 from automap.mapping.sightings import DrivePath, DriveSigns, Sightings, stack_sightings
@@ -351,3 +352,13 @@ def test_a_size_that_all_drives_took_a_sign_for_is_not_averaged_away() -> None:
     near = replace(near, cov_enu=np.tile(cov[0], (20, 1, 1)))
     sd = np.sqrt(merged([*(once(k) for k in range(3)), near])[0].cov_enu[:, 0, 0])
     assert sd.max() < 0.7
+
+
+def test_a_few_drives_more_move_no_levels_of_the_others() -> None:
+    rng = np.random.default_rng(3)
+    freedom = rng.uniform(5.0, 40.0, (300, 3))
+    squares = np.stack([freedom * rng.lognormal(0.0, 0.5, (300, 3)), freedom], axis=-1)
+    before = error_levels([(np.arange(297), squares[:297])], 300)
+    after = error_levels([(np.arange(300), squares)], 300)
+    assert np.array_equal(before[0], after[0])
+    assert np.array_equal(before[1][:297], after[1][:297])
