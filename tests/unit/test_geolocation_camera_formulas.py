@@ -373,7 +373,9 @@ def test_what_moves_along_is_likelier_by_the_gate_in_sigmas_that_its_boxes_show(
 
     measured = np.array([[0.1, 0.2, -3.0]] * 4)
     measured[2] = 0.3, -0.1, -2.0
-    views: Any = SimpleNamespace(measured=measured, frame=np.arange(4))
+    apart = 10.0 * np.arange(4.0)[:, None] * [1.0, 0.0, 0.0]
+    stamps = 1_000_000_000 * np.arange(4)
+    views: Any = SimpleNamespace(measured=measured, frame=np.arange(4), t_ns=stamps, centre=apart)
     prior = SizePrior(0.9)
     boxes = Boxes(
         *(np.zeros((4, 3, 3)), np.ones((4, 3)), measured, np.ones((4, 3)), np.zeros(4)),
