@@ -122,6 +122,8 @@ def moves_along(
     if len(np.unique(views.frame[rows])) < len(rows):
         return False
     rows = places_apart(views, rows)
+    if len(rows) < limits.CARRIER_VIEWS:
+        return False
     standing = fit_landmark(views, rows, prior)
     others = rows[standing.weight < limits.MISFIT_WEIGHT]
     if 2 * len(others) > len(rows):

@@ -134,6 +134,18 @@ def test_a_wait_in_sight_of_a_sign_makes_it_no_lorrys() -> None:
         assert not carriers.moves_along(views, np.flatnonzero(number == sign), SizePrior())
 
 
+def test_many_boxes_from_few_places_tell_no_motion(monkeypatch: pytest.MonkeyPatch) -> None:
+    path = drive_path(20.0, SPEED, 0.0)
+    found, owner = boxes(path, roadside(path), camera(), np.random.default_rng(2), interval_s=0.1)
+    views = build_views(path, [found], {"front": camera()}, NARROW)
+    rows = np.flatnonzero(owner[views.row] == 0)
+    asked: list[int] = []
+    monkeypatch.setattr(carriers, "fit_landmark", lambda *args: asked.append(1))
+    monkeypatch.setattr(carriers, "places_apart", lambda views, rows: rows[:3])
+    assert not carriers.moves_along(views, rows, SizePrior())
+    assert not asked
+
+
 def jam(path: Trajectory, speed: float) -> Detections:
     """Signs by the road, and one on a lorry ahead for 20 s."""
     found, owner = boxes(path, roadside(path), camera(), np.random.default_rng(2))
