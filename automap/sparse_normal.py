@@ -61,18 +61,9 @@ class Factor:
 def factorise(row: IntArray, column: IntArray, value: FloatArray, order: IntArray) -> Factor:
     """Factor of a symmetric positive definite matrix [n, n] of entries [z] (whole, both triangles;
     those of one place are added), eliminated in ``order`` [n]."""
-    from scipy.sparse import coo_array
-
-    n = len(order)
-    place = np.empty(n, np.int64)
-    place[order] = np.arange(n)
-    row, column = place[row], place[column]
-    upper = row <= column
-    matrix = coo_array((value[upper], (row[upper], column[upper])), shape=(n, n)).tocsc()
-    matrix.sum_duplicates()
-    start, rows, values, pivot = _factorise(
-        matrix.indptr.astype(np.int64), matrix.indices.astype(np.int64), matrix.data
-    )
+    place = np.empty(len(order), np.int64)
+    place[order] = np.arange(len(order))
+    start, rows, values, pivot = _factorise(*_upper(row, column, value, place))
     return Factor(order, start, rows, values, pivot)
 
 
@@ -92,6 +83,27 @@ def least_fill(row: IntArray, column: IntArray, n: int) -> IntArray:
         options={"SymmetricMode": True},
     )
     return np.argsort(found.perm_c).astype(np.int64)
+
+
+@kernel_with(nogil=True)
+def _upper(
+    row: IntArray, column: IntArray, value: FloatArray, place: IntArray
+) -> tuple[IntArray, IntArray, FloatArray]:
+    """The upper triangle in the order of elimination, by columns; entries of one place stay so."""
+    n = len(place)
+    start = np.zeros(n + 1, np.int64)
+    for k in range(len(row)):
+        if place[row[k]] <= place[column[k]]:
+            start[place[column[k]] + 1] += 1
+    start[:] = np.cumsum(start)
+    end = start[:-1].copy()
+    rows, values = np.empty(start[n], np.int64), np.empty(start[n])
+    for k in range(len(row)):
+        i, j = place[row[k]], place[column[k]]
+        if i <= j:
+            rows[end[j]], values[end[j]] = i, value[k]
+            end[j] += 1
+    return start, rows, values
 
 
 @kernel_with(nogil=True)
