@@ -69,15 +69,15 @@ def factorise(row: IntArray, column: IntArray, value: FloatArray, order: IntArra
 
 def least_fill(row: IntArray, column: IntArray, n: int) -> IntArray:
     """An order [n] in which to eliminate unknowns tied in pairs [z], with little fill."""
-    from scipy.sparse import coo_array, eye_array
+    from scipy.sparse import coo_array
     from scipy.sparse.linalg import splu
 
-    ties = coo_array((np.ones(len(row)), (row, column)), shape=(n, n)).tocsc()
-    ties.data[:] = -1.0
     # any matrix of this pattern that has pivots on its diagonal
-    matrix = ties + (2.0 + float(np.diff(ties.indptr).max(initial=0))) * eye_array(n)
+    each, degree = np.arange(n), np.bincount(row, minlength=n)
+    at = np.append(row, each), np.append(column, each)
+    value = np.append(np.full(len(row), -1.0), 1.0 + degree)
     found = splu(
-        matrix.tocsc(),
+        coo_array((value, at), shape=(n, n)).tocsc(),
         permc_spec="MMD_AT_PLUS_A",
         diag_pivot_thresh=0.0,
         options={"SymmetricMode": True},
