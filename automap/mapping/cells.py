@@ -84,7 +84,7 @@ def meets(cell: int, around: Squares) -> BoolArray:
     right, down = (x - around.first_x) % _SIDE, y - around.first_y
     inside = (right < around.columns) & (down >= 0) & (down < around.rows)
     # a margin over the end of the tiles meets the cell round the pole too
-    return inside | (around.pole == cell)
+    return np.asarray(inside | (around.pole == cell), np.bool_)
 
 
 def beside(cell: int, margin_m: float) -> list[int] | None:
