@@ -61,37 +61,49 @@ class Factor:
 def factorise(row: IntArray, column: IntArray, value: FloatArray, order: IntArray) -> Factor:
     """Factor of a symmetric positive definite matrix [n, n] of entries [z] (whole, both triangles;
     those of one place are added), eliminated in ``order`` [n]."""
-    from scipy.sparse import coo_array
-
-    n = len(order)
-    place = np.empty(n, np.int64)
-    place[order] = np.arange(n)
-    row, column = place[row], place[column]
-    upper = row <= column
-    matrix = coo_array((value[upper], (row[upper], column[upper])), shape=(n, n)).tocsc()
-    matrix.sum_duplicates()
-    start, rows, values, pivot = _factorise(
-        matrix.indptr.astype(np.int64), matrix.indices.astype(np.int64), matrix.data
-    )
+    place = np.empty(len(order), np.int64)
+    place[order] = np.arange(len(order))
+    start, rows, values, pivot = _factorise(*_upper(row, column, value, place))
     return Factor(order, start, rows, values, pivot)
 
 
 def least_fill(row: IntArray, column: IntArray, n: int) -> IntArray:
     """An order [n] in which to eliminate unknowns tied in pairs [z], with little fill."""
-    from scipy.sparse import coo_array, eye_array
+    from scipy.sparse import coo_array
     from scipy.sparse.linalg import splu
 
-    ties = coo_array((np.ones(len(row)), (row, column)), shape=(n, n)).tocsc()
-    ties.data[:] = -1.0
     # any matrix of this pattern that has pivots on its diagonal
-    matrix = ties + (2.0 + float(np.diff(ties.indptr).max(initial=0))) * eye_array(n)
+    each, degree = np.arange(n), np.bincount(row, minlength=n)
+    at = np.append(row, each), np.append(column, each)
+    value = np.append(np.full(len(row), -1.0), 1.0 + degree)
     found = splu(
-        matrix.tocsc(),
+        coo_array((value, at), shape=(n, n)).tocsc(),
         permc_spec="MMD_AT_PLUS_A",
         diag_pivot_thresh=0.0,
         options={"SymmetricMode": True},
     )
     return np.argsort(found.perm_c).astype(np.int64)
+
+
+@kernel_with(nogil=True)
+def _upper(
+    row: IntArray, column: IntArray, value: FloatArray, place: IntArray
+) -> tuple[IntArray, IntArray, FloatArray]:
+    """The upper triangle in the order of elimination, by columns; entries of one place stay so."""
+    n = len(place)
+    start = np.zeros(n + 1, np.int64)
+    for k in range(len(row)):
+        if place[row[k]] <= place[column[k]]:
+            start[place[column[k]] + 1] += 1
+    start[:] = np.cumsum(start)
+    end = start[:-1].copy()
+    rows, values = np.empty(start[n], np.int64), np.empty(start[n])
+    for k in range(len(row)):
+        i, j = place[row[k]], place[column[k]]
+        if i <= j:
+            rows[end[j]], values[end[j]] = i, value[k]
+            end[j] += 1
+    return start, rows, values
 
 
 @kernel_with(nogil=True)

@@ -176,12 +176,19 @@ class Equations:
         freedom += np.bincount(own, axes - fitted, count)
         return np.asarray(squares, np.float64), np.asarray(freedom, np.float64)
 
-    def weights(self, weigh: Callable[[FloatArray], FloatArray], rounds: int) -> FloatArray:
-        """Weights [n] of the sightings, by their squared distances (iteratively reweighted least
-        squares: P. W. Holland, R. E. Welsch, Communications in Statistics A 6, 1977)."""
+    def weights(
+        self,
+        weigh: Callable[[FloatArray], FloatArray],
+        rounds: int,
+        square: FloatArray | None = None,
+    ) -> FloatArray:
+        """Weights [n] of the sightings, by their squared distances, ``square`` [n] where all count
+        as stated, if that is known (iteratively reweighted least squares: P. W. Holland, R. E.
+        Welsch, Communications in Statistics A 6, 1977)."""
         weight = np.ones(len(self.network.sign))
         for _ in range(rounds):
-            before, weight = weight, weigh(self.solve(weight).square)
+            square = self.solve(weight).square if square is None else square
+            before, weight, square = weight, weigh(square), None
             if np.max(np.abs(before / weight - 1.0), initial=0.0) < _SETTLED:
                 break
         return weight

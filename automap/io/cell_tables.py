@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,7 +11,7 @@ import numpy as np
 
 from automap.io.atomic import atomic_path
 from automap.io.tables import read_table
-from automap.records import FloatArray
+from automap.records import FloatArray, IntArray
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -55,14 +55,19 @@ def _write(path: Path, table: pa.Table) -> None:
 
 
 def read_points(
-    paths: Sequence[Path], later: Mapping[str, float | str] | None = None
+    paths: Sequence[Path],
+    which: Callable[[pa.Table], IntArray],
+    later: Mapping[str, float | str] | None = None,
 ) -> dict[str, Any]:
-    """Columns [n] of all the files, without the points; {} without files. Columns that came
-    ``later``, which some files may lack, have one value there."""
+    """Columns [n] of those rows of all the files that ``which`` names, in its order, without the
+    points; {} without files. Columns that came ``later``, which some files may lack, have one value
+    there."""
     if not paths:
         return {}
     tables = [read_table(path).drop_columns(["geometry"]) for path in paths]
     table = _joined(tables, later or {})
+    # texts as objects are dear, and a cell's margins are the smaller part of the cells beside it
+    table = table.take(which(table))
     return {name: table[name].to_numpy(zero_copy_only=False) for name in table.column_names}
 
 

@@ -138,12 +138,14 @@ def own_variance(sightings: Sightings, sign: IntArray) -> FloatArray:
     return np.asarray(1.0 / np.bincount(sign, 1.0 / own), np.float64)
 
 
-def stray_weights(equations: Equations, usual: float = 1.0) -> FloatArray:
+def stray_weights(
+    equations: Equations, usual: float = 1.0, square: FloatArray | None = None
+) -> FloatArray:
     """Weight [n] of a tile's sightings in plan: less for those that lie too far from their sign.
 
     Beyond ``STRAY_PROBABILITY``, with the drive's offset taken off, the variance grows with the
     square of the distance in sigmas, ``usual`` times as large as stated as a rule: a stray sighting
-    says little.
+    says little. ``square`` [n] as ``Equations.weights`` has them.
     """
     sign = equations.network.sign
     alone = np.bincount(sign)[sign] < limits.STRAY_MEMBERS
@@ -152,7 +154,7 @@ def stray_weights(equations: Equations, usual: float = 1.0) -> FloatArray:
     def weigh(square: FloatArray) -> FloatArray:
         return np.where(alone, 1.0, np.minimum(1.0, most / np.maximum(square, 1e-12)))
 
-    return equations.weights(weigh, _REWEIGHTINGS)
+    return equations.weights(weigh, _REWEIGHTINGS, square)
 
 
 def tile_data(

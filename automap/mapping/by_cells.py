@@ -15,7 +15,7 @@ import numpy as np
 
 from automap.mapping.adjustment import offsets_of
 from automap.mapping.association import associate, renumbered
-from automap.mapping.cells import cell_of, colour_of, groups, touched
+from automap.mapping.cells import cell_of, colour_of, meets, squares
 from automap.mapping.duplicates import join_duplicates
 from automap.mapping.limits import HALO_M, ROUNDS, SETTLED_SHARE
 from automap.mapping.sightings import Sightings
@@ -55,13 +55,10 @@ def associate_by_cells(
     n = len(sightings)
     sign = np.full(n, -1, np.int64)
     home = cell_of(sightings.lat, sightings.lon)
-    row, cell = touched(sightings.lat, sightings.lon, HALO_M)
-    occupied = set(np.unique(home).tolist())
-    waiting = [(k, at) for k, at in groups(cell) if k in occupied]
-    waiting.sort(key=lambda item: (colour_of(item[0]), item[0]))
+    around = squares(sightings.lat, sightings.lon, HALO_M)
     count, done = 0, 0
-    for k, at in waiting:
-        rows = row[at]
+    for k in sorted(np.unique(home).tolist(), key=lambda k: (colour_of(k), k)):
+        rows = np.flatnonzero(meets(k, around))
         own = home[rows] == k
         found = group_cell(sightings.at(rows), own, sign[rows] < 0)
         given = found >= 0

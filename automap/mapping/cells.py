@@ -8,11 +8,12 @@ Beyond the latitude where the tiles end all is in one cell round each pole.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import NamedTuple
 
 import numpy as np
 
 from automap.earth import MEAN_RADIUS
-from automap.records import FloatArray, IntArray
+from automap.records import BoolArray, FloatArray, IntArray
 
 LEVEL = 14
 """Of the tiles: 2.4 km at the equator, 1.5 km at 50 deg. Chosen: some 100,000 sightings of a town
@@ -49,29 +50,20 @@ def cell_named(name: str) -> int:
     return y * _SIDE + x
 
 
-def touched(lat: FloatArray, lon: FloatArray, margin_m: float) -> tuple[IntArray, IntArray]:
-    """Pairs of a position and a cell within ``margin_m`` of it, as their numbers [k] and cells [k],
-    by cell and then number. The margin is a square, so corners reach a little further."""
-    first_x, columns, first_y, rows, pole = _boxes(lat, lon, margin_m)
-    count = rows * columns
-    number = np.repeat(np.arange(len(lat)), count)
-    place = np.arange(len(number)) - np.repeat(np.cumsum(count) - count, count)
-    y = first_y[number] + place // columns[number]
-    x = (first_x[number] + place % columns[number]) % _SIDE
-    # a margin over the end of the tiles meets the cell round the pole too
-    over = np.flatnonzero(pole >= 0)
-    number = np.concatenate([number, over])
-    cell = np.concatenate([y * _SIDE + x, pole[over]])
-    width = max(len(lat), 1)
-    key = np.unique(cell * width + number)
-    return key % width, key // width
+class Squares(NamedTuple):
+    """Cells that squares round places meet [n]: ``first_x`` of their westernmost column, how many
+    ``columns``, the ``first_y`` of their first row, how many ``rows``, and the cell round a
+    ``pole`` that they meet too (-1 none)."""
+
+    first_x: IntArray
+    columns: IntArray
+    first_y: IntArray
+    rows: IntArray
+    pole: IntArray
 
 
-def _boxes(
-    lat: FloatArray, lon: FloatArray, margin_m: float
-) -> tuple[IntArray, IntArray, IntArray, IntArray, IntArray]:
-    """Westernmost column and number of columns, first row and number of rows [n] of the cells that
-    a square round each position meets, and the cell round a pole (-1 none)."""
+def squares(lat: FloatArray, lon: FloatArray, margin_m: float) -> Squares:
+    """All that lies within ``margin_m`` of places [n] in rad, and a little more at corners."""
     up = margin_m / MEAN_RADIUS
     low, high = np.clip(lat - up, -np.pi / 2, np.pi / 2), np.clip(lat + up, -np.pi / 2, np.pi / 2)
     widest = np.minimum(np.maximum(np.abs(low), np.abs(high)), _END)
@@ -83,7 +75,16 @@ def _boxes(
     south = (_SIDE - 1) * _SIDE
     pole = np.where(high > _END, 0, np.where(low < -_END, south, -1))
     columns = np.where(polar, 0, columns).astype(np.int64)
-    return first_x, columns, first_y, _row(low) - first_y + 1, pole
+    return Squares(first_x, columns, first_y, _row(low) - first_y + 1, pole)
+
+
+def meets(cell: int, around: Squares) -> BoolArray:
+    """Whether each square [n] meets a cell."""
+    y, x = divmod(cell, _SIDE)
+    right, down = (x - around.first_x) % _SIDE, y - around.first_y
+    inside = (right < around.columns) & (down >= 0) & (down < around.rows)
+    # a margin over the end of the tiles meets the cell round the pole too
+    return np.asarray(inside | (around.pole == cell), np.bool_)
 
 
 def beside(cell: int, margin_m: float) -> list[int] | None:

@@ -44,9 +44,9 @@ def drive_squares(sightings: Sightings, sign: IntArray, cell: int) -> tuple[IntA
     stated, factors = np.ones(3), np.ones((sightings.n_drives, 3))
     whole = [Equations(network_of(sightings, data, stated, 2)) for data in tiles]
     # what is stray is judged by how far sightings usually are
-    far = np.median(np.concatenate([equations.solve().square for equations in whole]))
-    usual = max(1.0, float(far) / gate(0.5, 2))
-    weights = [stray_weights(equations, usual) for equations in whole]
+    far = [equations.solve().square for equations in whole]
+    usual = max(1.0, float(np.median(np.concatenate(far))) / gate(0.5, 2))
+    weights = [stray_weights(each, usual, square) for each, square in zip(whole, far, strict=True)]
     for _ in range(_ROUNDS):
         total, count = np.zeros((sightings.n_drives, 3, 2)), np.zeros(sightings.n_drives)
         for data, first, weight in zip(tiles, whole, weights, strict=True):

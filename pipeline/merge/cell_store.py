@@ -4,24 +4,27 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from automap.io.atomic import atomic_path
 from automap.io.cell_tables import read_points, write_points
 from automap.io.tables import read_table
-from automap.mapping.cells import beside, cell_named, cell_of, groups, quadkey, touched
+from automap.mapping.cells import beside, cell_named, cell_of, groups, meets, quadkey, squares
 from automap.mapping.identity import drive_key
 from automap.mapping.sightings import UNTOLD, CameraView, DriveSigns, Sightings, stack_sightings
 from automap.mapping.visibility import STRIDE
 from automap.records import DrivePath, FloatArray, IntArray
 from automap.records.signs import BY_SIZE
 from pipeline.merge.cell_parts import pack, parts
+
+if TYPE_CHECKING:
+    import pyarrow as pa
 
 DRIVES, SIGHTINGS, PATHS = "drives", "sightings", "paths"
 GROUPS, SQUARES, PLACED, COVERED = "groups", "squares", "placed", "covered"
@@ -217,12 +220,12 @@ def read_near(
 ) -> Near:
     """What lies within ``margin_m`` of a cell; with ``path_margin_m`` the paths within that too."""
     cells = near_cells(folder, cell, margin_m)
-    points = read_points(parts(folder, SIGHTINGS, cells), UNTOLD)
-    seen = _cut(points, "lat", "lon", cell, margin_m, drives)
+    points = parts(folder, SIGHTINGS, cells)
+    seen = read_points(points, _cut("lat", "lon", cell, margin_m, drives), UNTOLD)
     tracks: dict[str, Any] = {}
     if path_margin_m is not None:
-        paths = read_points(parts(folder, PATHS, cells))
-        tracks = _cut(paths, "lat_rad", "lon_rad", cell, path_margin_m, drives)
+        cut = _cut("lat_rad", "lon_rad", cell, path_margin_m, drives)
+        tracks = read_points(parts(folder, PATHS, cells), cut)
     empty = np.zeros(0, np.int64)
     ranks = drives.rank[seen["drive"]] if seen else empty
     track_ranks = drives.rank[tracks["drive"]] if tracks else empty
@@ -259,8 +262,8 @@ def read_near(
 
 def tracks_in(folder: Path, drives: Drives, cell: int) -> list[Track]:
     """Where the drives that the store lists looked from in a cell, drive by drive."""
-    paths = _cut(read_points(parts(folder, PATHS, [cell])), "lat_rad", "lon_rad", cell,
-                 0.0, drives)  # fmt: skip
+    cut = _cut("lat_rad", "lon_rad", cell, 0.0, drives)
+    paths = read_points(parts(folder, PATHS, [cell]), cut)
     return [
         Track(
             DrivePath(
@@ -274,13 +277,16 @@ def tracks_in(folder: Path, drives: Drives, cell: int) -> list[Track]:
 
 
 def _cut(
-    columns: dict[str, Any], lat: str, lon: str, cell: int, margin_m: float, drives: Drives
-) -> dict[str, Any]:
-    """The rows within the margin of the cell, by the drives' ranks and along each drive."""
-    if not columns:
-        return {}
-    number, cells = touched(columns[lat], columns[lon], margin_m)
-    rows = number[cells == cell]
-    rows = rows[columns["drive"][rows] < len(drives)]
-    order = np.lexsort((columns["place"][rows], drives.rank[columns["drive"][rows]]))
-    return {name: values[rows[order]] for name, values in columns.items()}
+    lat: str, lon: str, cell: int, margin_m: float, drives: Drives
+) -> Callable[[pa.Table], IntArray]:
+    """Which rows of a table lie within the margin of the cell, by the drives' ranks and along each
+    drive."""
+
+    def which(table: pa.Table) -> IntArray:
+        around = squares(table[lat].to_numpy(), table[lon].to_numpy(), margin_m)
+        rows = np.flatnonzero(meets(cell, around))
+        drive, place = (table[name].to_numpy()[rows] for name in ("drive", "place"))
+        known = np.flatnonzero(drive < len(drives))
+        return rows[known[np.lexsort((place[known], drives.rank[drive[known]]))]]
+
+    return which

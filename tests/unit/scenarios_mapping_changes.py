@@ -210,8 +210,10 @@ def mapping_globe() -> Any:
             "key": [of.quadkey(int(c)) for c in cell],
             "named": [of.cell_named(of.quadkey(int(c))) for c in cell],
             "colour": [of.colour_of(int(c)) for c in many],
-            "touched": [of.touched(lat, lon, m) for m in (10.0, wide, 3e4)],
-            "boxes": [of._boxes(lat, lon, m) for m in (1.0, wide, 1e5)],
+            "meets": [
+                of.meets(int(c), of.squares(lat, lon, m)) for c in cell for m in (10.0, wide, 3e4)
+            ],
+            "squares": [tuple(of.squares(lat, lon, m)) for m in (1.0, wide, 1e5)],
             "beside": [of.beside(int(c), m) or "many" for c in cell for m in (wide, 9e3)],
             "reach": [of._reach(row, m) for row in (0, 1000, 8000, 16000) for m in (wide, 9e3)],
             "groups": [(c, s.start, s.stop) for c, s in of.groups(np.array([3, 3, 5, 9, 9, 9]))],

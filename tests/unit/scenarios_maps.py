@@ -77,7 +77,7 @@ def mapping_roads() -> Any:
 @scenario
 def mapping_cells() -> Any:
     """Cells of the world, who touches them, and tiles."""
-    from automap.mapping.cells import cell_of, colour_of, quadkey, touched
+    from automap.mapping.cells import cell_of, colour_of, meets, quadkey, squares
     from automap.mapping.tiles import cut_tiles
 
     rng = np.random.default_rng(6)
@@ -87,7 +87,7 @@ def mapping_cells() -> Any:
         "cell": cell,
         "colour": [colour_of(int(c)) for c in cell],
         "key": [quadkey(int(c)) for c in cell[:5]],
-        "touched": touched(lat, lon, 300.0),
+        "meets": [meets(int(c), squares(lat, lon, 300.0)) for c in np.unique(cell)],
         "tiles": list(cut_tiles(lat, lon, 7, 150.0)),
     }
 
