@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
-# as the command has it: a second thread of a small product waits for the first more than it brings, and the
-# tests fill the cores by themselves. Read when numpy is first imported.
+# as the command has it: a second thread of a small product waits for the first more than it
+# brings, and the tests fill the cores by themselves; read when numpy is first imported
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 PROJECT = Path(__file__).resolve().parent.parent

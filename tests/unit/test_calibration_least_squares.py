@@ -79,6 +79,7 @@ def test_with_nothing_but_a_floor_it_is_ordinary_least_squares() -> None:
     np.testing.assert_allclose(fit.half_width(), width, rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_each_group_has_its_own_floor_without_bias() -> None:
     """Rows of two kinds on one line, one with known noise besides: Monte Carlo."""
     rng = np.random.default_rng(3)

@@ -70,6 +70,7 @@ def test_roll_and_pitch_mean_the_same_in_every_attitude() -> None:
         assert largest_turn(level @ C) == pytest.approx(np.radians(2.0))
 
 
+@pytest.mark.slow
 def test_the_experiment_writes_plot_and_figures(drifting: RawImu, tmp_path: Path) -> None:
     path = write_csv(tmp_path / "desk.csv", drifting)
     words = ["experiment", "rest", str(path), "-o", str(tmp_path), "--bias-at", "14"]

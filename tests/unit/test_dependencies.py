@@ -5,7 +5,8 @@ from __future__ import annotations
 import re
 import sys
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from functools import cache
 from importlib import metadata
 from pathlib import Path
 
@@ -47,6 +48,12 @@ def locked(name: str) -> dict[str, str]:
     return {pin.name: pin.version for pin in read_pins(ROOT / name)}
 
 
+@cache
+def distributions() -> Mapping[str, list[str]]:
+    """Which distributions bring each module; all that is installed is gone through for it."""
+    return metadata.packages_distributions()
+
+
 RUNTIME = required(PROJECT["dependencies"])
 DEV = required(PROJECT["optional-dependencies"]["dev"])
 # what trains the networks is never imported by what uses them
@@ -60,14 +67,13 @@ EXTRAS = {Path("pipeline/train"): TRAINING, Path("pipeline/fleet"): FLEET | {"da
     ("folder", "allowed"), [("automap", RUNTIME), ("pipeline", RUNTIME), ("tests", RUNTIME | DEV)]
 )
 def test_every_import_is_declared(folder: str, allowed: set[str]) -> None:
-    distributions = metadata.packages_distributions()
     missing = []
     for path, module in imported(folder):
         if module in sys.stdlib_module_names or module in OWN:
             continue
         if LOADED_BY.get(path.as_posix()) == module:
             continue
-        owners = {normal(name) for name in distributions.get(module, [module.replace("_", "-")])}
+        owners = {normal(name) for name in distributions().get(module, [module.replace("_", "-")])}
         extra: set[str] = set().union(*(EXTRAS.get(folder, set()) for folder in path.parents))
         if not owners & (allowed | extra):
             missing.append(f"{path}: {module}")

@@ -134,6 +134,7 @@ def test_a_drive_keeps_all_samples_of_a_burst(tmp_path: Path) -> None:
     assert "100 Hz" in told
 
 
+@pytest.mark.slow
 def test_the_allan_deviation_of_a_log_with_bursts_is_that_of_the_sensor(tmp_path: Path) -> None:
     path, gyro, accel = write_rest(tmp_path / "rest.csv", 660.0)
     log = read_imu_log(path, LogFormat())

@@ -167,6 +167,7 @@ def test_a_counter_that_hangs_does_not_pull_the_path(rate: float, value: str) ->
     assert np.sqrt(np.mean(whole[:, 3:5] ** 2)) < 0.01
 
 
+@pytest.mark.slow
 def test_backing_up_does_not_hurt() -> None:
     """Twenty seconds backwards, which wheels without a sign tell as forwards."""
     speed = [(0.0, 0.0), (8.0, 0.0), (12.0, 10.0), (40.0, 12.0), (46.0, 0.0), (50.0, 0.0)]

@@ -96,6 +96,7 @@ def fused(
         return result, replace(weighed, run=lambda: iter([path]))
 
 
+@pytest.mark.slow
 def test_late_velocities_beside_prompt_positions_are_no_contradiction() -> None:
     """A clock that was found by late velocities is as late: positions then seem to come early."""
     late = replace(BY_MOTION, ref_gps_s=BY_MOTION.ref_gps_s + 0.7)

@@ -46,6 +46,7 @@ def lasting_m_s(fitted: Fitted) -> float:
     return fitted.model.options.velocity_wander_sd * fitted.model.factors["velocity_wander"]
 
 
+@pytest.mark.slow
 def test_velocity_errors_that_last_are_not_the_sensors_noise() -> None:
     model = base_model()
     without = replace(model, options=replace(model.options, velocity_wander_sd=0.0))
@@ -59,6 +60,7 @@ def test_velocity_errors_that_last_are_not_the_sensors_noise() -> None:
     assert found.model.factors["accel"] < 0.5 * deaf.model.factors["accel"]
 
 
+@pytest.mark.slow
 def test_velocity_errors_that_an_effect_makes_do_not_stay_noise() -> None:
     found = fitted(simulated({"gnss_velocity_lag": {"tau": 0.25}}), "gnss_velocity_lag")
     assert lasting_m_s(found) < 0.3 * WANDER

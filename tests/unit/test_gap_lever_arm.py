@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from automap.gap import base_model
 from automap.gap.drive import open_drive
@@ -18,6 +19,7 @@ NOISE = 0.015
 """rad/s of a single reading, as of the cheapest gyros."""
 
 
+@pytest.mark.slow
 def test_noise_of_the_gyro_draws_no_arm_towards_nothing() -> None:
     """The stated arm, 1 m up, is right: what is found besides is nothing."""
     pulls, sizes = [], []

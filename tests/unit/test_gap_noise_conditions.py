@@ -40,6 +40,7 @@ def fitted(
 
 
 @pytest.mark.parametrize("above", [ABOVE, pytest.param(-1.0, marks=pytest.mark.slow)])
+@pytest.mark.slow
 def test_noise_above_a_speed_is_told_so(above: float) -> None:
     fit, factors = fitted(shaken(1, above))
     other, _ = fitted(shaken(8, above), factors)

@@ -65,6 +65,7 @@ def test_nothing_follows_where_nothing_is_missing() -> None:
     assert told(simulated({})) == ()
 
 
+@pytest.mark.slow
 def test_heights_that_swing_after_bends_are_told() -> None:
     fit, drive = plain(), simulated({})
     motion = motion_of(fit.last)

@@ -77,6 +77,7 @@ def test_without_control_or_second_pass_nothing_is_adjusted(passed) -> None:
     assert result.n_control == 0
 
 
+@pytest.mark.slow
 def test_control_signs_of_another_place_are_left_out_and_said(passed) -> None:
     path, scene, found = passed
     far = replace(scene, position=scene.position + np.array([500.0, 500.0, 0.0]))

@@ -72,6 +72,7 @@ def test_a_sign_with_two_faces_is_two() -> None:
     assert len(locate_signs(path, [found], {"front": camera()}).signs) == 2 * n
 
 
+@pytest.mark.slow
 def test_a_plate_that_cannot_be_read_alone_is_a_sign() -> None:
     name = "information--unknown-other"
     path, found, n = there_and_back((name, name))

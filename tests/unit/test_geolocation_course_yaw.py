@@ -14,6 +14,7 @@ from automap.geolocation.locate import locate_signs
 from automap.geolocation.views import CameraCorrection, MeasurementNoise, build_views
 
 
+@pytest.mark.slow
 def test_a_heading_error_is_no_turn_of_the_camera() -> None:
     true = drive_path(120.0, turn_rate=0.01)
     view = camera(mount_rpy=np.zeros(3), mount_sd=np.radians(3.0))

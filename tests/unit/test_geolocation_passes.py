@@ -49,6 +49,7 @@ def worst(trajectory: Trajectory, scene: Scene, found: Detections) -> tuple[int,
     return len(here), float(apart.min(axis=1).max())
 
 
+@pytest.mark.slow
 def test_signs_that_stand_alone_tell_neighbours_apart(
     two_laps: tuple[Trajectory, Scene, Detections], monkeypatch: pytest.MonkeyPatch
 ) -> None:

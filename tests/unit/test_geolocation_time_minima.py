@@ -46,6 +46,7 @@ def pitching(pitch_deg: FloatArray, time_offset_s: float = 0.0) -> GeolocationRe
     return locate_signs(trajectory, [found], {"front": camera(time_offset_sd=0.3)})
 
 
+@pytest.mark.slow
 def test_a_steady_swing_leaves_the_offset_open() -> None:
     t = np.arange(1200) * 0.01
     result = pitching(0.7 * np.sin(2.0 * np.pi * t / SWING_S))

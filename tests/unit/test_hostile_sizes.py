@@ -22,6 +22,7 @@ def peak_mb() -> float:
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
 
 
+@pytest.mark.slow
 def test_an_archive_that_unpacks_to_gigabytes(tmp_path: Path) -> None:
     path = tmp_path / "phone.zip"
     rows = "\n".join(["time,seconds_elapsed,z,y,x", "1700000000000000000,0.1,0.1,0.2,9.8", ""])

@@ -50,6 +50,7 @@ def test_its_errors_are_as_large_as_their_sd(motions: list[Motion], name: str) -
     assert 0.8 < np.sqrt(np.mean(ratio[6:] ** 2)) < 1.2
 
 
+@pytest.mark.slow
 def test_velocity_errors_that_last_want_their_own_states(motions: list[Motion]) -> None:
     """Who takes them for white is worse and believes to be far better."""
     receiver = _prompt("phone")
@@ -61,6 +62,7 @@ def test_velocity_errors_that_last_want_their_own_states(motions: list[Motion]) 
     assert np.sqrt(np.mean((worse[:, level] / sd[:, level]) ** 2)) > 1.3
 
 
+@pytest.mark.slow
 def test_a_named_receiver_errs_as_its_file_says() -> None:
     """Statistics of what the fusion's tests receive, built apart from the project's simulator."""
     motion = city_drive(40.0, 1)

@@ -55,6 +55,7 @@ def test_receivers_that_come_along_are_sound(name: str) -> None:
     assert len(fixes) > 200
 
 
+@pytest.mark.slow
 def test_slow_errors_have_their_size_and_time() -> None:
     values = {
         "gnss_slow_wander": {"sigma": 0.8, "tau": 200.0},
