@@ -150,19 +150,22 @@ def _located(
     observations = nothing_observed(total, views)
     observations.note[views.row[misfits]] = "misfit"
 
+    carried = carried_views(views, rules.size)
+    for mark in landmarks:
+        if carried[mark.rows].mean() > 0.5:
+            observations.note[views.row[mark.rows]] = "moving"
+    # how often signs are found, and boxes seen once are of signs, is told by what stands
+    landmarks = [mark for mark in landmarks if carried[mark.rows].mean() <= 0.5]
     patterns = patterns_of(views, landmarks, trajectory, detections, found)
     by_chance, alike = existence_odds(patterns, [pattern.score for pattern in patterns])
     # a sign against whatever else stands there
     real = 1.0 / (1.0 / alike + 1.0 / face_odds(views, landmarks, rules.size))
-    carried = carried_views(views, rules.size)
     kept, odds, shown = [], [], []
     columns = landmarks, patterns, by_chance.tolist(), real.tolist()
     for mark, pattern, *own in zip(*columns, strict=True):
         if not mark.ok:
             continue
-        if carried[mark.rows].mean() > 0.5:
-            observations.note[views.row[mark.rows]] = "moving"
-        elif existence_of([own]) < rules.min_existence:
+        if existence_of([own]) < rules.min_existence:
             observations.note[views.row[mark.rows]] = "unconfirmed"
         elif len(pattern.score) == 1 and mark.depth_m > rules.max_single_view_m:
             observations.note[views.row[mark.rows]] = "too_far"
