@@ -36,6 +36,8 @@ MAX_WHEELS_S = 3.0
 LOOK_WHEELS_S = 10.0
 """Delays of wheel speed are looked for up to this, s, to name them; none is used beyond
 ``MAX_WHEELS_S``."""
+FASTEST_WHEELS_HZ = 1e4
+"""No message comes so often: a CAN bus of 1 Mbit/s has room for some 8000 of 8 bytes a second."""
 WHEELS_APART, WHEELS_UNLIKE = math.sqrt(ROAD_ACCELERATION_PSD[0] * MAX_DELAY_S), 0.5
 """Wheel speed is not this drive's where it is off by more, m/s and in the spread of its speeds: the
 first is how road traffic changes its speed in the longest delay of a receiver, and speeds that have

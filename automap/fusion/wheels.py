@@ -69,7 +69,11 @@ def judge_wheels(
 ) -> Wheels:
     """What wheel speeds [n] at ``t`` [n] s are worth against the receiver's."""
     step = step_of(speed)
-    rate = 1.0 / float(np.median(np.diff(t)))
+    period = float(np.median(np.diff(t)))
+    rate = 1.0 / period if period > 0.0 else np.inf
+    elsewhere = _elsewhere(t, rate, reference)
+    if elsewhere:
+        return Wheels(None, rate, len(t), 0, step, None, (elsewhere,))
     hung = stuck(t, speed, reference)
     count, lost = len(t), int(hung.sum())
     warnings = []
@@ -94,6 +98,32 @@ def judge_wheels(
         late = match.late_s if match.late_sd_s < wheel_limits.SURE_WHEELS_S else 0.0
     odometer = readings(good_t, good, step, noise, late, options)
     return Wheels(odometer, rate, count, lost, step, match, tuple(warnings))
+
+
+def _elsewhere(t: FloatArray, rate_hz: float, reference: Reference) -> str:
+    """A sentence where the stamps ``t`` [n] s are of another clock or unit than is said."""
+    what = ""
+    if rate_hz > wheel_limits.FASTEST_WHEELS_HZ:
+        most = f"{wheel_limits.FASTEST_WHEELS_HZ:.0f}"
+        what = f"wheel speed comes more than {most} times a second, faster than a bus carries it"
+    elif len(reference.t):
+        reach = wheel_limits.LOOK_WHEELS_S
+        low, high = float(reference.t[0]) - reach, float(reference.t[-1]) + reach
+        if not ((t >= low) & (t <= high)).any():
+            what = (
+                f"no wheel speed is of the drive: the first is {_apart(float(t[0]) - low - reach)} "
+                "the first fix"
+            )
+    if not what:
+        return ""
+    return (
+        f"{what}; it is left out: is t_ns in nanoseconds, by the clock that time in [odometer] "
+        "names, or else by that of the IMU?"
+    )
+
+
+def _apart(seconds: float) -> str:
+    return f"{abs(seconds):.0f} s {'after' if seconds > 0.0 else 'before'}"
 
 
 def contradiction(match: WheelMatch) -> tuple[str, str] | None:

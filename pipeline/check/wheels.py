@@ -69,6 +69,9 @@ def _against_receiver(drive: Drive, recording: Recording, wheels: WheelSpeed) ->
             )
         )
     match = found.match
+    if match is None and found.warnings and not found.stuck:
+        text, _, advice = found.warnings[0].partition("; it is left out: ")
+        return [*findings, Finding("warning", f"{text}; it is not used", advice)]
     if match is None:
         text = "too little of it is beside the receiver's speed to compare the two"
         return [*findings, Finding("info", text, "are its stamps on the IMU's clock?")]

@@ -267,6 +267,25 @@ def test_stamps_of_another_clock_are_named() -> None:
     assert "3.4 s later than the receiver's; it is left out: stamp t_ns" in found.warnings[0]
 
 
+@pytest.mark.parametrize(
+    ("shift_s", "shrunk", "words"),
+    [
+        (1.6e9, 1.0, "the first is 1600000"),
+        (-500.0, 1.0, "before the first fix"),
+        (0.0, 1e6, "bus"),
+    ],
+)
+def test_stamps_that_are_of_another_time_or_unit_are_told(
+    shift_s: float, shrunk: float, words: str
+) -> None:
+    wheels = count(town().motion, 5.0)
+    t = _stamps(wheels) / shrunk + shift_s
+    found = judge_wheels(t, wheels.speed, _reference(town().motion), OPTIONS)
+    assert found.odometer is None
+    assert words in found.warnings[0]
+    assert "it is left out: is t_ns in nanoseconds" in found.warnings[0]
+
+
 @pytest.mark.parametrize("seed", [4, 5, 6])
 def test_wheels_of_another_drive_are_left_out(seed: int) -> None:
     wheels = count(city_drive(240.0, seed), 2.0)
