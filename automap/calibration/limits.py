@@ -52,6 +52,10 @@ readings that are missing, and where readings are summed, which does."""
 OUTLIER_PROBABILITY = 1e-3
 """A right rest among those of a log is left out so rarely (Bonferroni: shared among them all)."""
 
+DRIFT_PROBABILITY, LEAST_SPARE = 1e-3, 3
+"""A sensor whose zero stays is told to drift so rarely; and how many poses beyond the parameters
+and a drift show how far off they are otherwise: of three, F is over 141 by chance so rarely."""
+
 # poses and turns
 
 LEAST_SINGULAR = 0.03

@@ -33,6 +33,18 @@ def refuse_saturation(log: RawImu) -> None:
             )
 
 
+def refuse_dead(log: RawImu) -> None:
+    """Raise when an axis reads the same all the time, as one that is not there."""
+    for sensor, values in (("accelerometer", log.accel), ("gyro", log.gyro)):
+        dead = [axis for axis, x in zip("xyz", values.T, strict=True) if len(x) and np.ptp(x) == 0]
+        if dead:
+            raise InputError(
+                f"{log.name}: the {sensor} reads {values[0, 'xyz'.index(dead[0])]:.6g} about "
+                f"{', '.join(dead)} from the first sample to the last; give the columns that it "
+                "was recorded in, with --columns, or record again."
+            )
+
+
 def _saturated(x: FloatArray) -> tuple[int, int, float] | None:
     """First row, length and value of a run at the largest or least reading, if any."""
     low, high = float(x.min()), float(x.max())
@@ -122,7 +134,9 @@ def _refuse(
     elif unit == "counts":
         advice = "name the right data sheet with --sensor, or correct its counts_per_unit"
     elif near:
-        advice = f"it fits {near[0]}, so say {option} {near[0]}"
+        unit_said = near[0].removeprefix("milli-")
+        divide = "divide by 1000 and " if unit_said != near[0] else ""
+        advice = f"it fits {near[0]}, so {divide}say {option} {unit_said}"
     elif sensor == "gyro":
         advice = f"correct {option}, the time column or --rate"
     else:

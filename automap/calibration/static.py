@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
+from scipy.special import chdtrc, fdtrc
 
 from automap.calibration import limits
 from automap.calibration.accelerometer import (
@@ -18,6 +19,7 @@ from automap.calibration.accelerometer import (
 )
 from automap.calibration.gyroscope import GyroFit, fit_gyro, turns_between
 from automap.calibration.plausible import (
+    refuse_dead,
     refuse_saturation,
     refuse_swapped,
     refuse_wrong_accel_unit,
@@ -70,6 +72,7 @@ def calibrate_static(
             names those that would help), a saturated axis, swapped sensors, a unit that cannot be.
     """
     for log in logs:
+        refuse_dead(log)
         refuse_saturation(log)
         refuse_swapped(log)
     warnings: list[str] = []
@@ -92,6 +95,7 @@ def calibrate_static(
             "down, or hold it still, for some seconds in each pose."
         )
     warnings += _pose_warnings(search, means, accel)
+    warnings += _drift_warning(logs, search.rests, directions_of(accel, means), accel)
     six = fit_accelerometer(means, variances, gravity, N_SIX)
     gyro_part = _gyro(logs, search, accel, gravity, warnings)
     return StaticCalibration(
@@ -190,6 +194,36 @@ def _pose_warnings(search: RestSearch, means: FloatArray, accel: AccelFit) -> li
     return found
 
 
+def _drift_warning(
+    logs: list[RawImu], rests: list[Rest], directions: FloatArray, accel: AccelFit
+) -> list[str]:
+    """A sentence where a bias that grows with time explains what the fit leaves far better than
+    chance: the F test of three more parameters beside those of ``accel``, all taken as linear."""
+    spare = len(rests) - accel.n_parameters - 3
+    if len(logs) > 1 or spare < limits.LEAST_SPARE:
+        return []
+    x, y, z = directions.T
+    norm = np.column_stack([directions**2, directions, x * y, x * z, y * z])
+    t = np.array([rest.middle_s for rest in rests])
+    weight = 1.0 / accel.residual_sd
+    design = np.hstack([norm[:, : accel.n_parameters], directions * (t - t.mean())[:, None]])
+    design, left = design * weight[:, None], accel.residuals * weight
+    rate, _, _, _ = np.linalg.lstsq(design, left, rcond=None)
+    plain = design[:, : accel.n_parameters]
+    without = left - plain @ np.linalg.lstsq(plain, left, rcond=None)[0]
+    rest = float(np.sum((left - design @ rate) ** 2))
+    gain = (float(without @ without) - rest) / 3.0
+    if fdtrc(3.0, float(spare), gain / max(rest / spare, 1e-300)) > limits.DRIFT_PROBABILITY:
+        return []
+    moved = rate[-3:] * float(np.ptp(t))
+    axis = int(np.argmax(np.abs(moved)))
+    return [
+        f"the accelerometer's zero moves by {abs(moved[axis]):.2g} m/s^2 about {'xyz'[axis]} in "
+        f"the {float(np.ptp(t)):.0f} s of the rests, as of a sensor that warms up: its calibration "
+        "is of no time in particular and errs by more than it says; let it warm up before"
+    ]
+
+
 def _gyro(
     logs: list[RawImu],
     search: RestSearch,
@@ -224,6 +258,18 @@ def _gyro(
         reason = f"turns that leave the scale about {', '.join(loose)} open"
     # of rests that moved it is not the turns that want more
     advice = _PUT_DOWN if loose and search.moved > limits.STILL_LIMIT else _TURN
+    if loose and sheet is not None:
+        far = np.array([rest.gyro for rest in rests]) - offset
+        own = np.array([rest.gyro_var for rest in rests])
+        off = np.linalg.norm(far * sheet, axis=1)
+        carried = np.array([off[turn.first] * turn.seconds for turn in turns])
+        # more than noise, and more than half of the variance of what the turns leave
+        by_chance = float(chdtrc(3.0 * (len(rests) - 1), float(np.sum(far**2 / own))))
+        if by_chance < limits.DRIFT_PROBABILITY and np.mean(carried**2) > 0.5 * fit.turn_rms**2:
+            advice = (
+                f"its rate at rest is up to {np.degrees(off.max()):.2g} deg/s off its mean, which "
+                "is what the turns miss by, as of a sensor that warms up; let it warm up before"
+            )
     if sheet is None:
         raise InputError(
             f"{_names(logs)} has {reason}, so the gyro's scale per count cannot be estimated; "

@@ -193,6 +193,35 @@ def test_coarse_resolution_is_no_saturation(scene: tuple[RawImu, Errors]) -> Non
     assert len(calibrate_static([coarse], GRAVITY).search.rests) == 16
 
 
+def test_a_zero_that_drifts_is_told(scene: tuple[RawImu, Errors]) -> None:
+    log, _ = scene
+    drift = np.linspace(0.0, 1.0, len(log.accel))[:, None]
+    span = np.ptp(log.accel, axis=0)
+    moved = replace(log, accel=log.accel + 0.01 * drift * span * [0, 1, 0])
+    told = calibrate_static([moved], GRAVITY).warnings
+    assert any("accelerometer's zero moves by 0." in text and "about y" in text for text in told)
+    assert not any("zero moves" in text for text in calibrate_static([log], GRAVITY).warnings)
+    turned = replace(log, gyro=log.gyro + 0.02 * drift * np.ptp(log.gyro, axis=0) * [1, 0, 0])
+    told = calibrate_static([turned], GRAVITY).warnings
+    assert any("its rate at rest is up to" in text for text in told)
+
+
+def test_an_axis_that_reads_one_value_is_refused(scene: tuple[RawImu, Errors]) -> None:
+    log, _ = scene
+    with pytest.raises(InputError, match="the gyro reads 0 about y, z from the first sample"):
+        calibrate_static([replace(log, gyro=log.gyro * [1, 0, 0])], GRAVITY)
+
+
+def test_milli_g_is_told_in_units_that_can_be_said(scene: tuple[RawImu, Errors]) -> None:
+    log, truth = scene
+    stated = replace(
+        log, accel=log.accel * truth.accel_scale / 9.80665e-3, accel_unit="m/s^2",
+        accel_scale=np.ones(3),
+    )  # fmt: skip
+    with pytest.raises(InputError, match="divide by 1000 and say --accel-unit g"):
+        calibrate_static([stated], GRAVITY)
+
+
 def test_wrong_units(scene: tuple[RawImu, Errors]) -> None:
     log = scene[0]
     assert "--accel-unit g" in refused(replace(log, accel=log.accel / 9.80665))
