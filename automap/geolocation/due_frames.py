@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -61,12 +62,21 @@ def _usual_step(frame: IntArray) -> int:
 
 def usual_heights(views: Views, marks: Sequence[Landmark]) -> FloatArray:
     """Height [c], over the focal length, at which three of four signs of each camera are found:
-    what hides a sign from afar, seldom more than a quarter of them, does not move it."""
+    what hides a sign from afar, seldom more than a quarter of them, does not move it.
+
+    Signs grow as they are driven towards; a reflex or a lorry's sign, found in pieces as large as
+    any, says nothing of this, unless nothing grows.
+    """
     first: list[list[float]] = [[] for _ in views.camera_names]
+    grown: list[list[float]] = [[] for _ in views.camera_names]
     for mark in marks:
         row = mark.rows[np.argmin(views.t_ns[mark.rows])]
-        first[int(views.camera[row])].append(float(np.exp(views.measured[row, 2])))
-    return np.array([np.quantile(sizes, 0.75) if sizes else np.inf for sizes in first])
+        camera, height = int(views.camera[row]), views.measured[row, 2]
+        first[camera].append(float(np.exp(height)))
+        if views.measured[mark.rows, 2].max() - height > math.log(limits.GROWN):
+            grown[camera].append(first[camera][-1])
+    told = [some or every for some, every in zip(grown, first, strict=True)]
+    return np.array([np.quantile(sizes, 0.75) if sizes else np.inf for sizes in told])
 
 
 def due_frames(

@@ -189,6 +189,9 @@ FITTING_BOX_NATS = 3.0
 twenty; more believes false boxes, less gives up signs of few views."""
 RATE_VIEWS = 5
 """Signs with so many views are real, and tell how often a sign is found."""
+GROWN = 1.5
+"""What a box grows by from the first on where it is driven towards: three sigmas of two heights
+that err by a tenth each."""
 RATE_LIMITS = (0.2, 0.95)
 """How often a detector finds a sign in view, whatever a short drive shows."""
 LIKE_ASPECT_RAD = math.radians(30.0)

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from geolocation_scene import boxes, camera, drive_path, roadside
 
+from automap.geolocation.due_frames import usual_heights
 from automap.geolocation.existence import _by_scores, _correlation, existence_of
 from automap.geolocation.face_sizes import largest_face_m, size_nats
 from automap.geolocation.landmark import SizePrior
@@ -130,3 +132,22 @@ def test_scores_of_one_thing_count_as_often_as_they_differ() -> None:
     # four views are the most, and no detector is surer than 0.99
     assert _by_scores(one, SCORE_CORRELATION) == pytest.approx(np.log(0.7 / 0.3) * 15.0 / 4.5)
     assert _by_scores(np.full(15, 0.95), SCORE_CORRELATION) == pytest.approx(np.log(99.0))
+
+
+@pytest.mark.parametrize(("grows", "usual"), [(True, 0.01), (False, 0.06)])
+def test_from_which_height_on_signs_are_found_what_does_not_grow_does_not_tell(
+    grows: bool, usual: float
+) -> None:
+    """Three signs that are driven towards, and four pieces of a reflex; unless nothing grows."""
+    n = 6
+    growing = np.linspace(0.01, 0.03, n) if grows else np.full(n, 0.01)
+    heights = np.concatenate([*[growing] * 3, *[np.full(n, 0.06)] * 4])
+    views = SimpleNamespace(
+        camera_names=("front",),
+        camera=np.zeros(len(heights), np.int64),
+        t_ns=np.arange(len(heights)),
+        measured=np.column_stack([0.0 * heights, 0.0 * heights, np.log(heights)]),
+    )
+    marks = [SimpleNamespace(rows=np.arange(k, k + n)) for k in range(0, len(heights), n)]
+    found = usual_heights(views, marks)  # type: ignore[arg-type]
+    assert found == pytest.approx([usual])
