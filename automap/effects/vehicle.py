@@ -20,6 +20,7 @@ from automap.effects.terms import (
     POSITION,
     VEHICLE,
 )
+from automap.effects.user import user_effects
 from automap.frames import rpy_to_matrix
 from automap.records import FloatArray
 
@@ -74,7 +75,12 @@ def stamp_error_s(
     def now(name: str) -> FloatArray:
         return t_s if name == ELAPSED or signal is None else signal(name)
 
-    return distortion(values, POSITION, len(t_s), now, ("clock",)).late
+    late = distortion(values, POSITION, len(t_s), now, ("clock",)).late
+    for effect in user_effects():
+        if effect.family == "clock":
+            for p, value in values.get(effect.name, {}).items():
+                late = late + value * now(f"{effect.name}.{p}")
+    return late
 
 
 def nose_angles(
