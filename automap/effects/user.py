@@ -46,8 +46,11 @@ OF_MOUNT = ("imu_roll", "imu_pitch", "imu_yaw")
 OF_IMU = (*OF_MOUNT, "imu_time")
 """The inertial unit: turned further in the vehicle, as its mounting, rad, and how late its stamps
 are, s."""
-ACTS_ON = INERTIAL + OF_IMU + OF_FIXES + OF_VEHICLE + OF_CAMERA
-_FAMILY = dict.fromkeys(INERTIAL, "imu") | dict.fromkeys(OF_FIXES, "gnss")
+OF_ANTENNA = ("antenna_x", "antenna_y", "antenna_z")
+"""The antenna: how much further it sits along the vehicle's axes, m."""
+INSTALLED = OF_IMU + OF_ANTENNA
+ACTS_ON = INERTIAL + OF_IMU + OF_FIXES + OF_ANTENNA + OF_VEHICLE + OF_CAMERA
+_FAMILY = dict.fromkeys(INERTIAL, "imu") | dict.fromkeys((*OF_FIXES, *OF_ANTENNA), "gnss")
 _FAMILY |= dict.fromkeys((*OF_VEHICLE, *OF_MOUNT), "vehicle") | dict.fromkeys(OF_CAMERA, "camera")
 _FAMILY["imu_time"] = "clock"
 _SEPARATOR = "."
@@ -143,6 +146,9 @@ def towards(channel: str) -> tuple[Toward, ...]:
     if channel in OF_MOUNT:
         axis = OF_MOUNT.index(channel)
         return tuple(Toward(on, axis, kind=Kind.TURN) for on in (POSITION, VELOCITY, VEHICLE))
+    if channel in OF_ANTENNA:
+        axis = OF_ANTENNA.index(channel)
+        return tuple(Toward(on, axis, kind=Kind.POINT) for on in (POSITION, VELOCITY))
     if channel in OF_IMU:
         # not fixes that are early by what it is late now: between them the same stamps count time
         return tuple(

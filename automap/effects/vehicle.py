@@ -42,9 +42,11 @@ def lever_arm_motion(
     """Offset (m) and velocity (m/s) NED [n, 3] of a point of the body against its origin.
 
     ``C_n_b`` [n, 3, 3], ``turn_rate`` [n, 3] rad/s in body axes against the navigation frame,
-    ``arm_m`` [3] from the origin to the point in body axes.
+    ``arm_m`` [3], or [n, 3], from the origin to the point in body axes.
     """
     swing = np.einsum("nij,nj->ni", C_n_b, np.cross(turn_rate, arm_m))
+    if arm_m.ndim > 1:
+        return np.einsum("nij,nj->ni", C_n_b, arm_m), np.asarray(swing)
     return np.asarray(C_n_b @ arm_m), np.asarray(swing)
 
 

@@ -24,7 +24,8 @@ from automap.effects.measured_kernels import rows_along
 from automap.effects.terms import ELAPSED, POSITION, VEHICLE, VELOCITY, Kind
 from automap.effects.terms import INERTIAL as SENSORS
 from automap.effects.user import (
-    OF_IMU,
+    INSTALLED,
+    OF_ANTENNA,
     OF_MOUNT,
     is_users,
     towards,
@@ -46,6 +47,11 @@ COURSE = re.compile(
     r"\(?(step\(time - |max\(time - |exp\(-time / |sin\(2 \* pi \* time / |cos\(2 \* pi \* time / )"
 )
 GAIN = re.compile(r"(rate|force)_[xyz] \* ")
+UNIT_OF = {
+    **{channel: ("imu_mounting", channel.removeprefix("imu_")) for channel in OF_MOUNT},
+    **{channel: ("gnss_lever_arm", channel[-1]) for channel in OF_ANTENNA},
+}
+"""Effect and parameter that act as a channel of the installation does while it is the same."""
 FAMILIES = ("imu", "vehicle", "clock", "gnss", "earth")
 
 
@@ -280,7 +286,7 @@ def size_of(channel: str) -> float:
 
 def usual_sd(channel: str, signal: FloatArray) -> float:
     """Prior sd of what a ``signal`` [n] on a channel is multiplied with."""
-    spread = np.max(np.abs(signal)) if channel in OF_IMU else np.std(signal)
+    spread = np.max(np.abs(signal)) if channel in INSTALLED else np.std(signal)
     return size_of(channel) / max(float(spread), 1e-12)
 
 
@@ -323,11 +329,12 @@ def signal_column(
         )
         return Column(name, parameter, sd, acts, term=term)
     amount = at.there(signal)
-    if channel in OF_MOUNT:
-        if not at.mounting:
-            at.mounting.update(_direct("imu_mounting", at))
-        turning = at.mounting[channel.removeprefix("imu_")]
-        return Column(name, parameter, sd, direct=Direct(turning * amount[:, None]), term=term)
+    if channel in UNIT_OF:
+        known, own = UNIT_OF[channel]
+        if known not in at.units:
+            at.units[known] = _direct(known, at)
+        direct = Direct(at.units[known][own] * amount[:, None])
+        return Column(name, parameter, sd, direct=direct, term=term)
     by_channel = np.zeros((len(amount), MAX_SCALARS))
     for part in acting:
         place = _CHANNELS[part.on][part.axis]

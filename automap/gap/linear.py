@@ -88,8 +88,8 @@ class Column:
 class NodeMotion:
     """The motion at the nodes of a ``fit``: velocity, acceleration NED, ``dcm`` body to NED, rate
     in body axes without the noise of single readings; ``signals`` the quantities of formulas there,
-    ``along`` these, and ``motion``, at the epochs of the IMU; ``mounting`` what a radian of each
-    angle adds to the channels [k, 15], where that was asked before."""
+    ``along`` these, and ``motion``, at the epochs of the IMU; ``units`` of effects what a unit of
+    each parameter adds to the channels [k, 15], where that was asked before."""
 
     fit: Fit
     motion: Motion
@@ -100,7 +100,7 @@ class NodeMotion:
     rate: FloatArray
     signals: Signals
     along: Signals
-    mounting: dict[str, FloatArray] = field(default_factory=dict)
+    units: dict[str, dict[str, FloatArray]] = field(default_factory=dict)
 
     @cached_property
     def late(self) -> LateChange | None:

@@ -37,8 +37,9 @@ GAINS = {
     "accel_y": "force_y",
 }
 """What an axis mostly measures in a vehicle. Upwards that is its weight, and a gain is a bias."""
-SEAT = ("imu_pitch", "imu_yaw", "imu_time")
-"""How the unit sits, and keeps time. What it leans by its weight tells no better than its drift."""
+SEAT = ("imu_pitch", "imu_yaw", "imu_time", "antenna_x", "antenna_y")
+"""How unit and antenna sit, and keep time. What the unit leans by its weight tells no better than
+its drift, how high the antenna sits no better than heights."""
 GAIN_PERIODS = 32
 """So many periods of a gain or a seat a drive at most, and steps: these show in bends and changes
 of speed alone, and between two of them nobody sees them."""

@@ -273,19 +273,24 @@ SLIPS, SWINGS = "(1 + tanh((time - 60) / 0.3))", "sin(2 * pi * time / 20)"
 
 @pytest.mark.parametrize(
     ("on", "text", "size"),
-    [("imu_yaw", SLIPS, 0.02), ("imu_time", SLIPS, 0.1), ("imu_time", SWINGS, 0.1)],
+    [
+        ("imu_yaw", SLIPS, 0.02),
+        ("imu_time", SLIPS, 0.1),
+        ("imu_time", SWINGS, 0.1),
+        ("antenna_x", SLIPS, 2.0),
+    ],
 )
 def test_a_unit_that_slips_in_its_mount_or_its_time_is_found(
     on: str, text: str, size: float
 ) -> None:
-    own = {"k": {"on": on, "formula": text, "prior_sd": 0.05}}
+    own = {"k": {"on": on, "formula": text, "prior_sd": size}}
     set_user_effects(effects_of_formulas({"slips": own}, "x"))
     model = base_model()
     recorded = simulated({"slips": {"k": 0.5 * size}})
     opened = open_drive(recorded, model.options)
     plain = fit_drive(opened, model)
     # beside an angle or an offset that stays
-    same = "imu_time_offset" if on == "imu_time" else "imu_mounting"
+    same = {"imu_time": "imu_time_offset", "imu_yaw": "imu_mounting"}.get(on, "gnss_lever_arm")
     found = fit_drive(opened, model, {"slips": 1.0, same: 1.0}, plain)
     value, sd = found.value_of("slips")["k"], found.sd_of("slips")["k"]
     assert abs(value - 0.5 * size) < 4.0 * sd
