@@ -91,6 +91,9 @@ ON_FIXES = (
     ),
     ("velocity_along", "speed^2"),
     ("position_along", "speed^2"),
+    # courses that a compass has a say in
+    ("velocity_across", "speed * sin(heading)"),
+    ("velocity_across", "speed * cos(heading)"),
 )
 REMEMBERED = (
     # an axis that hangs behind what it measures by a play: hysteresis
