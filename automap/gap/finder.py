@@ -121,12 +121,12 @@ def find_gaps(
     opened = [open_drive(d, model.options) for d in turned]
     forget_formulas(())
     base = open_fits(opened, model, log)
-    base, shaken = with_shocks(turned, base, log)
-    model = replace(model, options=base.model.options)
-    kept = [open_drive(d, model.options) for d in held]
     if sum(fit.last.totals().get(COURSE_DISTANCE_STATE, 0.0) for fit in base.fits) < 0.0:
         # no course is that of a place ahead: the antenna is
-        base = open_fits([f.opened for f in base.fits], without(model, BEHIND), log)
+        base = open_fits(opened, without(model, BEHIND), log)
+    base, shaken = with_shocks(turned, base, log)
+    options = replace(model.options, shocks=base.model.options.shocks)
+    model, kept = replace(model, options=options), [open_drive(d, options) for d in held]
     search = Search(base, kept, model.factors, exclude, log)
     found = search.run()
     log("measuring the gap on held-out data")

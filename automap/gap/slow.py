@@ -66,13 +66,15 @@ def box_columns(at: NodeMotion) -> list[Column]:
     time = motion.t + fit.opened.drive.begin_s
     length = float(motion.t[-1] - motion.t[0])
     name = f"{BOX} {fit.opened.drive.name}"
-    number = ((motion.t - motion.t[0]) / gain_step_s(length)).astype(np.int64)
+    count = max(round(length / gain_step_s(length)), 1)
+    middles = time[0] + (np.arange(count) + 0.5) * length / count
     out = []
-    for i in range(int(number[-1]) + 1):
-        inside = number == i
-        for channel in SEAT if inside.any() else ():
-            term = (channel, f"{time[inside].mean():.3f}")
-            out.append(signal_column(term, inside.astype(float), at, name, " ".join(term)))
+    for own, middle in zip(np.eye(count), middles, strict=True):
+        # linear in between: what swings slowly is no stair
+        share = np.interp(time, middles, own)
+        for channel in SEAT:
+            term = (channel, f"{middle:.3f}")
+            out.append(signal_column(term, share, at, name, " ".join(term)))
     number = ((motion.t - motion.t[0]) / box_s(length)).astype(np.int64)
     for i in range(int(number[-1]) + 1):
         inside = number == i
