@@ -51,7 +51,7 @@ class Evidence:
 def plain_nats(known: Conditional, part: Part) -> tuple[float, float]:
     """Nats of a part under the noise as modelled, and the factor on its prior."""
     at = np.array([part])
-    nats = _by_scale(known.score[at], known.infos(at), known.linear.prior_sd[at])[:, 0]
+    nats = by_scale(known.score[at], known.infos(at), known.linear.prior_sd[at])[:, 0]
     # of equal ones the first
     best = int(np.argmax(nats >= nats.max() - 1e-9))
     return float(nats[best]), limits.PRIOR_SCALES[best]
@@ -67,24 +67,29 @@ def nats_of_parts(known: Conditional, parts: Sequence[Part]) -> FloatArray:
         if length == 1:
             out[mine] = singles(known, at[:, 0])
             continue
-        nats = _by_scale(known.score[at], known.infos(at), known.linear.prior_sd[at])
+        nats = by_scale(known.score[at], known.infos(at), known.linear.prior_sd[at])
         out[mine] = nats.max(axis=0)
     return out
 
 
-def _by_scale(g: FloatArray, info: FloatArray, prior_sd: FloatArray) -> FloatArray:
-    """Nats [scales, k] of parts of scores [k, p], information [k, p, p] and prior sds [k, p]."""
-    out = [bayes_factors(g, info, scale * prior_sd) for scale in limits.PRIOR_SCALES]
+def by_scale(
+    g: FloatArray, info: FloatArray, prior_sd: FloatArray, ratio: float = 1.0
+) -> FloatArray:
+    """Nats [scales, ..., k] of parts of scores [..., k, p], information [k, p, p] and prior sds
+    [k, p], where scores scatter by ``ratio`` more than they should."""
+    out = [bayes_factors(g, info, scale * prior_sd, ratio) for scale in limits.PRIOR_SCALES]
     return np.array(out) - np.log(len(limits.PRIOR_SCALES))
 
 
-def bayes_factors(g: FloatArray, info: FloatArray, sd: FloatArray) -> FloatArray:
-    """Nats [k] of parts of scores [k, p], information [k, p, p] and prior sds [k, p]."""
+def bayes_factors(
+    g: FloatArray, info: FloatArray, sd: FloatArray, ratio: float = 1.0
+) -> FloatArray:
+    """The same [..., k] for one scale."""
     inner = info * sd[:, :, None] * sd[:, None, :] + np.eye(sd.shape[1])
     sign, size = np.linalg.slogdet(inner)
     y = sd * g
-    squares = np.einsum("kp,kp->k", y, np.linalg.solve(inner, y[..., None])[..., 0])
-    return np.asarray(np.where(sign > 0.0, 0.5 * (squares - size), -np.inf))
+    squares = np.einsum("...kp,kpq,...kq->...k", y, np.linalg.inv(inner), y)
+    return np.asarray(np.where(sign > 0.0, 0.5 * (squares / ratio - size), -np.inf))
 
 
 def singles(known: Conditional, columns: IntArray) -> FloatArray:
