@@ -142,7 +142,9 @@ def formula_terms(signals: Signals, has_temperature: bool) -> list[tuple[str, st
         rise = f"(temperature - {float(np.median(signals.temperature)):.1f})"
         # of a sensor whose core follows its case, what lies between the two
         texts += [f"{rise}^2", "(temperature - lag(temperature, 40.0))", f"{rise} * speed"]
-        alone += [(on, rise) for on in WARM_MOUNT]
+        # what is stated of a mount was so before it warmed
+        since = f"(temperature - {float(signals.temperature[0]):.1f})"
+        alone += [(on, since) for on in WARM_MOUNT]
     return [*((on, text) for text in texts for on in INERTIAL), *alone]
 
 

@@ -54,7 +54,7 @@ from automap.gap.scoring import (
 )
 from automap.gap.screening import Screening
 from automap.gap.search import Search
-from automap.gap.stochastic import noise_claims, noise_levels, stochastic_findings, with_shocks
+from automap.gap.stochastic import noise_claims, noise_levels, stochastic_findings
 
 
 @dataclass(frozen=True)
@@ -119,19 +119,17 @@ def find_gaps(
         turned = [_head(d, limits.MAX_FIT_S) for d in turned]
         held = [_head(d, limits.MAX_HELD_S) for d in held]
     opened = [open_drive(d, model.options) for d in turned]
+    kept = [open_drive(d, model.options) for d in held]
     forget_formulas(())
     base = open_fits(opened, model, log)
     if sum(fit.last.totals().get(COURSE_DISTANCE_STATE, 0.0) for fit in base.fits) < 0.0:
         # no course is that of a place ahead: the antenna is
         base = open_fits(opened, without(model, BEHIND), log)
-    base, shaken = with_shocks(turned, base, log)
-    options = replace(model.options, shocks=base.model.options.shocks)
-    model, kept = replace(model, options=options), [open_drive(d, options) for d in held]
     search = Search(base, kept, model.factors, exclude, log)
     found = search.run()
     log("measuring the gap on held-out data")
     forget_formulas(found.fitted.estimate)
-    return _result(found, search.screening, kept, model, exclude, shaken)
+    return _result(found, search.screening, kept, model, exclude)
 
 
 def _head(drive: GapDrive, seconds: float) -> GapDrive:
@@ -160,10 +158,8 @@ def _result(
     held_out: Sequence[OpenDrive],
     stated: GapModel,
     exclude: Collection[str],
-    shaken: Sequence[NoiseClaim],
 ) -> GapResult:
-    """Everything that is told of a search with its ``screening``; ``shaken`` in which noise the
-    readings themselves show shocks."""
+    """Everything that is told of a search with its ``screening``."""
     model, base, stands = found.fitted.model, found.base.model, found.stands
     values = stands.values
     maxima = chance(found)
@@ -201,7 +197,7 @@ def _result(
     if wild is not None and wild.effect not in exclude:
         noise.append(wild)
     findings += noise
-    claims = (*shaken, *noise_claims(with_states, stated.factors, final))
+    claims = noise_claims(with_states, stated.factors, final)
     refused = strongest_refused(found)
     kept_out = _by_formula(found, stands.kept_out)
     hidden = given_up(found, maxima)

@@ -17,21 +17,11 @@ from automap.fusion.levels import ALL_LEVELS, RECEIVER_LEVELS, VELOCITY_WANDER
 from automap.fusion.measurements.position import lasting_share
 from automap.fusion.nodes import model_fixes
 from automap.gap import limits
-from automap.gap.drive import GapDrive, open_drive
-from automap.gap.fit import Fit, fit_drive
-from automap.gap.noise import (
-    Fitted,
-    Log,
-    fit_noise,
-    noise_score,
-    rest_factors,
-    rooms_of,
-    with_levels,
-)
+from automap.gap.fit import Fit
+from automap.gap.noise import fit_noise, noise_score, rest_factors, rooms_of
 from automap.gap.noise_conditions import Ranged, conditional_noise, unconstrained
 from automap.gap.reading_steps import coarse
 from automap.gap.result import Finding, NoiseClaim, ParameterValue
-from automap.gap.scoring import likelier
 from automap.gates import exceeds
 from automap.records import FloatArray
 
@@ -44,7 +34,6 @@ FIGURES: dict[str, tuple[str, ...]] = {
     "velocity_v": ("velocity_v", VELOCITY_WANDER),
 }
 """What a receiver states of its errors, and the levels of what these are made of."""
-IN_SHOCKS = "where readings scatter from one to the next"
 GNSS_LEVELS = (*RECEIVER_LEVELS, *FIGURES)
 
 
@@ -139,33 +128,6 @@ def _under_condition(
     nats = ranged.nats + sum(c.evidence_nats for c in claims if c.level == level)
     one = NoiseClaim(level, inside, nats, _p(nats), str(ranged.condition), outside)
     return [*(c for c in claims if c.level != level), one]
-
-
-def with_shocks(
-    drives: Sequence[GapDrive], plain: Fitted, log: Log
-) -> tuple[Fitted, tuple[NoiseClaim, ...]]:
-    """A base model's fit with noise in the shocks that readings show from one to the next, and that
-    claim, where drives are likelier with it beyond doubt: else what shakes a sensor for moments
-    raises its level for all of a drive, and hides what is missing. The plain fit where not."""
-    options = replace(plain.model.options, shocks=True)
-    model = replace(plain.model, options=options)
-    opened = [open_drive(d, options) for d in drives]
-    shocks = np.concatenate([samples.shocks for d in opened if (samples := d.session.readings)])
-    if not shocks.any():
-        return plain, ()
-    log("fitting the noise of shocks")
-    shaken = with_levels(Fitted(model, {}, tuple(fit_drive(d, model) for d in opened)), ALL_LEVELS)
-    nats, sigmas = likelier(shaken.fits, plain.fits)
-    if nats < limits.NOISE_NATS or sigmas < limits.ONE_IN_A_THOUSAND:
-        return plain, ()
-    claims = []
-    for level, psd in zip(SENSOR_LEVELS, shocks.T, strict=True):
-        if psd.any():
-            elsewhere = shaken.model.factors[level]
-            stated = getattr(options, f"{level}_noise")
-            inside = float(np.hypot(elsewhere, np.sqrt(psd[psd > 0.0].mean()) / stated))
-            claims.append(NoiseClaim(level, inside, nats, _p(nats), IN_SHOCKS, elsewhere))
-    return shaken, (max(claims, key=lambda c: c.factor),)
 
 
 def noise_levels(name: str) -> tuple[str, ...]:

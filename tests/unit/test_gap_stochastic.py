@@ -14,9 +14,9 @@ from automap.gap import GapDrive, base_model
 from automap.gap.drive import count_outliers, open_drive
 from automap.gap.fit import Fit, fit_drive
 from automap.gap.found import Found
-from automap.gap.noise import Fitted, fit_noise, with_levels, with_noise
+from automap.gap.noise import Fitted, fit_noise, with_noise
 from automap.gap.receivers import usual_finding
-from automap.gap.stochastic import _floored, noise_claims, stochastic_findings, with_shocks
+from automap.gap.stochastic import _floored, noise_claims, stochastic_findings
 from tests.unit.test_gap import simulated
 
 
@@ -142,27 +142,3 @@ def test_speeds_that_are_all_too_low_are_no_silence(offset: float, told: bool) -
         value = finding.parameters["along"]
         assert value.value == pytest.approx(offset, abs=3.0 * value.sd)
         assert ("cut off" in finding.resembles) is (offset < 0.0)
-
-
-def test_bursts_are_noise_of_moments_and_raise_no_level_of_the_drive() -> None:
-    drive = simulated({})
-    accel, rng = drive.imu.accel.copy(), np.random.default_rng(4)
-    for begin in rng.integers(0, len(accel) - 30, 30).tolist():
-        accel[begin : begin + 25] += rng.normal(0.0, 3.0, (25, 3))
-    model = base_model()
-
-    def asked(readings: GapDrive) -> tuple[Fitted, Fitted, list[str]]:
-        fit = fit_drive(open_drive(readings, model.options), model)
-        plain = with_levels(Fitted(model, {}, (fit,)), ("accel",))
-        shaken, claims = with_shocks([readings], plain, lambda text: None)
-        return plain, shaken, [str(claim) for claim in claims]
-
-    plain, shaken, told = asked(replace(drive, imu=replace(drive.imu, accel=accel)))
-    assert plain.model.factors["accel"] > 2.5
-    assert shaken.model.factors["accel"] < 1.5
-    assert shaken.model.options.shocks
-    assert len(told) == 1
-    assert "where readings scatter from one to the next" in told[0]
-    plain, shaken, told = asked(drive)
-    assert shaken is plain
-    assert told == []
