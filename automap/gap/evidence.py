@@ -78,7 +78,7 @@ def by_scale(
     """Nats [scales, ..., k] of parts of scores [..., k, p], information [k, p, p] and prior sds
     [k, p], where scores scatter by ``ratio`` more than they should."""
     out = [bayes_factors(g, info, scale * prior_sd, ratio) for scale in limits.PRIOR_SCALES]
-    return np.array(out) - np.log(len(limits.PRIOR_SCALES))
+    return np.asarray(np.array(out) - np.log(len(limits.PRIOR_SCALES)))
 
 
 def bayes_factors(
