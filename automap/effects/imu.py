@@ -1,8 +1,8 @@
 """Effects that add to the inertial readings: reading = true + sum theta_j phi_j(true).
 
-Each scalar parameter acts on one axis of one sensor through one basis signal. That is all
-the filter kernel needs to know: it receives ``ImuTerm.code`` rows and, for signals that are
-not the reading itself, extra columns computed here.
+Each term acts on one axis of one sensor through one basis signal. That is all the filter kernel
+needs to know: it receives rows of codes, those of one parameter one after the other, and, for
+signals that are not the reading itself, extra columns computed here.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ BASIS_EXTRA = 7
 
 @dataclass(frozen=True)
 class ImuTerm:
-    """One parameter of an inertial effect.
+    """One parameter of an inertial effect on one axis; most act on one only.
 
     ``sensor`` GYRO or ACCEL, ``axis`` 0..2 the output axis, ``basis`` the number of the
     signal; ``extra`` the name of the signal when it is not one of the kernel's own.
@@ -65,18 +65,18 @@ def imu_terms(effects: list[str]) -> list[ImuTerm]:
     extras: list[str] = []
     for name in effects:
         effect = effect_named(name)
-        if effect.family != "imu":
+        if not effect.acts_on(*INERTIAL):
             raise ConfigError(f"effect '{name}' does not act on inertial readings")
         for parameter in effect.parameters:
-            (term,) = effect.terms_of(parameter.name)
-            extra = None
-            if term.signal not in _OWN:
-                extra = term.signal
-                if extra not in extras:
-                    extras.append(extra)
-            basis = _OWN[term.signal] if extra is None else BASIS_EXTRA + extras.index(extra)
-            sensor = INERTIAL.index(term.on)
-            terms.append(ImuTerm(name, parameter, sensor, term.axis, basis, extra))
+            for term in effect.terms_of(parameter.name):
+                extra = None
+                if term.signal not in _OWN:
+                    extra = term.signal
+                    if extra not in extras:
+                        extras.append(extra)
+                basis = _OWN[term.signal] if extra is None else BASIS_EXTRA + extras.index(extra)
+                sensor = INERTIAL.index(term.on)
+                terms.append(ImuTerm(name, parameter, sensor, term.axis, basis, extra))
     return terms
 
 

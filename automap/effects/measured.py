@@ -67,10 +67,10 @@ def _signal_code(term: Term, signals: list[str]) -> int:
 
 @dataclass(frozen=True)
 class Distortion:
-    """What terms on one measurement add up to at ``n`` instants: ``arm`` [3] m and ``turn`` [n, 3]
-    rad in vehicle axes, ``late`` [n] s, ``course_late`` [n] s of the direction beyond that, ``lag``
-    s of a low-pass, ``added`` [n, 3] in the
-    measurement's axes, ``slip`` [n, 3] rad, ``longer`` [3] factors on the components."""
+    """What terms on one measurement add up to at ``n`` instants: ``arm`` [3] m, of a point that
+    moves [n, 3], and ``turn`` [n, 3] rad in vehicle axes, ``late`` [n] s, ``course_late`` [n] s of
+    the direction beyond that, ``lag`` s of a low-pass, ``added`` [n, 3] in the measurement's axes,
+    ``slip`` [n, 3] rad, ``longer`` [3] factors on the components."""
 
     arm: FloatArray
     turn: FloatArray
@@ -103,11 +103,13 @@ def distortion(
         np.zeros((n, 3)),
         np.ones(3),
     )
-    lag = 0.0
+    lag, arm = 0.0, out.arm
     for term, value in acting_terms(values, on, families):
         amount = value * term.weight
         if term.kind == Kind.LAG:
             lag += amount
+        elif term.kind == Kind.POINT and term.signal != ONE:
+            arm = arm + amount * np.outer(signal(term.signal), np.eye(3)[term.axis])
         elif term.kind in (Kind.POINT, Kind.SCALE):
             (out.arm if term.kind == Kind.POINT else out.longer)[term.axis] += amount
         else:
@@ -117,7 +119,7 @@ def distortion(
             else:
                 target = {Kind.AXIS: out.added, Kind.SLIP: out.slip, Kind.TURN: out.turn}[term.kind]
                 target[:, term.axis] += amount * now
-    return replace(out, lag=lag)
+    return replace(out, lag=lag, arm=arm)
 
 
 def acting_terms(values: Values, on: str, families: Sequence[str]) -> Iterable[tuple[Term, float]]:

@@ -11,7 +11,16 @@ import numpy as np
 from automap.effects.catalogue import CATALOGUE
 from automap.effects.effect import Effect, Parameter
 from automap.effects.signals import Signals
-from automap.effects.terms import POSITION, TRAVEL, VEHICLE, VELOCITY, Kind, Term
+from automap.effects.terms import (
+    ACCEL,
+    GYRO,
+    POSITION,
+    TRAVEL,
+    VEHICLE,
+    VELOCITY,
+    Kind,
+    Term,
+)
 from automap.errors import ConfigError
 from automap.records import FloatArray
 
@@ -37,13 +46,18 @@ OF_MOUNT = ("imu_roll", "imu_pitch", "imu_yaw")
 OF_IMU = (*OF_MOUNT, "imu_time")
 """The inertial unit: turned further in the vehicle, as its mounting, rad, and how late its stamps
 are, s."""
-ACTS_ON = INERTIAL + OF_IMU + OF_FIXES + OF_VEHICLE + OF_CAMERA
-_FAMILY = dict.fromkeys(INERTIAL, "imu") | dict.fromkeys(OF_FIXES, "gnss")
+OF_ANTENNA = ("antenna_x", "antenna_y", "antenna_z")
+"""The antenna: how much further it sits along the vehicle's axes, m."""
+INSTALLED = OF_IMU + OF_ANTENNA
+ACTS_ON = INERTIAL + OF_IMU + OF_FIXES + OF_ANTENNA + OF_VEHICLE + OF_CAMERA
+_FAMILY = dict.fromkeys(INERTIAL, "imu") | dict.fromkeys((*OF_FIXES, *OF_ANTENNA), "gnss")
 _FAMILY |= dict.fromkeys((*OF_VEHICLE, *OF_MOUNT), "vehicle") | dict.fromkeys(OF_CAMERA, "camera")
 _FAMILY["imu_time"] = "clock"
 _SEPARATOR = "."
 COSINE, SINE = "cos", "sin"
 """Parts of a signal along a track: times cosine or sine of the heading."""
+LATE = {GYRO: "angular_acceleration", ACCEL: "jerk"}
+"""What a reading shows less for each second that its stamp is late."""
 _NAME = re.compile(r"[a-z][a-z0-9_]{0,39}")
 
 
@@ -115,7 +129,7 @@ def user_effect(name: str, summary: str, *terms: UserTerm) -> UserEffect:
 class Toward:
     """Part of a channel of users' effects: on what it acts, along which axis, with which sign, in
     which way; ``turned``: times cosine or sine of the heading, for channels along the track or
-    across."""
+    across, or less what that reading changes by."""
 
     on: str
     axis: int
@@ -129,10 +143,19 @@ def towards(channel: str) -> tuple[Toward, ...]:
     if channel in INERTIAL:
         sensor, _, letter = channel.partition("_")
         return (Toward(sensor, "xyz".index(letter)),)
+    if channel in OF_MOUNT:
+        axis = OF_MOUNT.index(channel)
+        return tuple(Toward(on, axis, kind=Kind.TURN) for on in (POSITION, VELOCITY, VEHICLE))
+    if channel in OF_ANTENNA:
+        axis = OF_ANTENNA.index(channel)
+        return tuple(Toward(on, axis, kind=Kind.POINT) for on in (POSITION, VELOCITY))
     if channel in OF_IMU:
-        kind = Kind.TURN if channel in OF_MOUNT else Kind.TIME
-        axis = OF_IMU.index(channel) % len(OF_MOUNT)
-        return tuple(Toward(on, axis, kind=kind) for on in (POSITION, VELOCITY, VEHICLE))
+        # not fixes that are early by what it is late now: between them the same stamps count time
+        return tuple(
+            Toward(on, axis, 1.0, f"{signal}_{letter}", Kind.TIME)
+            for on, signal in LATE.items()
+            for axis, letter in enumerate("xyz")
+        )
     if channel in OF_VEHICLE:
         axis = OF_VEHICLE.index(channel)
         # the wheels report what is added; the constraint says nothing where there is something
@@ -155,9 +178,12 @@ def _terms(effect: str, given: UserTerm) -> Iterable[Term]:
 
 
 def turned(values: FloatArray, part: str, signals: Signals) -> FloatArray:
-    """Values [n] times cosine or sine of the heading, or as they are."""
+    """Values [n] times cosine or sine of the heading, less what a reading changes by in as many
+    seconds, or as they are."""
     if not part:
         return values
+    if part not in (COSINE, SINE):
+        return np.asarray(-values * getattr(signals, part))
     return np.asarray(values * (np.cos if part == COSINE else np.sin)(signals.heading))
 
 

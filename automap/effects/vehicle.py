@@ -20,6 +20,7 @@ from automap.effects.terms import (
     POSITION,
     VEHICLE,
 )
+from automap.effects.user import user_effects
 from automap.frames import rpy_to_matrix
 from automap.records import FloatArray
 
@@ -41,9 +42,11 @@ def lever_arm_motion(
     """Offset (m) and velocity (m/s) NED [n, 3] of a point of the body against its origin.
 
     ``C_n_b`` [n, 3, 3], ``turn_rate`` [n, 3] rad/s in body axes against the navigation frame,
-    ``arm_m`` [3] from the origin to the point in body axes.
+    ``arm_m`` [3], or [n, 3], from the origin to the point in body axes.
     """
     swing = np.einsum("nij,nj->ni", C_n_b, np.cross(turn_rate, arm_m))
+    if arm_m.ndim > 1:
+        return np.einsum("nij,nj->ni", C_n_b, arm_m), np.asarray(swing)
     return np.asarray(C_n_b @ arm_m), np.asarray(swing)
 
 
@@ -74,7 +77,12 @@ def stamp_error_s(
     def now(name: str) -> FloatArray:
         return t_s if name == ELAPSED or signal is None else signal(name)
 
-    return distortion(values, POSITION, len(t_s), now, ("clock",)).late
+    late = distortion(values, POSITION, len(t_s), now, ("clock",)).late
+    for effect in user_effects():
+        if effect.family == "clock":
+            for p, value in values.get(effect.name, {}).items():
+                late = late + value * now(f"{effect.name}.{p}")
+    return late
 
 
 def nose_angles(

@@ -250,7 +250,7 @@ def scale_problem(problem: Problem, factors: Mapping[str, float]) -> Problem:
     )
     model = problem.model
     walk, tau, prior_sd = model.walk.copy(), model.tau.copy(), model.prior_sd.copy()
-    for row, term in enumerate(model.terms):
+    for row, term in zip(model.term_table[:, 3], model.terms, strict=True):
         if level := CATALOGUE[term.effect].walk_setting:
             walk[N_NAV + row] *= factors[level] ** 2
     for effect in model.places:

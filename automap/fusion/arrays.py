@@ -23,9 +23,10 @@ class Samples(NamedTuple):
 
 
 class ModelArrays(NamedTuple):
-    """``terms`` [m, 3] sensor, axis, basis; ``on_...`` the terms on a measurement; ``tau``
-    [n] correlation times s (0: none); ``walk`` [n] random-walk PSD, or variance of a correlated
-    state; ``kept`` [n] which of a node's shares outlasts a change of its size, -1 all of it;
+    """``terms`` [m, 4] sensor, axis, basis, parameter; ``on_...`` the terms on a measurement;
+    ``tau`` [n] correlation times s (0: none); ``walk`` [n] random-walk PSD, or variance of a
+    correlated state; ``kept`` [n] which of a node's shares outlasts a change of its size, -1 all of
+    it;
     ``noise`` [2] PSD of force and rate; ``gap`` [3] longest normal step s, force sd m/s^2 and
     rate sd rad/s inside a gap; ``gate`` [5] NIS thresholds for 1..3 rows, largest inflation,
     inflation that counts as refused; ``earth_on``."""

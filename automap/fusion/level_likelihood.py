@@ -139,7 +139,7 @@ def _level_of_channel() -> IntArray:
 def _level_of_state(problem: Problem) -> IntArray:
     model = problem.model
     out = np.full(model.size, -1, dtype=np.int64)
-    for row, term in enumerate(model.terms):
+    for row, term in zip(model.term_table[:, 3], model.terms, strict=True):
         if level := CATALOGUE[term.effect].walk_setting:
             out[N_NAV + row] = ALL_LEVELS.index(level)
     for effect in model.places:

@@ -10,6 +10,7 @@ import numpy as np
 from automap.effects import CATALOGUE, Effect, ImuTerm, effect_named, imu_terms
 from automap.effects.measured import MEASURED, measured_terms
 from automap.effects.term_sums import MeasuredTerms
+from automap.effects.terms import INERTIAL
 from automap.errors import ConfigError
 from automap.fusion.layout import N_NAV
 from automap.fusion.options import FusionOptions
@@ -20,7 +21,7 @@ from automap.records import FloatArray, IntArray
 class StateModel:
     """The error state of one run: terms, priors, process noise.
 
-    ``terms`` the inertial parameters in order, ``term_table`` [m, 3] their codes, ``measured`` the
+    ``terms`` on inertial readings in order, ``term_table`` [m, 4] their codes, ``measured`` the
     terms on fixes and vehicle and ``signals`` what they are multiplied with, ``places`` the first
     row of each such effect; ``names`` of the states after the nine navigation errors,
     ``prior_mean`` and ``prior_sd`` [n - 9], ``tau`` [n] s, 0 where a state only walks, ``walk`` [n]
@@ -78,10 +79,14 @@ def build_state_model(
             chosen = [name for name in chosen if name != effect.name]
         elif not effect.follows_accuracy and effect.name not in chosen:
             chosen.append(effect.name)
-    imu_names = [e for e in chosen if effect_named(e).family == "imu"]
+    imu_names = [e for e in chosen if effect_named(e).acts_on(*INERTIAL)]
     terms = tuple(imu_terms(imu_names))
-    names = [t.name for t in terms]
-    sd = [_prior(options, t.effect, t.parameter.name, t.parameter.prior_sd) for t in terms]
+    parameters = {t.name: t for t in terms}
+    names = list(parameters)
+    sd = [
+        _prior(options, t.effect, t.parameter.name, t.parameter.prior_sd)
+        for t in parameters.values()
+    ]
     places: dict[str, int] = {}
     for name in chosen:
         if name not in imu_names:
@@ -94,7 +99,7 @@ def build_state_model(
     n = N_NAV + len(names)
     tau, walk = np.zeros(n), np.zeros(n)
     kept = np.full(n, -1, dtype=np.int64)
-    for i, term in enumerate(terms):
+    for i, term in enumerate(parameters.values()):
         setting = CATALOGUE[term.effect].walk_setting
         if setting and term.effect not in options.fixed:
             walk[N_NAV + i] = getattr(options, setting) ** 2
@@ -110,7 +115,8 @@ def build_state_model(
             kept[rows] = np.arange(rows.stop - first)
     mean = np.array([means.get(name, 0.0) for name in names])
     spreads = np.array([sds.get(name, s) for name, s in zip(names, sd, strict=True)])
-    table = np.array([(t.sensor, t.axis, t.basis) for t in terms], dtype=np.int64).reshape(-1, 3)
+    codes = [(t.sensor, t.axis, t.basis, names.index(t.name)) for t in terms]
+    table = np.array(codes, dtype=np.int64).reshape(-1, 4)
     measured, signals = measured_terms({e: first - N_NAV for e, first in places.items()})
     return StateModel(
         terms, table, measured, signals, places, tuple(names), mean, spreads, tau, walk, kept

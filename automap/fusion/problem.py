@@ -151,17 +151,11 @@ def with_late_change(problem: Problem, change: LateChange) -> Problem:
     # of a clock that runs fast the delay grows with the time
     growing = change.whole * problem.t[:, None]
     distance = codes[:, 0] == model.places.get("gnss_course_distance", 0) - N_NAV
-    of_users = [
-        (late, f"late_{name}", change.whole * users[name][:, None])
-        for i, name in enumerate(model.signals)
-        if (late := _of_kind(codes, TIME, SIGNAL_COLUMN + i)).any()
-    ]
     for late, name, amounts in (
         (_of_kind(codes, TIME, SIGNAL_ONE), "late_change", change.whole),
         (_of_kind(codes, TIME, SIGNAL_ELAPSED), "late_growth", growing),
         (_of_kind(codes, COURSE, SIGNAL_ONE), "late_course", change.course),
         (_of_kind(codes, POINT, SIGNAL_ONE) & distance, "late_distance", change.behind),
-        *of_users,
     ):
         if not late.any():
             continue

@@ -125,23 +125,16 @@ def collect(last: Pass, base_ns: int, outliers: IntArray) -> Outcome:
     )
 
 
-def moved_imu(problem: Problem, final: Mapping[str, float]) -> tuple[FloatArray, FloatArray]:
-    """By how much users' effects make the stamps late, [n] s, and turn the mounting, [n, 3] rad, at
-    the samples; ``final`` the estimated parameters by name. One row of nothing where none does."""
-    late, moved = np.zeros(1), np.zeros((1, 3))
+def moved_imu(problem: Problem, final: Mapping[str, float]) -> FloatArray:
+    """By how much users' effects turn the mounting, [n, 3] rad, at the samples; ``final`` the
+    estimated parameters by name. One row of nothing where none does."""
+    moved = np.zeros((1, 3))
     for effect in problem.model.places:
         for term in CATALOGUE[effect].terms:
-            if (
-                term.on == POSITION
-                and term.kind in (Kind.TIME, Kind.TURN)
-                and is_users(term.signal)
-            ):
+            if term.on == POSITION and term.kind == Kind.TURN and is_users(term.signal):
                 amount = final[f"{effect}_{term.parameter}"] * problem.users[term.signal]
-                if term.kind == Kind.TIME:
-                    late = late + amount
-                else:
-                    moved = moved + amount[:, None] * np.eye(3)[term.axis]
-    return late, moved
+                moved = moved + amount[:, None] * np.eye(3)[term.axis]
+    return moved
 
 
 def assemble(
@@ -165,7 +158,7 @@ def assemble(
     angles = [f"imu_mounting_{a}" for a in ("roll", "pitch", "yaw")]
     mounted = np.array([final.get(name, 0.0) for name in angles])
     turn = rpy_to_matrix(mounted)
-    late, moved = moved_imu(outcome.problem, final)
+    moved = moved_imu(outcome.problem, final)
     sd = np.array([spread.get(name, 0.0) for name in angles])
     if not axes_known:
         sd[1:] = np.maximum(sd[1:], limits.KNOWN_FORWARD_SD)
@@ -178,7 +171,7 @@ def assemble(
     make = partial(
         node_trajectory, outcome.problem, outcome.nodes,
         t_ns=session.imu.t_ns, clock=clock, delay=delay.mean + final.get(SKEW_STATE, 0.0)
-        * outcome.problem.t + late, delay_is_clock=delay_is_clock,
+        * outcome.problem.t, delay_is_clock=delay_is_clock,
         turn=rpy_to_matrix(mounted + moved) if moved.any() else turn, unseen_sd=unseen,
         slip_sd=np.radians(session.options.nhc_lasting_deg),
         age_sd=age_sd,

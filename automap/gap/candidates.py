@@ -18,13 +18,14 @@ from automap.earth import RATE
 from automap.effects import CATALOGUE
 from automap.effects.catalogue import alike_to_first_order, pairs_of_sign
 from automap.effects.formula_text import parse_formula
-from automap.effects.imu import ACCEL, BASIS_EXTRA, BASIS_FORCE, BASIS_ONE, imu_terms
+from automap.effects.imu import BASIS_EXTRA, BASIS_FORCE, BASIS_ONE, imu_terms
 from automap.effects.measured import MEASURED, measured_terms
 from automap.effects.measured_kernels import rows_along
 from automap.effects.terms import ELAPSED, POSITION, VEHICLE, VELOCITY, Kind
+from automap.effects.terms import INERTIAL as SENSORS
 from automap.effects.user import (
-    INERTIAL,
-    OF_IMU,
+    INSTALLED,
+    OF_ANTENNA,
     OF_MOUNT,
     is_users,
     towards,
@@ -46,11 +47,11 @@ COURSE = re.compile(
     r"\(?(step\(time - |max\(time - |exp\(-time / |sin\(2 \* pi \* time / |cos\(2 \* pi \* time / )"
 )
 GAIN = re.compile(r"(rate|force)_[xyz] \* ")
-OF_IMU_UNITS = {
-    **{channel: f"imu_mounting.{channel.removeprefix('imu_')}" for channel in OF_MOUNT},
-    "imu_time": "imu_time_offset.s",
+UNIT_OF = {
+    **{channel: ("imu_mounting", channel.removeprefix("imu_")) for channel in OF_MOUNT},
+    **{channel: ("gnss_lever_arm", channel[-1]) for channel in OF_ANTENNA},
 }
-"""Effect and parameter that act as a channel of the inertial unit does while it is the same."""
+"""Effect and parameter that act as a channel of the installation does while it is the same."""
 FAMILIES = ("imu", "vehicle", "clock", "gnss", "earth")
 
 
@@ -150,7 +151,7 @@ def named_columns(effects: Sequence[str], at: NodeMotion) -> list[Column]:
 def effect_columns(effect: str, at: NodeMotion, prior_sds: Mapping[str, float]) -> list[Column]:
     """The columns of a catalogue effect, none where the drive lacks what it needs."""
     known = CATALOGUE[effect]
-    if known.family == "imu":
+    if known.acts_on(*SENSORS):
         return _imu_columns(effect, at, prior_sds)
     if known.family == "earth":
         return [_earth_column(effect, at.motion)]
@@ -179,7 +180,7 @@ def _imu_columns(effect: str, at: NodeMotion, prior_sds: Mapping[str, float]) ->
         signals=at.along,
         as_read=(imu.gyro, imu.accel),
     )
-    out = []
+    acts: dict[str, list[Inertial]] = {}
     for term in terms:
         if term.basis == BASIS_ONE:
             signal = np.ones(len(motion.t))
@@ -191,11 +192,9 @@ def _imu_columns(effect: str, at: NodeMotion, prior_sds: Mapping[str, float]) ->
             signal = extra[:, term.basis - BASIS_EXTRA]
         if not signal.any():
             continue
-        sensor = 1 if term.sensor == ACCEL else 0
-        acts = (Inertial(sensor, term.axis, signal),)
-        sd = prior_sds[term.parameter.name]
-        out.append(Column(effect, term.parameter.name, sd, acts))
-    return out
+        acting = Inertial(term.sensor, term.axis, signal)
+        acts.setdefault(term.parameter.name, []).append(acting)
+    return [Column(effect, p, prior_sds[p], tuple(its)) for p, its in acts.items()]
 
 
 def _earth_column(effect: str, motion: Motion) -> Column:
@@ -264,8 +263,6 @@ def _direct(effect: str, at: NodeMotion) -> dict[str, FloatArray]:
             more = term.weight * at_times(motion, by, at.t)
             if term.signal == ELAPSED:
                 more *= at.t[:, None]
-            elif is_users(term.signal):
-                more *= at.there(user_signal(term.signal, at.along))[:, None]
             out[term.parameter][:, _CHANNELS[VELOCITY]] += more
     return out
 
@@ -289,7 +286,7 @@ def size_of(channel: str) -> float:
 
 def usual_sd(channel: str, signal: FloatArray) -> float:
     """Prior sd of what a ``signal`` [n] on a channel is multiplied with."""
-    spread = np.max(np.abs(signal)) if channel in OF_IMU else np.std(signal)
+    spread = np.max(np.abs(signal)) if channel in INSTALLED else np.std(signal)
     return size_of(channel) / max(float(spread), 1e-12)
 
 
@@ -324,17 +321,22 @@ def signal_column(
     channel = term[0]
     sd = usual_sd(channel, signal)
     name = name or equation([term])
-    if channel in INERTIAL:
-        return Column(name, parameter, sd, (Inertial.on(channel, signal),), term=term)
+    acting = towards(channel)
+    if acting[0].on in SENSORS:
+        acts = tuple(
+            Inertial(SENSORS.index(p.on), p.axis, signal, at.late_readings.get(p.turned))
+            for p in acting
+        )
+        return Column(name, parameter, sd, acts, term=term)
     amount = at.there(signal)
-    if channel in OF_IMU:
-        known, _, own = OF_IMU_UNITS[channel].partition(".")
+    if channel in UNIT_OF:
+        known, own = UNIT_OF[channel]
         if known not in at.units:
             at.units[known] = _direct(known, at)
         direct = Direct(at.units[known][own] * amount[:, None])
         return Column(name, parameter, sd, direct=direct, term=term)
     by_channel = np.zeros((len(amount), MAX_SCALARS))
-    for part in towards(channel):
+    for part in acting:
         place = _CHANNELS[part.on][part.axis]
         by_channel[:, place] = part.weight * turned(amount, part.turned, at.signals)
     return Column(name, parameter, sd, direct=Direct(by_channel), term=term)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from automap.gap import limits
-from automap.gap.evidence import single_nats
+from automap.gap.evidence import by_scale, single_nats
 from automap.gap.linear import Conditional, Linear, Part, conditional
 from automap.gap.whitening import LOOSE, Rows, moments
 from automap.records import FloatArray, IntArray
@@ -54,7 +54,7 @@ def null_maxima(known: Conditional, parts: Sequence[Part], draws: int, seed: int
             own = unit[single] ** 2
             some[:] = single_nats(g[:, single] ** 2 / own, own, sds[single]).max(axis=1)
         for at, infos in joint:
-            some[:] = np.maximum(some, joint_nats(g[:, at], infos, sds[at]).max(axis=1))
+            some[:] = np.maximum(some, by_scale(g[:, at], infos, sds[at]).max(axis=(0, 2)))
     return np.sort(best)
 
 
@@ -143,23 +143,7 @@ def _drawn(
         white = np.linalg.solve(np.linalg.cholesky(info), own.T)
         size = max(float((white**2).sum()) / len(at), 1.0)
         one = (signs @ own)[:, None], info[None], known.linear.prior_sd[[at]]
-        yield joint_nats(*one, size), np.array([i])
-
-
-def joint_nats(
-    g: FloatArray, info: FloatArray, prior_sd: FloatArray, size: float = 1.0
-) -> FloatArray:
-    """Nats [draws, k] of parts whose parameters act together, of scores [draws, k, p], information
-    [k, p, p] and prior sds [k, p], where scores scatter by ``size`` more than they should."""
-    best = np.full(g.shape[:2], -np.inf)
-    for scale in limits.PRIOR_SCALES:
-        sd = scale * prior_sd
-        low = np.linalg.cholesky(info * sd[:, :, None] * sd[:, None, :] + np.eye(sd.shape[1]))
-        # scores to units that are independent, of all draws at once
-        y = np.linalg.inv(low) @ (g * sd).transpose(1, 2, 0)
-        once = np.log(np.diagonal(low, axis1=1, axis2=2)).sum(axis=1)
-        best = np.maximum(best, (0.5 * (y**2).sum(axis=1) / size).T - once)
-    return np.asarray(best - np.log(len(limits.PRIOR_SCALES)))
+        yield by_scale(*one, size).max(axis=0), np.array([i])
 
 
 def _received(linear: Linear) -> Linear:

@@ -91,6 +91,9 @@ ON_FIXES = (
     ),
     ("velocity_along", "speed^2"),
     ("position_along", "speed^2"),
+    # courses that a compass has a say in
+    ("velocity_across", "speed * sin(heading)"),
+    ("velocity_across", "speed * cos(heading)"),
 )
 REMEMBERED = (
     # an axis that hangs behind what it measures by a play: hysteresis
@@ -112,7 +115,17 @@ ON_VEHICLE = (
     ("nhc_y", "speed * cos(heading)"),
 )
 """What the point that follows the road does aside: channel and text."""
-ALONE = (*ON_FIXES, *REMEMBERED, *ON_VEHICLE)
+ON_MOUNT = (
+    # wind lifts what stands out, brakes and bends twist what is held on one side
+    ("imu_pitch", "speed^2"),
+    ("imu_yaw", "speed^2"),
+    ("imu_yaw", "acceleration"),
+    ("imu_yaw", "lateral_acceleration"),
+)
+"""What the unit gives by in its mount: channel and text."""
+WARM_MOUNT = ("imu_pitch", "imu_yaw")
+"""What adhesive and plastic let go of in the sun."""
+ALONE = (*ON_FIXES, *REMEMBERED, *ON_VEHICLE, *ON_MOUNT)
 """Formulas that are tried on their own channel only."""
 
 
@@ -124,12 +137,15 @@ def warm(fit: Fit) -> bool:
 
 def formula_terms(signals: Signals, has_temperature: bool) -> list[tuple[str, str]]:
     """The dictionary for drives like one of these signals: channel and text of each."""
-    texts = list(QUANTITIES)
+    texts, alone = list(QUANTITIES), list(ALONE)
     if has_temperature:
         rise = f"(temperature - {float(np.median(signals.temperature)):.1f})"
         # of a sensor whose core follows its case, what lies between the two
         texts += [f"{rise}^2", "(temperature - lag(temperature, 40.0))", f"{rise} * speed"]
-    return [*((on, text) for text in texts for on in INERTIAL), *ALONE]
+        # what is stated of a mount was so before it warmed
+        since = f"(temperature - {float(signals.temperature[0]):.1f})"
+        alone += [(on, since) for on in WARM_MOUNT]
+    return [*((on, text) for text in texts for on in INERTIAL), *alone]
 
 
 PREFIX = "formula_"

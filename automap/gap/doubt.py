@@ -20,7 +20,7 @@ from dataclasses import replace
 import numpy as np
 
 from automap.effects import CATALOGUE
-from automap.effects.user import OF_IMU
+from automap.effects.user import INSTALLED
 from automap.gap import limits
 from automap.gap.candidates import follows_time, is_course
 from automap.gap.evidence import Evidence, by_stretch, evidence
@@ -81,8 +81,8 @@ def formula_in_place(selection: Selection, chosen: Chosen, name: str) -> str:
 
 
 def _of_a_constant(terms: Terms) -> bool:
-    """Whether a course of time is one of a gain, or of how the unit sits and keeps time."""
-    return not is_course(terms) or terms[0][0] in OF_IMU
+    """Whether a course of time is one of a gain, or of how unit and antenna sit."""
+    return not is_course(terms) or terms[0][0] in INSTALLED
 
 
 def uneven(selection: Selection, chosen: Chosen, name: str) -> float:

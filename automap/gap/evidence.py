@@ -50,18 +50,11 @@ class Evidence:
 
 def plain_nats(known: Conditional, part: Part) -> tuple[float, float]:
     """Nats of a part under the noise as modelled, and the factor on its prior."""
-    g = known.score[list(part)]
-    info = known.info(part)
-    best = (-np.inf, 1.0)
-    for scale in limits.PRIOR_SCALES:
-        sd = scale * known.linear.prior_sd[list(part)]
-        try:
-            nats = _bayes_factor(g, info, sd) - np.log(len(limits.PRIOR_SCALES))
-        except np.linalg.LinAlgError:
-            continue
-        if nats > best[0] + 1e-9:
-            best = (nats, scale)
-    return best
+    at = np.array([part])
+    nats = by_scale(known.score[at], known.infos(at), known.linear.prior_sd[at])[:, 0]
+    # of equal ones the first
+    best = int(np.argmax(nats >= nats.max() - 1e-9))
+    return float(nats[best]), limits.PRIOR_SCALES[best]
 
 
 def nats_of_parts(known: Conditional, parts: Sequence[Part]) -> FloatArray:
@@ -74,17 +67,29 @@ def nats_of_parts(known: Conditional, parts: Sequence[Part]) -> FloatArray:
         if length == 1:
             out[mine] = singles(known, at[:, 0])
             continue
-        info = known.infos(at)
-        for scale in limits.PRIOR_SCALES:
-            sd = scale * known.linear.prior_sd[at]
-            inner = info * sd[:, :, None] * sd[:, None, :] + np.eye(length)
-            sign, size = np.linalg.slogdet(inner)
-            g = sd * known.score[at]
-            squares = np.einsum("kp,kp->k", g, np.linalg.solve(inner, g[..., None])[..., 0])
-            nats = np.where(sign > 0.0, 0.5 * (squares - size), -np.inf)
-            out[mine] = np.maximum(out[mine], nats)
-        out[mine] -= np.log(len(limits.PRIOR_SCALES))
+        nats = by_scale(known.score[at], known.infos(at), known.linear.prior_sd[at])
+        out[mine] = nats.max(axis=0)
     return out
+
+
+def by_scale(
+    g: FloatArray, info: FloatArray, prior_sd: FloatArray, ratio: float = 1.0
+) -> FloatArray:
+    """Nats [scales, ..., k] of parts of scores [..., k, p], information [k, p, p] and prior sds
+    [k, p], where scores scatter by ``ratio`` more than they should."""
+    out = [bayes_factors(g, info, scale * prior_sd, ratio) for scale in limits.PRIOR_SCALES]
+    return np.asarray(np.array(out) - np.log(len(limits.PRIOR_SCALES)))
+
+
+def bayes_factors(
+    g: FloatArray, info: FloatArray, sd: FloatArray, ratio: float = 1.0
+) -> FloatArray:
+    """The same [..., k] for one scale."""
+    inner = info * sd[:, :, None] * sd[:, None, :] + np.eye(sd.shape[1])
+    sign, size = np.linalg.slogdet(inner)
+    y = sd * g
+    squares = np.einsum("...kp,kpq,...kq->...k", y, np.linalg.inv(inner), y)
+    return np.asarray(np.where(sign > 0.0, 0.5 * (squares / ratio - size), -np.inf))
 
 
 def singles(known: Conditional, columns: IntArray) -> FloatArray:
@@ -140,7 +145,8 @@ def evidence(known: Conditional, part: Part, least_ratio: float = 1.0) -> Eviden
     if not linear.of_vehicle(part) and _contradicted(rows, linear.sides, estimate, least_ratio):
         alone = rows.side(linear.sides[1])
         its_g, its_info = alone.phi.T @ alone.w, alone.phi.T @ alone.phi
-        its_nats = _bayes_factor(its_g, its_info, sd) - np.log(len(limits.PRIOR_SCALES))
+        its_nats = float(bayes_factors(its_g[None], its_info[None], sd[None])[0])
+        its_nats -= np.log(len(limits.PRIOR_SCALES))
         its_cov = np.linalg.inv(its_info + np.diag(sd**-2.0))
         its_ratio = max(_ratio(alone, its_cov @ its_g), least_ratio)
         lowered = 0.5 * (1.0 - 1.0 / np.array([ratio, its_ratio]))
@@ -207,13 +213,6 @@ def apart(known: Conditional, one: Part, other: Part) -> float:
         sums = np.add.reduceat(ahead, starts)
         spreads.append(np.sqrt(len(sums)) * np.std(sums))
     return float(ahead.sum() / max(*spreads, 1e-300))
-
-
-def _bayes_factor(g: FloatArray, info: FloatArray, sd: FloatArray) -> float:
-    """Nats of parameters with score [p], information [p, p] and prior sds [p]."""
-    root = np.linalg.cholesky(info * np.outer(sd, sd) + np.eye(len(sd)))
-    y = np.linalg.solve(root, sd * g)
-    return 0.5 * float(y @ y) - float(np.log(np.diag(root)).sum())
 
 
 @dataclass(frozen=True)

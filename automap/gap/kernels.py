@@ -26,7 +26,6 @@ def propagate_columns(
     dcm: FloatArray,
     signals: FloatArray,
     terms: IntArray,
-    weights: FloatArray,
     node_t: FloatArray,
     trans: FloatArray,
     tau: FloatArray,
@@ -42,10 +41,11 @@ def propagate_columns(
     """Whitened sensitivities ``out`` [s, c] of the scalars to ``c`` parameters.
 
     ``t`` [n] s, ``force`` [n, 3] corrected specific force, ``dcm`` [n, 3, 3] body to NED,
-    ``signals`` [n, g]. ``terms`` [m, 4]: column, sensor (0 gyro, 1 accelerometer), axis, signal;
-    ``weights`` [m]. The filter's run: ``node_t`` [k], ``trans`` [k, 9, n], ``tau`` [n],
-    ``keep`` [k, 3], ``kept`` [n], ``scalars`` [k] running totals, ``h``, ``gain`` [s, n], ``var``
-    [s]. ``direct`` [s, d]: the last ``d`` columns also act on the scalars themselves.
+    ``signals`` [n, g]. ``terms`` [m, 5]: column, sensor (0 gyro, 1 accelerometer), axis, signal,
+    and one that it is multiplied with, or -1. The filter's run: ``node_t`` [k], ``trans``
+    [k, 9, n], ``tau`` [n], ``keep`` [k, 3], ``kept`` [n], ``scalars`` [k] running totals, ``h``,
+    ``gain`` [s, n], ``var`` [s]. ``direct`` [s, d]: the last ``d`` columns also act on the scalars
+    themselves.
     """
     n_nodes, n_col = node_t.shape[0], out.shape[1]
     n = tau.shape[0]
@@ -72,7 +72,7 @@ def propagate_columns(
                 nxt = min(t[i + 1], node_t[k]) if i < n_t - 2 else node_t[k]
                 dt = nxt - now
                 s = (0.5 * (now + nxt) - t[i]) / (t[i + 1] - t[i])
-                _advance(psi, acting, force, dcm, signals, terms, weights, i, s, dt)
+                _advance(psi, acting, force, dcm, signals, terms, i, s, dt)
                 now = nxt
                 if i < n_t - 2 and now >= t[i + 1]:
                     i += 1
@@ -113,7 +113,6 @@ def _advance(
     dcm: FloatArray,
     signals: FloatArray,
     terms: IntArray,
-    weights: FloatArray,
     i: int,
     s: float,
     dt: float,
@@ -135,10 +134,12 @@ def _advance(
     # half of the turn before the forces act, half after
     for half in range(2):
         for m in range(terms.shape[0]):
-            j, axis, b = terms[m, 0], terms[m, 2], terms[m, 3]
-            u = weights[m] * (signals[i, b] + s * (signals[i + 1, b] - signals[i, b])) * dt
+            j, axis, b, d = terms[m, 0], terms[m, 2], terms[m, 3], terms[m, 4]
+            u = (signals[i, b] + s * (signals[i + 1, b] - signals[i, b])) * dt
             if u == 0.0:
                 continue
+            if d >= 0:
+                u *= signals[i, d] + s * (signals[i + 1, d] - signals[i, d])
             acting[j] = True
             if terms[m, 1] == 0:
                 psi[6, j] -= 0.5 * c[0, axis] * u

@@ -63,17 +63,10 @@ class PoseFit:
 
     def of(self, effect: str) -> dict[str, tuple[float, float]]:
         """Parameter -> value and sd."""
-        at = 6
-        for name in self.effects:
-            parameters = CATALOGUE[name].parameters
-            if name == effect:
-                sd = np.sqrt(np.diag(self.cov))
-                return {
-                    p.name: (float(self.x[at + i]), float(sd[at + i]))
-                    for i, p in enumerate(parameters)
-                }
-            at += len(parameters)
-        return {}
+        every = [(name, p.name) for name in self.effects for p in CATALOGUE[name].parameters]
+        sds = np.sqrt(np.diag(self.cov))[6:]
+        rows = zip(every, self.x[6:].tolist(), sds.tolist(), strict=True)
+        return {p: (value, sd) for (name, p), value, sd in rows if name == effect}
 
 
 def find_laboratory_gaps(
@@ -231,15 +224,18 @@ def _pose_nats(before: PoseFit, after: PoseFit, effect: str) -> float:
 
 
 def _f_test(before: PoseFit, after: PoseFit) -> float:
-    """Chance of such a drop of the squares where nothing is missing (F test)."""
+    k, q = len(after.residuals), len(after.x)
+    rss0 = before.spread**2 * max(k - len(before.x), 1)
+    return _by_chance(rss0, after.spread**2 * max(k - q, 1), q - len(before.x), max(k - q, 1))
+
+
+def _by_chance(before: float, after: float, more: int, left: int) -> float:
+    """Chance that squares drop so by ``more`` parameters, ``left`` degrees of freedom left, where
+    nothing is missing (F test)."""
     from scipy.stats import f
 
-    k, q = len(after.residuals), len(after.x)
-    more = q - len(before.x)
-    rss0 = before.spread**2 * max(k - len(before.x), 1)
-    rss1 = after.spread**2 * max(k - q, 1)
-    ratio = max(rss0 - rss1, 0.0) / more / max(rss1 / max(k - q, 1), 1e-300)
-    return float(f.sf(ratio, more, max(k - q, 1)))
+    ratio = max(before - after, 0.0) / more / max(after / left, 1e-300)
+    return float(f.sf(ratio, more, left))
 
 
 def _gyro(
@@ -266,13 +262,10 @@ def _gyro(
                 errors[row, i] = _turn_error(turns[i], fit, gravity)
     before, after = errors
     n = 2 * len(turns) + 3 * len(rests)
-    nats = _gyro_nats(base, with_g, n)
-    from scipy.stats import f as f_distribution
-
     rss0, rss1 = _gyro_squares(base, base), _gyro_squares(with_g, base)
-    dof = max(n - 21, 1)
-    ratio = max(rss0 - rss1, 0.0) / 9.0 / max(rss1 / dof, 1e-300)
-    p = float(f_distribution.sf(ratio, 9, dof))
+    # Schwarz's approximation of the log Bayes factor; nine parameters more
+    nats = float(0.5 * n * np.log(rss0 / max(rss1, 1e-300)) - 0.5 * 9.0 * np.log(n))
+    p = _by_chance(rss0, rss1, 9, max(n - 21, 1))
     if nats < LEAST_ODDS or p > DESK_P or not _robust(after) < _robust(before):
         return None, before, before
     names = [q.name for q in CATALOGUE["gyro_g_sensitivity"].parameters]
@@ -291,12 +284,6 @@ def _gyro_squares(fit: GyroFit, scale: GyroFit) -> float:
     turn, rest = max(scale.turn_rms, 1e-9), max(_rms(scale.rest_rates.ravel()), 1e-12)
     turns = len(fit.turn_errors) * 2.0 * (fit.turn_rms / turn) ** 2
     return float(turns + fit.rest_rates.size * (_rms(fit.rest_rates.ravel()) / rest) ** 2)
-
-
-def _gyro_nats(base: GyroFit, with_g: GyroFit, n: int) -> float:
-    """Schwarz's approximation of the log Bayes factor; nine parameters more."""
-    gain = 0.5 * n * np.log(_gyro_squares(base, base) / max(_gyro_squares(with_g, base), 1e-300))
-    return float(gain - 0.5 * 9.0 * np.log(n))
 
 
 def _turn_error(turn: Turn, fit: GyroFit, gravity: float) -> float:

@@ -41,12 +41,12 @@ told apart where four fifths of what one shows are the other's, and the rest sho
 
 FORMULA_SIZES = {
     **dict(gyro=5e-4, accel=0.05, position=0.5, height=0.5, velocity=0.05, nhc=0.05),
-    **dict(imu=0.02, imu_time=0.02),
+    **dict(imu=0.02, imu_time=0.02, antenna=0.5),
 }
 """Usual root mean square of what a formula adds, rad/s, m/s^2, m, m, m/s, m/s. Chosen as large as
 what consumer sensors err by and a drive notices: 5 mg, 1.7 degrees a minute, the noise of fixes. Of
-how a unit sits and keeps time the most that it adds, rad, s: a mount gives by a degree and a clock
-jumps by a few samples, however long that stays."""
+how unit and antenna sit and keep time the most that it adds, rad, s, m: a mount gives by a degree,
+a clock jumps by a few samples and an antenna slides by a hand or two, however long that stays."""
 SAME_SIGNAL = 0.999
 """A quantity that correlates so with a sum of catalogue effects' is those effects: a one-sided
 rate is a scale and an asymmetry."""

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from automap.effects.signals import Signals, signals_of
-from automap.effects.user import INERTIAL
+from automap.effects.user import INERTIAL, towards, turned
 from automap.frames import quat_to_matrix
 from automap.fusion.problem import LateChange
 from automap.fusion.steady_rate import steady_rate
@@ -38,11 +38,13 @@ Side = tuple[BoolArray, Frame]
 
 @dataclass(frozen=True)
 class Inertial:
-    """Adds ``signal`` [n] times the parameter to an axis of a sensor (0 gyro, 1 accelerometer)."""
+    """Adds ``signal`` [n], ``times`` another where there is one, times the parameter to an axis of
+    a sensor (0 gyro, 1 accelerometer)."""
 
     sensor: int
     axis: int
     signal: FloatArray | BoolArray
+    times: FloatArray | None = None
 
     @classmethod
     def on(cls, channel: str, signal: FloatArray | BoolArray) -> Inertial:
@@ -104,6 +106,14 @@ class NodeMotion:
     def late(self) -> LateChange | None:
         """By how much late velocities change otherwise than those at their tag."""
         return late_change(self.motion, self.motion.acc, self.fit.delays)
+
+    @cached_property
+    def late_readings(self) -> dict[str, FloatArray]:
+        """What readings show more [n] for each second that their stamps are late, by the names of
+        what they change by."""
+        ones = np.ones(len(self.along.time))
+        parts = [part.turned for part in towards("imu_time")]
+        return {part: turned(ones, part, self.along) for part in parts}
 
     def there(self, values: FloatArray) -> FloatArray:
         """What is known along the drive [n] at the nodes [k], as the filter takes it: a formula may
@@ -240,14 +250,15 @@ def sensitivities(fit: Fit, motion: Motion, columns: Sequence[Column]) -> FloatA
     order = inertial + direct
     signals: list[FloatArray | BoolArray] = []
     index: dict[int, int] = {}
-    terms: list[tuple[int, int, int, int]] = []
+    terms: list[tuple[int, int, int, int, int]] = []
     for place, i in enumerate(order):
         for part in columns[i].inertial:
-            key = id(part.signal)
-            if key not in index:
-                index[key] = len(signals)
-                signals.append(part.signal)
-            terms.append((place, part.sensor, part.axis, index[key]))
+            for signal in (part.signal, part.times):
+                if signal is not None and id(signal) not in index:
+                    index[id(signal)] = len(signals)
+                    signals.append(signal)
+            factor = -1 if part.times is None else index[id(part.times)]
+            terms.append((place, part.sensor, part.axis, index[id(part.signal)], factor))
     last = fit.last
     store = last.forward.store
     total = len(store.nu)
@@ -258,7 +269,7 @@ def sensitivities(fit: Fit, motion: Motion, columns: Sequence[Column]) -> FloatA
         assert acts is not None
         acting[:, place] = acts.by_channel[node, channel]
     n = len(motion.t)
-    table: IntArray = np.array(terms, dtype=np.int64).reshape(-1, 4)
+    table: IntArray = np.array(terms, dtype=np.int64).reshape(-1, 5)
     out = np.zeros((total, len(order)))
     propagate_columns(
         motion.t,
@@ -268,7 +279,6 @@ def sensitivities(fit: Fit, motion: Motion, columns: Sequence[Column]) -> FloatA
         if signals
         else np.zeros((n, 1)),
         table,
-        np.ones(len(terms)),
         last.nodes.t,
         store.trans,
         last.problem.model.tau,

@@ -37,8 +37,9 @@ GAINS = {
     "accel_y": "force_y",
 }
 """What an axis mostly measures in a vehicle. Upwards that is its weight, and a gain is a bias."""
-SEAT = ("imu_pitch", "imu_yaw", "imu_time")
-"""How the unit sits, and keeps time. What it leans by its weight tells no better than its drift."""
+SEAT = ("imu_pitch", "imu_yaw", "imu_time", "antenna_x", "antenna_y")
+"""How unit and antenna sit, and keep time. What the unit leans by its weight tells no better than
+its drift, how high the antenna sits no better than heights."""
 GAIN_PERIODS = 32
 """So many periods of a gain or a seat a drive at most, and steps: these show in bends and changes
 of speed alone, and between two of them nobody sees them."""
@@ -65,13 +66,15 @@ def box_columns(at: NodeMotion) -> list[Column]:
     time = motion.t + fit.opened.drive.begin_s
     length = float(motion.t[-1] - motion.t[0])
     name = f"{BOX} {fit.opened.drive.name}"
-    number = ((motion.t - motion.t[0]) / gain_step_s(length)).astype(np.int64)
+    count = max(round(length / gain_step_s(length)), 1)
+    middles = time[0] + (np.arange(count) + 0.5) * length / count
     out = []
-    for i in range(int(number[-1]) + 1):
-        inside = number == i
-        for channel in SEAT if inside.any() else ():
-            term = (channel, f"{time[inside].mean():.3f}")
-            out.append(signal_column(term, inside.astype(float), at, name, " ".join(term)))
+    for own, middle in zip(np.eye(count), middles, strict=True):
+        # linear in between: what swings slowly is no stair
+        share = np.interp(time, middles, own)
+        for channel in SEAT:
+            term = (channel, f"{middle:.3f}")
+            out.append(signal_column(term, share, at, name, " ".join(term)))
     number = ((motion.t - motion.t[0]) / box_s(length)).astype(np.int64)
     for i in range(int(number[-1]) + 1):
         inside = number == i

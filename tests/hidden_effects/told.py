@@ -17,8 +17,8 @@ from scipy.ndimage import gaussian_filter1d
 from tests.hidden_effects.extras import Extras
 from tests.hidden_effects.geodesy import Array
 from tests.hidden_effects.imu import Signals
-from tests.hidden_effects.motion import Motion
-from tests.hidden_effects.outside import lagged, to_north
+from tests.hidden_effects.motion import Motion, State
+from tests.hidden_effects.outside import antenna, lagged, to_north
 
 FUNCTIONS: Mapping[str, Callable[..., Any]] = {
     "sin": np.sin,
@@ -51,6 +51,7 @@ FIX_AXES = (
     "velocity_down",
 )
 VEHICLE_AXES = ("nhc_y", "nhc_z")
+ANTENNA_AXES = ("antenna_x", "antenna_y", "antenna_z")
 MOUNT_AXES = ("imu_roll", "imu_pitch", "imu_yaw")
 
 
@@ -157,9 +158,12 @@ def _change(values: Array, t: Array) -> Array:
 
 def _of_motion(motion: Motion, t: Array) -> dict[str, Array]:
     """The same at fixes; the temperature is not known there."""
-    state = motion.at(t)
-    none = np.zeros_like(t)
-    return _of_signals(Signals(t, state.force, state.rate, none, state)) | {
+    return _of_state(motion.at(t))
+
+
+def _of_state(state: State) -> dict[str, Array]:
+    none = np.zeros_like(state.t)
+    return _of_signals(Signals(state.t, state.force, state.rate, none, state)) | {
         "temperature_rate": none
     }
 
@@ -171,7 +175,7 @@ def told_extras(terms: Sequence[Term]) -> Extras:
         ValueError: on use, of what is no formula of the manual.
     """
     inertial = [t for t in terms if t.channel in IMU_AXES]
-    measured = [t for t in terms if t.channel in FIX_AXES]
+    measured = [t for t in terms if t.channel in (*FIX_AXES, *ANTENNA_AXES)]
     vehicle = [t for t in terms if t.channel in VEHICLE_AXES]
     mounted = [t for t in terms if t.channel in MOUNT_AXES]
     stamps = [t for t in terms if t.channel == "imu_time"]
@@ -198,10 +202,22 @@ def told_extras(terms: Sequence[Term]) -> Extras:
         known = _of_motion(motion, t)
         sums = {axis: np.zeros_like(t) for axis in FIX_AXES}
         for term in measured:
-            sums[term.channel] += term.coefficient * evaluate(term.formula, known)
+            if term.channel in sums:
+                sums[term.channel] += term.coefficient * evaluate(term.formula, known)
         place = (sums["position_along"], sums["position_across"], -sums["height"])
         speed = (sums["velocity_along"], sums["velocity_across"], sums["velocity_down"])
-        return to_north(motion, t, *place), to_north(motion, t, *speed)
+        moved = antenna(arm)(1.0).fix
+        assert moved is not None
+        further, faster = moved(motion, t)
+        return to_north(motion, t, *place) + further, to_north(motion, t, *speed) + faster
+
+    def arm(state: State, step_s: float) -> Array:
+        out, known = np.zeros((len(state.t), 3)), _of_state(state)
+        for term in measured:
+            if term.channel in ANTENNA_AXES:
+                amount = term.coefficient * evaluate(term.formula, known)
+                out[:, ANTENNA_AXES.index(term.channel)] += amount
+        return out
 
     def nhc(motion: Motion, t: Array) -> Array:
         known = _of_motion(motion, t)

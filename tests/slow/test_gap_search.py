@@ -47,8 +47,11 @@ def test_a_drive_without_errors_has_no_findings(seed: int) -> None:
     assert result.misfits == ()
 
 
-@pytest.mark.parametrize(("on", "size"), [("imu_time", 0.12), ("imu_yaw", 0.04)])
-def test_a_clock_or_a_mount_that_steps_is_told_as_one(on: str, size: float) -> None:
+STEPS = [("imu_time", 0.12), ("imu_yaw", 0.04), ("antenna_x", 1.0)]
+
+
+@pytest.mark.parametrize(("on", "size"), STEPS)
+def test_a_clock_a_mount_or_an_antenna_that_steps_is_told_as_one(on: str, size: float) -> None:
     table = {"k": {"on": on, "formula": "step(time - 60)", "prior_sd": 0.1}}
     set_user_effects(effects_of_formulas({"steps": table}, "x"))
     hidden: dict[str, Any] = {"steps": {"k": size}}

@@ -113,7 +113,7 @@ def kernels_transition() -> Any:
     part = phi.copy()
     part[:, 12:] = 0.0
     part[:8, 11] = 0.0
-    terms = np.array([[0, 0, 0], [0, 2, 4], [1, 1, 0], [1, 2, 8], [0, 1, 7]])
+    terms = np.array([[0, 0, 0, 0], [0, 2, 4, 1], [1, 1, 0, 2], [1, 2, 8, 3], [0, 1, 7, 4]])
     _, c = _turned(rng)
     reading, force = rng.normal(size=8), rng.normal(size=3)
     tau = np.where(np.arange(n) % 3 == 1, 0.0, 0.7 + 0.1 * np.arange(n))
@@ -233,7 +233,12 @@ def _samples(rng: np.random.Generator, n: int, extra: int) -> Any:
     )
 
 
-TERMS = np.array([[0, 0, 0], [0, 2, 3], [1, 1, 0], [1, 0, 5], [0, 1, 7], [1, 2, 8], [1, 1, 1]])
+TERMS = np.array(
+    [
+        *([0, 0, 0, 0], [0, 2, 3, 1], [1, 1, 0, 2], [1, 0, 5, 3]),
+        *([0, 1, 7, 4], [1, 2, 8, 5], [1, 1, 1, 6]),
+    ]
+)
 
 
 def _model(n: int, gap_s: float) -> Any:

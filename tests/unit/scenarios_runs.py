@@ -230,7 +230,7 @@ def kernels_measurements() -> Any:
     rng = np.random.default_rng(2)
     codes = np.array([[k, kind, k % 3, k % 5] for k, kind in enumerate((0, 1, 2, 4, 5, 6, 7))])
     on = [Terms(codes, rng.uniform(0.5, 1.5, 7)) for _ in range(3)]
-    terms = np.array([[0, 0, 0], [0, 2, 3], [1, 1, 0], [0, 1, 7]])
+    terms = np.array([[0, 0, 0, 0], [0, 2, 3, 1], [1, 1, 0, 2], [0, 1, 7, 3]])
     n = 9 + 7
     model = ModelArrays(
         terms, *on, np.ones(n), np.ones(n), np.full(n, -1), np.ones(2), np.ones(3), np.ones(5), True

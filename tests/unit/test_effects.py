@@ -23,6 +23,8 @@ from automap.effects.inertial_signals import formula_of
 from automap.effects.signals import FIELDS
 from automap.errors import ConfigError
 from automap.fusion.kernels.readings import correct, correction_of
+from automap.fusion.kernels.transition import add_transition
+from automap.fusion.layout import N_NAV
 
 XYZ = "x y z"
 NAMES = {
@@ -156,6 +158,19 @@ def test_each_parameter_adds_its_own_signal(name: str) -> None:
         assert np.abs(still).max() == 0.0
 
 
+def test_a_parameter_on_several_axes_moves_the_path_as_one_on_each_does() -> None:
+    rng = np.random.default_rng(3)
+    codes = np.array([[0, 0, 7], [0, 1, 8], [0, 2, 9], [1, 0, 10], [1, 1, 11], [1, 2, 12]])
+    rows = rng.normal(size=(9, N_NAV + 6))
+    # what acts on forces alone tilts nothing
+    rows[6:, N_NAV + 3 :] = 0.0
+    one = np.column_stack([rows[:, :N_NAV], rows[:, N_NAV:].sum(axis=1)])
+    known = rng.normal(size=(3, 3)), rng.normal(size=12), rng.normal(size=3), 0.02
+    add_transition(rows, np.column_stack([codes, np.arange(6)]), *known)
+    add_transition(one, np.column_stack([codes, np.zeros(6, np.int64)]), *known)
+    assert one[:, N_NAV] == pytest.approx(rows[:, N_NAV:].sum(axis=1), abs=1e-12)
+
+
 @settings(max_examples=25)
 @given(st.integers(0, 2**32 - 1))
 def test_the_filter_takes_out_what_the_simulator_puts_in(seed: int) -> None:
@@ -171,7 +186,8 @@ def test_the_filter_takes_out_what_the_simulator_puts_in(seed: int) -> None:
         values[term.effect][term.parameter.name] = float(value)
     drive = _of_drive()
     rates, forces = distort_imu(gyro, accel, values, temp, speed, signals=drive)
-    table = np.array([(t.sensor, t.axis, t.basis) for t in terms], dtype=np.int64)
+    codes = [(t.sensor, t.axis, t.basis, i) for i, t in enumerate(terms)]
+    table = np.array(codes, dtype=np.int64)
     extra = extra_basis(terms, gyro, accel, temp, speed, signals=drive)
     raw = np.concatenate([rates, forces], axis=1)
     matrix, shift, out = np.empty((6, 6)), np.empty(6), np.empty(6)

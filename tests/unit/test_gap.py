@@ -11,7 +11,6 @@ import pytest
 
 from automap.effects import CATALOGUE
 from automap.effects.user import set_user_effects
-from automap.effects.user_tables import effects_of_formulas
 from automap.errors import InputError
 from automap.gap import GapDrive, base_model, find_gaps
 from automap.gap.candidates import effect_columns, library
@@ -116,14 +115,10 @@ def test_sensitivities_predict_what_an_effect_does_to_the_innovations(
     assert slope == pytest.approx(1.0, abs=0.1)
 
 
-@pytest.mark.parametrize(
-    ("effect", "size"), [("imu_time_offset", 1e-2), ("imu_clock_skew", 1e-4), ("grows", 1e-4)]
-)
+@pytest.mark.parametrize(("effect", "size"), [("imu_time_offset", 1e-2), ("imu_clock_skew", 1e-4)])
 def test_beside_late_velocities_a_delay_is_screened_by_what_happened_then(
     effect: str, size: float
 ) -> None:
-    table = {"k": {"on": "imu_time", "formula": "time", "prior_sd": 1e-3}}
-    set_user_effects(effects_of_formulas({"grows": table}, "x"))
     late = {"gnss_velocity_latency": {"s": 0.8}}
     model = without(base_model(), "gnss_course_distance")
     options = replace(model.options, gate_probability=0.0)

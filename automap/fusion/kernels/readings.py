@@ -34,7 +34,7 @@ def correction_of(
     for m in range(terms.shape[0]):
         b = terms[m, 2]
         if 0 < b < 7:
-            a[terms[m, 1] + (3 if terms[m, 0] == 1 else 0), b - 1] += theta[m]
+            a[terms[m, 1] + (3 if terms[m, 0] == 1 else 0), b - 1] += theta[terms[m, 3]]
     inverse = np.zeros((6, 6))
     for i in range(6):
         inverse[i, i] = 1.0
@@ -66,9 +66,9 @@ def shift_of(
             continue
         first = 3 if terms[m, 0] == 1 else 0
         if b == 0:
-            raw[first + terms[m, 1]] += theta[m]
+            raw[first + terms[m, 1]] += theta[terms[m, 3]]
         else:
-            raw[first + terms[m, 1]] += theta[m] * extra[b - 7]
+            raw[first + terms[m, 1]] += theta[terms[m, 3]] * extra[b - 7]
     for i in range(6):
         s = 0.0
         for j in range(6):

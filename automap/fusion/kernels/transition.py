@@ -47,11 +47,26 @@ def add_transition(
     for j in range(6, 9):
         _advance_column(phi, j, fn, fe, fd, dt)
     for m in range(terms.shape[0]):
-        j = N_NAV + m
+        j = N_NAV + terms[m, 3]
         axis, b = terms[m, 1], terms[m, 2]
         u = (1.0 if b == 0 else r[b - 1]) * dt
         cn, ce, cd = c[0, axis] * u, c[1, axis] * u, c[2, axis] * u
-        if terms[m, 0] == 0:
+        if m > 0 and terms[m - 1, 3] == terms[m, 3]:
+            # the column of a parameter advances once, and takes what its other axes add
+            if terms[m, 0] == 0:
+                dn, de, dd = fe * cd - fd * ce, fd * cn - fn * cd, fn * ce - fe * cn
+                phi[6, j] -= cn
+                phi[7, j] -= ce
+                phi[8, j] -= cd
+            else:
+                dn, de, dd = -2.0 * cn, -2.0 * ce, -2.0 * cd
+            phi[0, j] += 0.25 * dn * dt
+            phi[1, j] += 0.25 * de * dt
+            phi[2, j] += 0.25 * dd * dt
+            phi[3, j] += 0.5 * dn
+            phi[4, j] += 0.5 * de
+            phi[5, j] += 0.5 * dd
+        elif terms[m, 0] == 0:
             # the attitude error grows over the step: half of it turns the force on average
             phi[6, j] -= 0.5 * cn
             phi[7, j] -= 0.5 * ce

@@ -55,5 +55,5 @@ def zero_rate(
     for m in range(terms.shape[0]):
         if terms[m, 0] == 0:
             b = terms[m, 2]
-            h[terms[m, 1], N_NAV + m] = -(1.0 if b == 0 else at.reading[b - 1])
+            h[terms[m, 1], N_NAV + terms[m, 3]] = -(1.0 if b == 0 else at.reading[b - 1])
     return 3, CH_ZARU

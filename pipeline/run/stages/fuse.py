@@ -323,7 +323,7 @@ def _inputs(drive: Drive) -> list[Path]:
 
 STAGE = Stage(
     name="fuse",
-    version=26,
+    version=27,
     run=run,
     inputs=_inputs,
     needs=(names.IMU, names.FIXES, names.ODOMETER, names.SYNC, names.INGEST),
