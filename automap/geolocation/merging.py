@@ -114,24 +114,16 @@ def find_backs(
     owner = np.repeat(np.arange(len(groups)), [len(group) for group in groups])
 
     def apart(a: int, b: int) -> float:
-        if not _is_other_side(views, seen[a], seen[b]):
+        back, front = seen[a], seen[b]
+        if np.isin(views.frame[back.landmark.rows], views.frame[front.landmark.rows]).any():
             return np.inf
-        return float(np.linalg.norm(seen[a].position - seen[b].position))
+        difference, cosine = back.position - front.position, float(back.facing @ front.facing)
+        two_sides = are_two_sides(difference, difference_covariance(back, front), cosine)
+        return float(np.linalg.norm(difference)) if two_sides else np.inf
 
     place = np.array([sighting.position for sighting in seen]).reshape(-1, 3)
     names = [sighting.class_name for sighting in seen]
-    # a little more than the reach, which the pair itself is held to
-    return fronts_of_backs(names, owner, place, 1.01 * limits.BACK_REACH_M, apart)
-
-
-def _is_other_side(views: Views, back: Sighting, front: Sighting) -> bool:
-    difference = back.position - front.position
-    if float(np.linalg.norm(difference)) > limits.BACK_REACH_M:
-        return False
-    if np.isin(views.frame[back.landmark.rows], views.frame[front.landmark.rows]).any():
-        return False
-    cosine = float(back.facing @ front.facing)
-    return are_two_sides(difference, difference_covariance(back, front), cosine)
+    return fronts_of_backs(names, owner, place, limits.BACK_REACH_M, apart)
 
 
 def are_two_sides(difference: FloatArray, covariance: FloatArray, cosine: float) -> bool:

@@ -329,18 +329,19 @@ def test_a_back_is_near_its_front_by_both_sigmas_and_a_plates_thickness(
             position=where * np.eye(3)[axis], facing=facing, landmark=SimpleNamespace(rows=rows)
         )
 
+    def behind(back: Any, front: Any) -> bool:
+        back.class_name, front.class_name = "sign--back", "regulatory--stop--g1"
+        return bool(merging.find_backs(views, [back, front], [[0], [1]])[0] == 1)
+
     ahead = np.array([1.0, 0.0])
     back = one(-distance, turned * [1.001, 1.0], [0, 1])
-    assert merging._is_other_side(views, back, one(0.0, ahead, [2])) == (factor < 1.0)
-    assert not merging._is_other_side(
-        views, one(0.0, turned * [0.999, 1.0], [0]), one(0.0, ahead, [2])
-    )
-    assert not merging._is_other_side(views, one(0.0, -ahead, [0, 1]), one(0.0, ahead, [1]))
+    assert behind(back, one(0.0, ahead, [2])) == (factor < 1.0)
+    assert not behind(one(0.0, turned * [0.999, 1.0], [0]), one(0.0, ahead, [2]))
+    assert not behind(one(0.0, -ahead, [0, 1]), one(0.0, ahead, [1]))
     far = 1.001 * limits.BACK_REACH_M
     monkeypatch.setattr(merging, "difference_covariance", lambda a, b: 1e6 * np.eye(3))
     for where, wanted in ((far, False), (-far, False), (0.998 * far, True)):
-        found = merging._is_other_side(views, one(where, -ahead, [0]), one(0.0, ahead, [2]))
-        assert found is wanted
+        assert behind(one(where, -ahead, [0]), one(0.0, ahead, [2])) is wanted
 
 
 def test_two_passes_are_of_one_sign_by_their_distance_in_sigmas_and_their_classes(
