@@ -1,4 +1,4 @@
-"""Logs that no calibration can use: saturated axes, swapped sensors, units that cannot be."""
+"""Logs that no calibration can use: dead or saturated axes, swapped sensors, impossible units."""
 
 from __future__ import annotations
 
@@ -19,9 +19,16 @@ from automap.records import FloatArray, RawImu
 
 
 def refuse_saturation(log: RawImu) -> None:
-    """Raise when an axis stays at its extreme for longer than chance and resolution explain."""
+    """Raise when an axis stays at its extreme for longer than chance and resolution explain, or
+    reads one value throughout, as one that is not there."""
     for sensor, values in (("accelerometer", log.accel), ("gyro", log.gyro)):
         for i, axis in enumerate("xyz"):
+            if len(values) and np.ptp(values[:, i]) == 0.0:
+                raise InputError(
+                    f"{log.name}: the {sensor}'s {axis} axis reads {values[0, i]:.6g} from the "
+                    "first sample to the last; name the columns that it was recorded in, or "
+                    "record again."
+                )
             place = _saturated(values[:, i])
             if place is None:
                 continue
@@ -33,23 +40,9 @@ def refuse_saturation(log: RawImu) -> None:
             )
 
 
-def refuse_dead(log: RawImu) -> None:
-    """Raise when an axis reads the same all the time, as one that is not there."""
-    for sensor, values in (("accelerometer", log.accel), ("gyro", log.gyro)):
-        dead = [axis for axis, x in zip("xyz", values.T, strict=True) if len(x) and np.ptp(x) == 0]
-        if dead:
-            raise InputError(
-                f"{log.name}: the {sensor} reads {values[0, 'xyz'.index(dead[0])]:.6g} about "
-                f"{', '.join(dead)} from the first sample to the last; give the columns that it "
-                "was recorded in, with --columns, or record again."
-            )
-
-
 def _saturated(x: FloatArray) -> tuple[int, int, float] | None:
     """First row, length and value of a run at the largest or least reading, if any."""
     low, high = float(x.min()), float(x.max())
-    if high == low:
-        return None
     same = np.diff(x) == 0.0
     # how often neighbours agree by resolution alone: away from the two extremes
     inner = (x[1:] > low) & (x[1:] < high)

@@ -19,7 +19,6 @@ from automap.calibration.accelerometer import (
 )
 from automap.calibration.gyroscope import GyroFit, fit_gyro, turns_between
 from automap.calibration.plausible import (
-    refuse_dead,
     refuse_saturation,
     refuse_swapped,
     refuse_wrong_accel_unit,
@@ -69,10 +68,10 @@ def calibrate_static(
 
     Raises:
         InputError: no rest, too few poses, poses that leave a parameter open (the sentence
-            names those that would help), a saturated axis, swapped sensors, a unit that cannot be.
+            names those that would help), a dead or saturated axis, swapped sensors, a unit that
+            cannot be.
     """
     for log in logs:
-        refuse_dead(log)
         refuse_saturation(log)
         refuse_swapped(log)
     warnings: list[str] = []

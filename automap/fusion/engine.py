@@ -115,7 +115,7 @@ def fuse_imu_gnss(
         for axis, value in zip("xyz", rest_bias, strict=True):
             means[f"gyro_bias_{axis}"] = float(value)
             sds[f"gyro_bias_{axis}"] = limits.REST_BIAS_SD
-    wheels = prepare_wheels(odometer, base_ns, model, options)
+    wheels = prepare_wheels(odometer, base_ns, span, model, options)
     readings = None if wheels is None else wheels.odometer
     if readings is not None:
         effects = (*effects, *(e for e in _OF_WHEELS if e not in effects))

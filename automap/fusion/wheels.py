@@ -52,26 +52,38 @@ class Wheels:
 
 
 def prepare_wheels(
-    wheels: WheelSpeed | None, base_ns: int, fixes: FixModel, options: FusionOptions
+    wheels: WheelSpeed | None,
+    base_ns: int,
+    span: tuple[float, float],
+    fixes: FixModel,
+    options: FusionOptions,
 ) -> Wheels | None:
     """Compare wheel speeds with the fixes' and turn them into readings.
 
-    Stamps count from ``base_ns``, on the axis of the fixes' times.
+    Stamps count from ``base_ns``, on the axis of the fixes' times and of ``span``, the first and
+    last instant of the drive in s.
     """
     if wheels is None or len(wheels) < 2:
         return None
     t, speed = np.asarray((wheels.t_ns - base_ns) * 1e-9), wheels.speed
-    return judge_wheels(t, speed, path_speed(fixes), options)
+    return judge_wheels(t, speed, path_speed(fixes), options, span)
 
 
 def judge_wheels(
-    t: FloatArray, speed: FloatArray, reference: Reference, options: FusionOptions
+    t: FloatArray,
+    speed: FloatArray,
+    reference: Reference,
+    options: FusionOptions,
+    span: tuple[float, float] | None = None,
 ) -> Wheels:
-    """What wheel speeds [n] at ``t`` [n] s are worth against the receiver's."""
+    """What wheel speeds [n] at ``t`` [n] s are worth against the receiver's; ``span`` first and
+    last instant of the drive, s (None: those of the receiver's)."""
     step = step_of(speed)
     period = float(np.median(np.diff(t)))
     rate = 1.0 / period if period > 0.0 else np.inf
-    elsewhere = _elsewhere(t, rate, reference)
+    if span is None and len(reference.t):
+        span = float(reference.t[0]), float(reference.t[-1])
+    elsewhere = _elsewhere(t, rate, span)
     if elsewhere:
         return Wheels(None, rate, len(t), 0, step, None, (elsewhere,))
     hung = stuck(t, speed, reference)
@@ -100,30 +112,23 @@ def judge_wheels(
     return Wheels(odometer, rate, count, lost, step, match, tuple(warnings))
 
 
-def _elsewhere(t: FloatArray, rate_hz: float, reference: Reference) -> str:
-    """A sentence where the stamps ``t`` [n] s are of another clock or unit than is said."""
-    what = ""
+def _elsewhere(t: FloatArray, rate_hz: float, span: tuple[float, float] | None) -> str:
+    """A sentence where the stamps ``t`` [n] s are of another clock or unit than is said; ``span``
+    first and last instant of the drive, s (None unknown)."""
+    what, reach = "", wheel_limits.LOOK_WHEELS_S
     if rate_hz > wheel_limits.FASTEST_WHEELS_HZ:
         most = f"{wheel_limits.FASTEST_WHEELS_HZ:.0f}"
         what = f"wheel speed comes more than {most} times a second, faster than a bus carries it"
-    elif len(reference.t):
-        reach = wheel_limits.LOOK_WHEELS_S
-        low, high = float(reference.t[0]) - reach, float(reference.t[-1]) + reach
-        if not ((t >= low) & (t <= high)).any():
-            what = (
-                f"no wheel speed is of the drive: the first is {_apart(float(t[0]) - low - reach)} "
-                "the first fix"
-            )
+    elif span is not None and not ((t >= span[0] - reach) & (t <= span[1] + reach)).any():
+        after = float(t[0]) - span[0]
+        side = "after" if after > 0.0 else "before"
+        what = f"no wheel speed is of the drive: the first is {abs(after):.0f} s {side} it begins"
     if not what:
         return ""
     return (
         f"{what}; it is left out: is t_ns in nanoseconds, by the clock that time in [odometer] "
         "names, or else by that of the IMU?"
     )
-
-
-def _apart(seconds: float) -> str:
-    return f"{abs(seconds):.0f} s {'after' if seconds > 0.0 else 'before'}"
 
 
 def contradiction(match: WheelMatch) -> tuple[str, str] | None:

@@ -142,7 +142,7 @@ def open_drive(drive: GapDrive, options: FusionOptions) -> OpenDrive:
     if bias is not None:
         means |= {f"gyro_bias_{a}": float(v) for a, v in zip("xyz", bias, strict=True)}
         sds |= dict.fromkeys(means, REST_BIAS_SD)
-    wheels = prepare_wheels(drive.odometer, base_ns, fixes, options)
+    wheels = prepare_wheels(drive.odometer, base_ns, span, fixes, options)
     speeds = None if wheels is None else wheels.odometer
     session = Session(
         *(drive.imu, fixes, options, still, means, sds, span, speeds, drive.begin_s),

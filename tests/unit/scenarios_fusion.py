@@ -168,7 +168,7 @@ def fusion_wheels() -> Any:
     found["speeds"] = [wheels.path_speed(each) for each in (model, bare, few)]
     log = WheelSpeed(np.int64(10**9) + np.rint(own_t * 1e9).astype(np.int64), speed)
     found["prepared"] = [
-        wheels.prepare_wheels(each, 10**9, bare, options)
+        wheels.prepare_wheels(each, 10**9, (0.0, 1e3), bare, options)
         for each in (log, None, WheelSpeed(log.t_ns[:1], log.speed[:1]))
     ]
     odometer = found["slow"]

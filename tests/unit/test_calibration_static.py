@@ -208,7 +208,7 @@ def test_a_zero_that_drifts_is_told(scene: tuple[RawImu, Errors]) -> None:
 
 def test_an_axis_that_reads_one_value_is_refused(scene: tuple[RawImu, Errors]) -> None:
     log, _ = scene
-    with pytest.raises(InputError, match="the gyro reads 0 about y, z from the first sample"):
+    with pytest.raises(InputError, match="the gyro's y axis reads 0 from the first sample"):
         calibrate_static([replace(log, gyro=log.gyro * [1, 0, 0])], GRAVITY)
 
 

@@ -271,7 +271,7 @@ def test_stamps_of_another_clock_are_named() -> None:
     ("shift_s", "shrunk", "words"),
     [
         (1.6e9, 1.0, "the first is 1600000"),
-        (-500.0, 1.0, "before the first fix"),
+        (-500.0, 1.0, "s before it begins"),
         (0.0, 1e6, "bus"),
     ],
 )
@@ -284,6 +284,18 @@ def test_stamps_that_are_of_another_time_or_unit_are_told(
     assert found.odometer is None
     assert words in found.warnings[0]
     assert "it is left out: is t_ns in nanoseconds" in found.warnings[0]
+
+
+def test_wheels_that_come_after_the_last_fix_are_of_the_drive() -> None:
+    """As in a car park under ground, where nothing can be compared and nothing else is known."""
+    wheels = count(town().motion, 5.0)
+    t, reference = _stamps(wheels), _reference(town().motion)
+    early = Reference(*(values[reference.t < 30.0] for values in vars(reference).values()))
+    later = t > 60.0
+    span = (0.0, float(t[-1]))
+    found = judge_wheels(t[later], wheels.speed[later], early, OPTIONS, span)
+    assert found.odometer is not None
+    assert judge_wheels(t[later], wheels.speed[later], early, OPTIONS).odometer is None
 
 
 @pytest.mark.parametrize("seed", [4, 5, 6])
