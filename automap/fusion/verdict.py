@@ -65,6 +65,7 @@ from automap.fusion.measurements.position import age_sd_of, by_carrier
 from automap.fusion.nodes import as_shown, model_fixes
 from automap.fusion.options import FusionOptions
 from automap.fusion.result import FusionResult, Prior
+from automap.fusion.unread import at_sensor, driven_m, joined, later, unread
 from automap.fusion.unusable_readings import Bridged, bridge_unusable
 from automap.fusion.widening import widen, widening
 from automap.records import ClockModel, Fixes, FloatArray, ImuData, Trajectory
@@ -75,13 +76,14 @@ from automap.sync.velocity_consistency import VelocityConsistency
 class Weighed:
     """A path of ``rows`` rows with sigmas as the ``verdict`` wants them, made anew at each call of
     ``run``, stretch by stretch; ``horizontal_sd`` m the median of its sigmas. With ``alone`` it is
-    that of the fixes without the IMU."""
+    that of the fixes without the IMU; ``unread_m`` were driven without readings, and are so too."""
 
     verdict: Verdict
     run: Callable[[], Iterator[Trajectory]]
     rows: int
     horizontal_sd: float
     alone: bool = False
+    unread_m: float = 0.0
 
     @property
     def trajectory(self) -> Trajectory:
@@ -208,11 +210,12 @@ def weigh(
         beside = fix_misses(alone, model)
         own, left = off_the_fixes(beside, options.wander_tau_s)
         if left < limits.AGREEING_SHARE:
-            reasons = [outcome.inertial_worse(share), *reasons]
             # what speaks against the IMU's path leaves that of the fixes as it is
+            earlier = path.gps_s[0] - alone.gps_s[0]
+            told = [*later(of_receiver, earlier), *own]
             path = uncorrected(unaveraged(alone, fixes, options, levels), fixes, options)
-            path = widen(path, [*of_receiver, *own], beside, None)
-            path = _off_nose(path, sliding)
+            path = _off_nose(widen(path, told, beside, None), sliding)
+            reasons = later([outcome.inertial_worse(share), *reasons], earlier)
             return _alone(drifting(path, drifts), reasons)
     widened = widening(path, reasons, misses, alone)
 
@@ -220,7 +223,17 @@ def weigh(
         for rows, stretch in known():
             yield drifting(widened(stretch, rows), drifts)
 
-    return _weighed(run, reasons, False)
+    if alone is not None and delay_is_clock:
+        alone = replace(alone, t_ns=alone.t_ns + round(result.delay.mean * 1e9))
+    if alone is None or not len(unread(alone, path.t_ns)):
+        return _weighed(run, reasons, False)
+    more = uncorrected(unaveraged(alone, fixes, options, levels), fixes, options)
+    told = later(of_receiver, path.gps_s[0] - alone.gps_s[0])
+    more = widen(more, told, fix_misses(alone, model), None)
+    more = unread(drifting(at_sensor(more, arm), drifts), path.t_ns)
+    reasons = later(reasons, max(path.gps_s[0] - more.gps_s[0], 0.0))
+    weighed = _weighed(lambda: joined(run(), more), reasons, False)
+    return replace(weighed, unread_m=driven_m(more))
 
 
 def _off_nose(path: Trajectory, sliding: Sequence[Reason]) -> Trajectory:

@@ -27,8 +27,11 @@ _BEFORE = "0123456789"
 _EXCEL_DAYS = 25_569
 """From 1899-12-30, which Excel counts days from, to 1970."""
 _COMPACT = re.compile(r"([01]\d|2[0-3])[0-5]\d[0-5]\d(\.\d*)?")
-_WRAP = 2.0**32
-"""Where counters of 32 bits begin again."""
+_WRAPS_NS = (2**32 * 1_000, 2**32 * 1_000_000)
+"""After which counters of 32 bits begin again, as Arduino's ``micros()`` and ``millis()``."""
+_NEAR_NS = 60_000_000_000
+"""A step back by one of these, but for so much, is one. Chosen: no logger that runs waits longer,
+and one that was started anew steps back by any other time."""
 
 
 @dataclass(frozen=True)
@@ -219,20 +222,24 @@ def stamps(
         whole = (days.astype(np.int64) - _EXCEL_DAYS) * DAY_S - round(utc_offset_h * 3600.0)
         return whole * 1_000_000_000 + of_day.astype(np.int64) * 1000, good
     if values.dtype == np.int64 and form.unit == "ns":
-        return values, np.ones(len(values), bool)
+        t_ns, good = np.asarray(values), np.ones(len(values), bool)
+    else:
+        good = np.abs(values) < 9e18 / UNITS["time"][form.unit or "s"]
+        t_ns = _counted(np.where(good, values, 0.0), form.unit or "s")
     if form.clock == "host":
-        values = _unwrapped(np.asarray(values, np.float64))
-    good = np.abs(values) < 9e18 / UNITS["time"][form.unit or "s"]
-    return _counted(np.where(good, values, 0.0), form.unit or "s"), good
+        t_ns[good] = _unwrapped(t_ns[good])
+    return t_ns, good
 
 
-def _unwrapped(values: FloatArray) -> FloatArray:
-    """Counts [n] of a counter of 32 bits, as Arduino's ``micros()``, running on beyond its end."""
-    steps = np.diff(np.nan_to_num(values), prepend=np.nan_to_num(values)[:1])
-    back, ahead = steps < -0.5 * _WRAP, steps > 0.5 * _WRAP
-    inside = np.nanmax(values, initial=0.0) < _WRAP and np.nanmin(values, initial=0.0) >= 0.0
-    # a wrong stamp goes there and back
-    return values + _WRAP * np.cumsum(back) if inside and not ahead.any() else values
+def _unwrapped(t_ns: IntArray) -> IntArray:
+    """Stamps [n] of a counter of 32 bits that ran over, running on beyond its end."""
+    steps = np.diff(t_ns, prepend=t_ns[:1])
+    for wrap in _WRAPS_NS:
+        back, ahead = np.abs(steps + wrap) < _NEAR_NS, np.abs(steps - wrap) < _NEAR_NS
+        # a wrong stamp goes there and back
+        if back.any() and not ahead.any():
+            t_ns = t_ns + wrap * np.cumsum(back)
+    return t_ns
 
 
 def _counted(values: np.ndarray, unit: str) -> IntArray:

@@ -51,16 +51,22 @@ def lags_by_piece(imu: ImuData, fixes: Fixes, clock: ClockModel | None) -> list[
     """The lags of those pieces in which one stands out, by velocities or else by positions.
 
     ``clock`` is what the stamps themselves say; without one the lags are found as far apart as
-    the clocks may be.
+    the clocks may be. What the receiver saw while there are no readings has no lag: the best one
+    would be that of another motion.
     """
     motion = imu_motion(imu)
     best: list[Piece] = []
     for _, gnss in gnss_motions(fixes):
-        if clock is None:
-            seconds = gnss.shifted(-float(gnss.start[0]))
-        else:
+        reach_s: float | None = limits.STATED_REACH_S
+        if clock is not None:
             seconds = in_imu_time(gnss, clock, imu)
-        found = _pieces(motion, seconds, None if clock is None else limits.STATED_REACH_S)
+        else:
+            seconds, reach_s = gnss.shifted(-float(gnss.start[0])), None
+            whole = find_offset(motion, seconds)
+            if whole is None:
+                continue
+            seconds = seconds.shifted(whole.offset_s)
+        found = _pieces(motion, seconds, reach_s)
         best = found if len(found) > len(best) else best
     return best
 
@@ -98,7 +104,8 @@ def _pieces(motion: ImuMotion, gnss: GnssMotion, reach_s: float | None) -> list[
     found = []
     for start in np.arange(first, last - 0.5 * length, length).tolist():
         part = gnss.part(start, start + length)
-        if not len(part.start):
+        read = np.isfinite(motion.between(part.start, part.end)[:, 0])
+        if not len(read) or read.mean() * length < limits.LEAST_OVERLAP_S:
             continue
         near = motion
         if reach_s is not None:

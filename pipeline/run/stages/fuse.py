@@ -137,6 +137,12 @@ def _fuse(context: StageContext) -> None:
         )
         context.verdict = weighed.verdict.as_dict()
         write_trajectory(context.work / names.TRAJECTORY, weighed.run())
+    if weighed.unread_m > 0.0:
+        context.warn(
+            f"there are no IMU readings for {weighed.unread_m:.0f} m of the way: there the path is "
+            "that of the fixes alone, with headings from the course, and signs are less sure; look "
+            "for a full or slow card, a loose plug or an IMU that was switched on late or off early"
+        )
     _write_innovations(context, result)
     _write_parameters(context, result)
     _report(context, result, weighed, is_clock, _note_presets(context, presets))
