@@ -27,8 +27,7 @@ class ModelArrays(NamedTuple):
     ``tau`` [n] correlation times s (0: none); ``walk`` [n] random-walk PSD, or variance of a
     correlated state; ``kept`` [n] which of a node's shares outlasts a change of its size, -1 all of
     it;
-    ``noise`` [2] PSD of force and rate; ``gap`` [3] longest normal step s, force sd m/s^2 and
-    rate sd rad/s inside a gap; ``gate`` [5] NIS thresholds for 1..3 rows, largest inflation,
+    ``noise`` [2] PSD of force and rate; ``longest_step`` s that is no gap; ``gate`` [5] NIS thresholds for 1..3 rows, largest inflation,
     inflation that counts as refused; ``earth_on``."""
 
     terms: IntArray
@@ -39,7 +38,7 @@ class ModelArrays(NamedTuple):
     walk: FloatArray
     kept: IntArray
     noise: FloatArray
-    gap: FloatArray
+    longest_step: float
     gate: FloatArray
     earth_on: bool
 

@@ -160,7 +160,7 @@ def legs_about(problem: Problem, nodes: Nodes, path: PathStates) -> Legs:
 def empty_legs(problem: Problem, samples: Samples, node_t: FloatArray, k: int) -> Legs:
     """Room for ``k`` legs between nodes at ``node_t``, and for their steps of integration."""
     widths = np.diff(samples.t)
-    wide = widths[widths > problem.arrays.gap[0]]
+    wide = widths[widths > problem.arrays.longest_step]
     # a step ends at a sample, at a node, or within a gap, which may go on beyond the samples
     beyond = max(samples.t[0] - node_t[0], 0.0) + max(node_t[-1] - samples.t[-1], 0.0)
     within = int((wide.sum() + beyond) / GAP_STEP_S) + len(wide) + 2

@@ -165,6 +165,9 @@ SPECTRUM_S = 4.0
 """Spectra of turn rates are over so long: four periods of the slowest swaying."""
 STEADY_GAP_STEPS = 3.0
 """A step between stamps of so many usual ones is a gap: two samples are missing."""
+SHORT_GAP_S, GAP_ROWS = 1.0, 20_000
+"""Over a gap no longer than this the readings change as they do elsewhere in the drive, of which so
+many rows tell it to a hundredth. Chosen: a bend or a stop lasts for seconds."""
 SHOCK_WINDOW_S = 0.15
 """Scatter is taken over so much: a wheel that hops at some 10 Hz has one or two swings."""
 USUAL_PERCENTILE = 75.0

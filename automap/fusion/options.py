@@ -122,6 +122,6 @@ class FusionOptions:
     gap_factor: float = 2.5
     """multiples of the median step between IMU stamps: longer is a gap"""
     gap_force_sd: float = 1.0
-    """m/s^2, one sigma of the specific force inside a gap of the samples"""
+    """m/s^2, one sigma of the specific force inside a gap of the samples, at most"""
     gap_rate_sd: float = 0.1
-    """rad/s, one sigma of the turn rate inside a gap of the samples"""
+    """rad/s, one sigma of the turn rate inside a gap of the samples, at most"""

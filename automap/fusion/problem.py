@@ -30,7 +30,7 @@ from automap.fusion.nodes import Nodes
 from automap.fusion.options import FusionOptions
 from automap.fusion.shocks import shock_noise
 from automap.fusion.steady_rate import steady_rate
-from automap.fusion.unusable_readings import bridge_noise
+from automap.fusion.unusable_readings import bridge_noise, gap_noise
 from automap.gates import gate
 from automap.records import BoolArray, FloatArray, ImuData, IntArray
 
@@ -115,9 +115,10 @@ def samples_of(
     raw = _for_linear_steps(imu, t, step)
     width = max(2 * round(0.5 * FORCE_WINDOW_S / step) + 1, 1)
     force = uniform_filter1d(imu.accel, width, axis=0, mode="nearest")
-    shocks = np.zeros((len(t), 2))
+    gaps = (options.gap_factor * step, options.gap_force_sd, options.gap_rate_sd)
+    shocks = gap_noise(t, imu.gyro, imu.accel, *gaps)
     if options.shocks:
-        shocks = shock_noise(imu.gyro, imu.accel, step)
+        shocks += shock_noise(imu.gyro, imu.accel, step)
     if bridged_s is not None:
         shocks = shocks + bridge_noise(bridged_s, options.gap_force_sd, options.gap_rate_sd)
     calm = steady_rate(t, imu.gyro)
@@ -208,7 +209,7 @@ def _model_arrays(model: StateModel, options: FusionOptions, step: float) -> Mod
         walk=model.walk,
         kept=model.kept,
         noise=np.array([options.accel_noise**2, options.gyro_noise**2]),
-        gap=np.array([options.gap_factor * step, options.gap_force_sd, options.gap_rate_sd]),
+        longest_step=options.gap_factor * step,
         gate=np.array([*thresholds, MAX_INFLATION, REFUSED_INFLATION]),
         earth_on=bool(options.earth_rotation),
     )

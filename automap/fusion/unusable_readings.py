@@ -52,6 +52,42 @@ def bridge_noise(stretch_s: FloatArray, force_sd: float, rate_sd: float) -> Floa
     return np.asarray(stretch_s[:, None] * np.array([force_sd, rate_sd]) ** 2)
 
 
+def gap_noise(
+    t: FloatArray,
+    gyro: FloatArray,
+    accel: FloatArray,
+    longest_s: float,
+    force_sd: float,
+    rate_sd: float,
+) -> FloatArray:
+    """PSD [n, 2] of force and rate over the steps from instants ``t`` [n] s to the next ones: none
+    over steps up to ``longest_s``, for a gap what a line over it errs by.
+
+    In a short gap that is the root mean square by which the drive's readings lie off the middle of
+    the two that are half the gap to either side; in one that may hold a bend or a stop of its own,
+    and at most, it is ``force_sd`` m/s^2 and ``rate_sd`` rad/s.
+    """
+    width = np.diff(t, append=t[-1:])
+    lost = np.flatnonzero(width > longest_s)
+    psd = np.zeros((len(t), 2))
+    psd[lost] = width[lost, None] * np.array([force_sd, rate_sd]) ** 2
+    lost = lost[width[lost] <= limits.SHORT_GAP_S]
+    half = np.rint(0.5 * width[lost] / np.median(width)).astype(np.int64)
+    # some rows tell the mean as well as all of a long drive
+    rows = np.arange(0, len(t), max(len(t) // limits.GAP_ROWS, 1))
+    for count in np.unique(half).tolist():
+        gaps = lost[half == count]
+        apart = 0.5 * float(width[gaps].mean())
+        for column, readings in enumerate((accel, gyro)):
+            off = [
+                axis[rows] - 0.5 * sum(np.interp(t[rows] + s, t, axis) for s in (-apart, apart))
+                for axis in readings.T
+            ]
+            seen = width[gaps] * np.mean(np.square(off), axis=1).max()
+            psd[gaps, column] = np.minimum(psd[gaps, column], seen)
+    return psd
+
+
 def _wild(t: FloatArray, readings: FloatArray, known: BoolArray) -> BoolArray:
     """Readings that are no motion of a vehicle, and far off the median of their neighbourhood by
     what the drive's others are off."""

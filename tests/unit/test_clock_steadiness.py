@@ -15,7 +15,7 @@ from automap.sync.steadiness import ClockChange, Piece, clock_change
 from pipeline.check.steadiness import check
 from tests.unit.fusion_drive import BASE_NS, CLOCK, Sensor, record
 from tests.unit.fusion_motion import city_drive
-from tests.unit.fusion_receiver import Receiver, receive
+from tests.unit.fusion_receiver import GPS0, Receiver, receive
 
 CAR, PHONE = (100.0, 5.0), (10.0, 1.0)
 """Readings and fixes a second."""
@@ -89,6 +89,20 @@ def test_a_clock_that_jumps(rates: tuple[float, float], size: float) -> None:
     else:
         first, last = finding.text.split("(")[-1].split(" s after")[0].split(" to ")
         assert float(first) < MIDDLE < float(last)
+
+
+@pytest.mark.parametrize("clock", [CLOCK, None])
+def test_what_no_reading_covers_is_no_other_motion(clock: ClockModel | None) -> None:
+    """Readings that end while the way of the minutes before is driven once more."""
+    imu, fixes = recorded(CAR, 1)
+    lap, end = 40.0, 200.0
+    told = fixes.gps_s - GPS0
+    again = told > end
+    source = np.searchsorted(told, np.where(again, told - lap * np.ceil((told - end) / lap), told))
+    vel = fixes.vel_ned[np.minimum(source, len(told) - 1)]
+    kept = (imu.t_ns - BASE_NS) * 1e-9 < end
+    imu = replace(imu, t_ns=imu.t_ns[kept], gyro=imu.gyro[kept], accel=imu.accel[kept])
+    assert check(imu, replace(fixes, vel_ned=vel), clock) == []
 
 
 def _pieces(lags: list[float]) -> list[Piece]:

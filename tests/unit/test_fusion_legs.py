@@ -48,7 +48,7 @@ def test_there_is_room_for_every_step(seed: int) -> None:
     wide = np.zeros((len(times), 6))
     samples = Samples(times, wide, wide[:, :0], wide[:, :3], wide[:, :3], wide[:, :2])
     problem: Any = SimpleNamespace(
-        arrays=SimpleNamespace(gap=np.array([GAP_S, 0.0, 0.0])), model=SimpleNamespace(size=20)
+        arrays=SimpleNamespace(longest_step=GAP_S), model=SimpleNamespace(size=20)
     )
     room = len(empty_legs(problem, samples, nodes, 1).dt)
     taken = steps_of(times, nodes)

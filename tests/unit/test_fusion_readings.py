@@ -16,6 +16,7 @@ from automap.fusion.nodes import Shift
 from automap.fusion.options import FusionOptions
 from automap.fusion.problem import Problem, make_problem
 from automap.fusion.steady_rate import steady_rate
+from automap.fusion.unusable_readings import gap_noise
 from automap.records import ImuData
 from tests.unit.fusion_drive import BASE_NS
 from tests.unit.fusion_motion import make_motion
@@ -139,6 +140,28 @@ def test_a_gap_of_the_samples_adds_what_the_vehicle_may_have_done_in_it() -> Non
     assert grown[5] == pytest.approx(down, rel=1e-3)
     # tilt turns gravity into the horizontal
     assert (grown[3:5] > 2.0 * down).all()
+
+
+def test_a_short_gap_adds_what_the_drive_changes_by_in_as_long() -> None:
+    """Two readings lost of each twenty, of a drive that swings slowly: a line over a gap errs by no
+    more than its second difference, and a longer gap by more."""
+    t = np.arange(6000) / 100.0
+    gyro = np.column_stack([0.0 * t, 0.0 * t, 0.3 * np.sin(2.0 * t)])
+    accel = np.tile([0.0, 0.0, -9.8], (len(t), 1))
+    kept = np.arange(len(t)) % 20 > 1
+    found = []
+    for half in (1, 10):
+        keep = kept & ~((t > 30.0) & (t < 30.0 + 0.02 * half)) if half > 1 else kept
+        noise = gap_noise(t[keep], gyro[keep], accel[keep], 0.025, 1.0, 0.1)
+        gaps = np.flatnonzero(np.diff(t[keep]) > 0.025)
+        assert np.flatnonzero(noise[:, 1] > 0.0).tolist() == gaps.tolist()
+        width = np.diff(t[keep])[gaps]
+        widest = int(np.argmax(width))
+        found.append(float(np.sqrt(noise[gaps, 1] / width)[widest]))
+        # of a sine half the squared rate times half the gap's half length squared
+        bend = 0.3 / np.sqrt(2.0) * 0.5 * (2.0 * 0.5 * float(width[widest])) ** 2
+        assert 0.5 * bend < found[-1] < 2.0 * bend
+    assert found[0] < 0.1 * found[1]
 
 
 @pytest.mark.parametrize(("first", "column"), [(3, 5), (0, 8)])

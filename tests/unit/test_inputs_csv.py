@@ -161,6 +161,15 @@ def test_of_a_recording_whose_clock_was_reset_the_larger_part_stays() -> None:
     assert [(piece.first, piece.last) for piece in order.lost] == [(600, 999)]
 
 
+def test_pieces_of_one_clock_are_put_in_order() -> None:
+    """As a ring buffer has them, that was written from its middle on."""
+    t_ns = np.roll(10**13 + np.arange(1000) * 10**7, 400)
+    order = order_stamps(t_ns)
+    assert order is not None
+    assert (np.diff(t_ns[order.keep]) == 10**7).all()
+    assert (len(order.keep), order.lost) == (1000, ())
+
+
 def test_stamps_without_any_order_are_no_clock(tmp_path: Path) -> None:
     t_ns = np.random.default_rng(1).integers(0, 10**15, 5000)
     assert order_stamps(t_ns) is None

@@ -288,3 +288,18 @@ def test_the_end_of_a_unit_is_no_unit_of_its_own(name: str, told: dict[str, str]
     """km/h tells no hours, deg/s no seconds."""
     taken = take_apart(name)
     assert {q: unit for q in ("time", "speed", "rate") if (unit := taken.unit(q))} == told
+
+
+@pytest.mark.parametrize(("column", "unit_ns"), [("t_ns", 1), ("time_us", 1000), ("time_s", 10**9)])
+@pytest.mark.parametrize("bits_32_ns", [2**32 * 1000, 2**32 * 1_000_000])
+def test_a_counter_of_32_bits_runs_on(
+    tmp_path: Path, column: str, unit_ns: int, bits_32_ns: int
+) -> None:
+    """In whatever unit its stamps were written."""
+    t_ns = bits_32_ns - 3_000_000_000 + np.arange(600) * 10_000_000
+    cells = (t_ns % bits_32_ns) / unit_ns if unit_ns > 1 else t_ns % bits_32_ns
+    rows = [f"{cell!r},0.0,0.0,0.01,0.1,0.2,-9.8" for cell in cells.tolist()]
+    path = _write(tmp_path, "\n".join([f"{column},gx,gy,gz,ax,ay,az", *rows]) + "\n")
+    found = read_table(path, "imu").t_ns
+    assert found is not None
+    np.testing.assert_allclose(np.diff(found), 10_000_000, atol=1000)

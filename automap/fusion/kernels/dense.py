@@ -101,7 +101,7 @@ def run_dense(
         first = i + 1
         while t < t1:
             following = samples.t[i + 1]
-            wide = following - samples.t[i] > model.gap[0]
+            wide = following - samples.t[i] > model.longest_step
             nxt = following
             if nxt > t1 or i == n_imu - 2:
                 nxt = min(t1, following)

@@ -47,7 +47,7 @@ def integrate(
     """
     # taken out of the tuples once: in the loop that would count references at every access
     times, readings, extra = samples.t, samples.raw, samples.extra
-    terms, gap = model.terms, model.gap
+    terms, longest = model.terms, model.longest_step
     n_imu = times.shape[0]
     full = np.empty(6)
     matrix = np.empty((6, 6))
@@ -67,7 +67,7 @@ def integrate(
     while t < t_end:
         following = times[i + 1]
         width = following - times[i]
-        wide = width > gap[0]
+        wide = width > longest
         nxt = following
         if nxt > t_end or i == n_imu - 2:
             nxt = t_end
@@ -124,7 +124,7 @@ def sum_noise(
     noise: FloatArray,
 ) -> None:
     """Advance the process noise [29] over steps of integration [m] as ``Legs`` has them."""
-    times, shocks, gap = samples.t, samples.shocks, model.gap
+    shocks = samples.shocks
     qa0, qg0 = model.noise[0], model.noise[1]
     # a row of its own: to take one out of all of them would count references at every step
     dvn = np.empty(3)
@@ -133,10 +133,6 @@ def sum_noise(
         for a in range(3):
             dvn[a] = dvns[m, a]
         qa, qg = qa0 + shocks[i, 0], qg0 + shocks[i, 1]
-        width = times[i + 1] - times[i]
-        if width > gap[0]:
-            qa += gap[1] * gap[1] * width
-            qg += gap[2] * gap[2] * width
         add_noise(noise, dvn, dts[m], qa, qg)
 
 

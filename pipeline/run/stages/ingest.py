@@ -169,7 +169,7 @@ def sensor_input(drive: Drive) -> Path | None:
 
 STAGE = Stage(
     name="ingest",
-    version=10,
+    version=11,
     run=run,
     inputs=_inputs,
     needs=(),
