@@ -27,8 +27,8 @@ class ModelArrays(NamedTuple):
     ``tau`` [n] correlation times s (0: none); ``walk`` [n] random-walk PSD, or variance of a
     correlated state; ``kept`` [n] which of a node's shares outlasts a change of its size, -1 all of
     it;
-    ``noise`` [2] PSD of force and rate; ``longest_step`` s that is no gap; ``gate`` [5] NIS thresholds for 1..3 rows, largest inflation,
-    inflation that counts as refused; ``earth_on``."""
+    ``noise`` [2] PSD of force and rate; ``longest_step`` s that is no gap; ``gate`` [5] NIS
+    thresholds for 1..3 rows, largest inflation, inflation that counts as refused; ``earth_on``."""
 
     terms: IntArray
     on_position: Terms

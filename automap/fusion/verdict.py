@@ -227,13 +227,13 @@ def weigh(
         alone = replace(alone, t_ns=alone.t_ns + round(result.delay.mean * 1e9))
     if alone is None or not len(unread(alone, path.t_ns)):
         return _weighed(run, reasons, False)
-    more = uncorrected(unaveraged(alone, fixes, options, levels), fixes, options)
+    rest = uncorrected(unaveraged(alone, fixes, options, levels), fixes, options)
     told = later(of_receiver, path.gps_s[0] - alone.gps_s[0])
-    more = widen(more, told, fix_misses(alone, model), None)
-    more = unread(drifting(at_sensor(more, arm), drifts), path.t_ns)
-    reasons = later(reasons, max(path.gps_s[0] - more.gps_s[0], 0.0))
-    weighed = _weighed(lambda: joined(run(), more), reasons, False)
-    return replace(weighed, unread_m=driven_m(more))
+    rest = widen(rest, told, fix_misses(alone, model), None)
+    rest = unread(drifting(at_sensor(rest, arm), drifts), path.t_ns)
+    reasons = later(reasons, max(path.gps_s[0] - rest.gps_s[0], 0.0))
+    weighed = _weighed(lambda: joined(run(), rest), reasons, False)
+    return replace(weighed, unread_m=driven_m(rest))
 
 
 def _off_nose(path: Trajectory, sliding: Sequence[Reason]) -> Trajectory:

@@ -53,10 +53,11 @@ def order_stamps(t_ns: IntArray) -> StampOrder | None:
 
     Rows that came late by less than a second are sorted in, unless they interleave with the
     earlier ones at double rate: then the clock was set back, and the second passage is left
-    out. So are pieces of a whole that stand in another order, as of a ring buffer. Where stamps jump further, the pieces between jumps are chained so that time only
-    increases and most rows stay: a single wrong stamp is lost alone, and of a recording
-    whose clock was reset the larger part stays. None when the stamps jump so often that no
-    clock can be seen in them.
+    out. Pieces of a whole that stand in another order, as of a ring buffer, are put in order. Where
+    stamps jump further, the pieces between jumps are chained so that time only increases and
+    most rows stay: a single wrong stamp is lost alone, and of a recording whose clock was
+    reset the larger part stays. None when the stamps jump so often that no clock can be seen
+    in them.
     """
     # of others the difference is no 64-bit integer
     t_ns = np.clip(np.asarray(t_ns, dtype=np.int64), -_MOST_NS, _MOST_NS)

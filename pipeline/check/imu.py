@@ -60,8 +60,8 @@ def check(drive: Drive, recording: Recording) -> tuple[list[Finding], WeighedAxe
                     "warning",
                     f"{len(long)} of the gaps are longer than {limits.LONG_GAP_S:g} s; the "
                     f"longest, {length:.1f} s, after t_ns {at}",
-                    "the path drifts there, and over 3 s it is that of the fixes; look for a slow disk or a "
-                    "loose cable",
+                    "the path drifts there, and over 3 s it is that of the fixes; look for a slow "
+                    "disk or a loose cable",
                 )
             )
         # of a table that is the receiver's log as well others are read
