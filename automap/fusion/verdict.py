@@ -212,9 +212,9 @@ def weigh(
         if left < limits.AGREEING_SHARE:
             # what speaks against the IMU's path leaves that of the fixes as it is
             earlier = path.gps_s[0] - alone.gps_s[0]
-            told = [*later(of_receiver, earlier), *own]
+            of_fixes = [*later(of_receiver, earlier), *own]
             path = uncorrected(unaveraged(alone, fixes, options, levels), fixes, options)
-            path = _off_nose(widen(path, told, beside, None), sliding)
+            path = _off_nose(widen(path, of_fixes, beside, None), sliding)
             reasons = later([outcome.inertial_worse(share), *reasons], earlier)
             return _alone(drifting(path, drifts), reasons)
     widened = widening(path, reasons, misses, alone)
@@ -228,8 +228,8 @@ def weigh(
     if alone is None or not len(unread(alone, path.t_ns)):
         return _weighed(run, reasons, False)
     rest = uncorrected(unaveraged(alone, fixes, options, levels), fixes, options)
-    told = later(of_receiver, path.gps_s[0] - alone.gps_s[0])
-    rest = widen(rest, told, fix_misses(alone, model), None)
+    earlier = path.gps_s[0] - alone.gps_s[0]
+    rest = widen(rest, later(of_receiver, earlier), fix_misses(alone, model), None)
     rest = unread(drifting(at_sensor(rest, arm), drifts), path.t_ns)
     reasons = later(reasons, max(path.gps_s[0] - rest.gps_s[0], 0.0))
     weighed = _weighed(lambda: joined(run(), rest), reasons, False)
