@@ -39,6 +39,7 @@ from automap.fusion.doubts.hole import hole_doubts
 from automap.fusion.doubts.path import fix_misses, off_the_fixes
 from automap.fusion.doubts.position_jump import (
     beside_readings,
+    height_jumps,
     jump_doubts,
     places_of,
     position_jumps,
@@ -148,7 +149,8 @@ def weigh(
     arm = arm_by_drive(found, lever_arm, STATED_ARM_SD_M, bends)
     arm = _of_axes(found, "gnss_lever_arm") if arm is None else arm
     steps: list[Reason] = []
-    places = places_of(model_fixes(fixes, fixes.gps_s, options))
+    stated = model_fixes(fixes, fixes.gps_s, options)
+    places = places_of(stated)
     if believed:
         wanted = np.concatenate([*told_times(fixes, path, found), places.t - path.gps_s[0]])
         free = _free(result, path, bridged, found, wanted, delay_is_clock)
@@ -177,6 +179,7 @@ def weigh(
     reasons = [
         *of_receiver,
         *jump_doubts(position_jumps(places), path),
+        *jump_doubts(height_jumps(stated, path), path),
         *steps,
         *of_imu,
         *unexpected_delay(found, delay.mean, delay.sd, float(np.median(speed)), age_sd),
@@ -196,7 +199,6 @@ def weigh(
         *innovation_doubts(channels),
         *sliding,
     ]
-    stated = model_fixes(fixes, fixes.gps_s, options)
     model = as_shown(stated, options, result.noise_factors)
     at = _of_axes(found, "gnss_lever_arm"), found.get(LATENCY_STATE, (0.0, 0.0))[0]
     misses = fix_misses(path, model, *at)
@@ -211,7 +213,7 @@ def weigh(
         own, left = off_the_fixes(beside, options.wander_tau_s)
         if left < limits.AGREEING_SHARE:
             # what speaks against the IMU's path leaves that of the fixes as it is
-            earlier = path.gps_s[0] - alone.gps_s[0]
+            earlier = float(path.gps_s[0] - alone.gps_s[0])
             of_fixes = [*later(of_receiver, earlier), *own]
             path = uncorrected(unaveraged(alone, fixes, options, levels), fixes, options)
             path = _off_nose(widen(path, of_fixes, beside, None), sliding)
@@ -228,10 +230,10 @@ def weigh(
     if alone is None or not len(unread(alone, path.t_ns)):
         return _weighed(run, reasons, False)
     rest = uncorrected(unaveraged(alone, fixes, options, levels), fixes, options)
-    earlier = path.gps_s[0] - alone.gps_s[0]
+    earlier = float(path.gps_s[0] - alone.gps_s[0])
     rest = widen(rest, later(of_receiver, earlier), fix_misses(alone, model), None)
     rest = unread(drifting(at_sensor(rest, arm), drifts), path.t_ns)
-    reasons = later(reasons, max(path.gps_s[0] - rest.gps_s[0], 0.0))
+    reasons = later(reasons, max(float(path.gps_s[0] - rest.gps_s[0]), 0.0))
     weighed = _weighed(lambda: joined(run(), rest), reasons, False)
     return replace(weighed, unread_m=driven_m(rest))
 
@@ -274,8 +276,8 @@ def weigh_alone(
     reasons = [*receiver_doubts(receiver, float(path.gps_s[0])), *off]
     reasons += accuracy_doubts(fixes, options)
     reasons += separation_doubts(fixes, reasons)
-    places = places_of(model_fixes(fixes, fixes.gps_s, options))
-    reasons += jump_doubts(position_jumps(places), path)
+    reasons += jump_doubts(position_jumps(places_of(stated)), path)
+    reasons += jump_doubts(height_jumps(stated, path), path)
     sd = _level_sd([path])
     more, drifts = pattern_doubts(dated, alone, options, levels, sd, reasons)
     reasons += more

@@ -255,7 +255,7 @@ def _model(n: int, gap_s: float) -> Any:
         np.linspace(2.0, 1.0, n),
         np.full(n, -1),
         np.array([0.3, 0.4]),
-        np.array([gap_s, 0.9, 1.7]),
+        gap_s,
         np.array([4.0, 6.0, 8.0, 50.0, 9.0]),
         True,
     )

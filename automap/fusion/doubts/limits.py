@@ -63,6 +63,8 @@ HELD_S = 5.0
 STEP_WINDOW_S, STEP_FIXES, STEP_BATCH = 3.0, 3, 2000
 """A velocity jumps against that of so long before and after, of so many fixes at least: receivers
 err for one to three seconds in a row and are right again. So many are looked at at once."""
+UNHELD_PROBABILITY = 1e-3
+"""What stated errors make so rarely they do not hold; as for a measurement that is refused."""
 LEAST_USUAL = 8
 """Jumps over holes are compared with those of so many stretches without one: by a sigma of four
 degrees of freedom, which makes a doubt of nothing that is less than 50 of it off."""

@@ -20,7 +20,7 @@ from automap.fusion.doubts import limits
 from automap.fusion.doubts.reason import Reason, Span
 from automap.fusion.doubts.velocity_step import filled, last_term, least_along
 from automap.fusion.free_inertial import FreeInertial
-from automap.fusion.layout import HAS_POS_H
+from automap.fusion.layout import HAS_POS_H, HAS_POS_V
 from automap.fusion.limits import (
     ARM_TOLD_SD_M,
     DOUBT_PROBABILITY,
@@ -51,7 +51,7 @@ class Places:
 
 @dataclass(frozen=True)
 class Jump:
-    """By how much [2] m, north and east, positions jump at ``gps_s`` s."""
+    """By how much [2] m, north and east, positions jump at ``gps_s`` s, or [1] m heights."""
 
     gps_s: float
     by: FloatArray
@@ -65,8 +65,12 @@ def places_of(model: FixModel) -> Places:
     ref = (*values[0, :2], 0.0) if n else (0.0, 0.0, 0.0)
     at = local_ned(values[:, 0], values[:, 1], np.zeros(n), ref).reshape(-1, 3)[:, :2]
     sd = model.stated_sd[rows, :2].max(axis=1, initial=0.0)
-    none = np.zeros((n, 0)), np.zeros((n, 2, 0)), np.zeros(n), np.zeros(n)
-    return Places(model.t[rows], at, sd, *none)
+    return Places(model.t[rows], at, sd, *_without_witness(n))
+
+
+def _without_witness(n: int) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """``felt``, ``turn``, ``lost_s`` and ``slack`` of ``n`` places without one."""
+    return np.zeros((n, 0)), np.zeros((n, 2, 0)), np.zeros(n), np.zeros(n)
 
 
 def beside_readings(
@@ -103,13 +107,40 @@ def position_jumps(places: Places) -> list[Jump]:
         return []
     # one of as many as there are fixes
     beyond = slack + np.sqrt(gate(DOUBT_PROBABILITY / len(before), 2)) * sd
+    return _apart(0.5 * (seen.t[before] + seen.t[before + 1]), jump, least / beyond)
+
+
+def height_jumps(model: FixModel, path: Trajectory) -> list[Jump]:
+    """Jumps of the fixes' heights, ``by`` [1] m, beyond what the vehicle climbs by its pitch on the
+    ``path``: ones that these heights do not make, and that the errors stated of them do not hold."""
+    rows = np.flatnonzero((model.flags & HAS_POS_V) > 0)
+    rows = rows[np.diff(model.t[rows], prepend=-np.inf) > limits.SAME_FIX_S]
+    if len(rows) < LEAST_JUDGED:
+        return []
+    t, sd = model.t[rows], model.stated_sd[rows, 2]
+    rise = np.hypot(path.vel_ned[:, 0], path.vel_ned[:, 1]) * np.tan(path.rpy[:, 1])
+    climbed = np.interp(t, path.gps_s, np.cumsum(rise * np.gradient(path.gps_s)))
+    at = np.stack([model.values[rows, 2] - climbed, np.zeros(len(t))], axis=1)
+    seen = Places(t, at, sd, *_without_witness(len(t)))
+    before, half = _between(seen)
+    if len(before) < LEAST_JUDGED:
+        return []
+    jump, least, beside = _jumps(seen, before, half, 1)
+    usual = np.sqrt(gate(DOUBT_PROBABILITY / len(before), 1)) * sd_by_median(jump[:, 0])
+    beyond = np.maximum(usual, np.sqrt(gate(limits.UNHELD_PROBABILITY, 1)) * beside)
+    return _apart(0.5 * (t[before] + t[before + 1]), jump[:, :1], least / beyond)
+
+
+def _apart(when: FloatArray, jump: FloatArray, ratio: FloatArray) -> list[Jump]:
+    """In the order of time the jumps at ``when`` [k] s whose ``ratio`` [k] to what is usual is
+    beyond one, the largest of those near each other."""
     found: list[Jump] = []
-    for k in np.argsort(-least / beyond):
-        if least[k] <= beyond[k]:
+    for k in np.argsort(-ratio):
+        if ratio[k] <= 1.0:
             break
-        when = 0.5 * float(seen.t[before[k]] + seen.t[before[k] + 1])
-        if all(abs(other.gps_s - when) > limits.STEP_WINDOW_S for other in found):
-            found.append(Jump(when, jump[k]))
+        at = float(when[k])
+        if all(abs(other.gps_s - at) > limits.STEP_WINDOW_S for other in found):
+            found.append(Jump(at, jump[k]))
     return sorted(found, key=lambda item: item.gps_s)
 
 
@@ -121,15 +152,20 @@ any one fix [k], how much is none of theirs [k], m, and what they err by [k], m 
 def _beside_witness(seen: Places) -> _Found:
     """By a parabola, of attitudes and starts that nobody knows, through the differences between
     positions and witness some seconds before and after."""
-    spacing = float(np.median(np.diff(seen.t)))
-    half = max(round(limits.STEP_WINDOW_S / spacing), limits.STEP_FIXES)
-    before = np.arange(half - 1, len(seen.t) - half)
-    before = filled(seen.t, seen.lost_s, before, half, spacing)
+    before, half = _between(seen)
     parts = np.array_split(before, len(before) // limits.STEP_BATCH + 1)
     found = [_jumps(seen, part, half, 2) for part in parts]
     jump, least, sd = (np.concatenate(values) for values in zip(*found, strict=True))
     usual = sd_by_median(jump.ravel()) if len(jump) else 0.0
     return before, jump, least, seen.slack[before], np.hypot(usual, sd)
+
+
+def _between(seen: Places) -> tuple[IntArray, int]:
+    """The fixes [k] with a window of fixes on either side, and how many such a window has."""
+    spacing = float(np.median(np.diff(seen.t)))
+    half = max(round(limits.STEP_WINDOW_S / spacing), limits.STEP_FIXES)
+    before = np.arange(half - 1, len(seen.t) - half)
+    return filled(seen.t, seen.lost_s, before, half, spacing), half
 
 
 def _by_themselves(seen: Places) -> _Found:
@@ -160,16 +196,16 @@ def _jumps(
 
 
 def jump_doubts(jumps: Sequence[Jump], path: Trajectory) -> Iterator[Reason]:
-    """The reason that ``jumps`` give somewhere on the ``path``."""
+    """The reason that ``jumps``, of positions or of heights, give somewhere on the ``path``."""
     if not jumps:
         return
     start, end = float(path.gps_s[0]), float(path.gps_s[-1])
     bounds = np.clip([start, *(jump.gps_s for jump in jumps), end], start, end) - start
-    place = np.cumsum([np.zeros(2), *(jump.by for jump in jumps)], axis=0)
+    place = np.cumsum([0.0 * jumps[0].by, *(jump.by for jump in jumps)], axis=0)
     share = np.diff(bounds) / max(end - start, 1e-9)
     apart = ((place[:, None] - place) ** 2).sum(axis=2)
     error = np.sqrt(apart @ share)
-    size = max(float(np.hypot(*jump.by)) for jump in jumps)
+    size = max(float(np.linalg.norm(jump.by)) for jump in jumps)
     other = np.sqrt(apart[np.argmin(error)]) > 0.5 * size
     spans: tuple[Span, ...] = ()
     # an ellipse of 95 % holds a place that is right as surely as that; a path follows in seconds
@@ -182,11 +218,22 @@ def jump_doubts(jumps: Sequence[Jump], path: Trajectory) -> Iterator[Reason]:
             f"{len(jumps)} times, by up to {size:.1f} m, from {gps_to_iso(jumps[0].gps_s)} to "
             f"{gps_to_iso(jumps[-1].gps_s)}"
         )
+    off = float(error.max())
+    if len(jumps[0].by) == 1:
+        yield Reason(
+            "heights_jump",
+            f"the receiver's heights jump {told}, which no road does: a model of sea level or a "
+            "barometer that was switched, or another receiver; nothing says on which side they are "
+            "right, compare them with what is known of the place",
+            spans,
+            height_m=off,
+        )
+        return
     yield Reason(
         "positions_jump",
         f"the receiver's positions jump {told}, which no vehicle did: ambiguities that were fixed "
         "wrongly, or another antenna, base or receiver; nothing says on which side they are right, "
         "compare them with what is known of the place",
         spans,
-        error_m=float(error.max()),
+        error_m=off,
     )
