@@ -12,6 +12,7 @@ import pytest
 from automap.fusion.doubts.position_jump import (
     Jump,
     beside_readings,
+    height_jumps,
     jump_doubts,
     places_of,
     position_jumps,
@@ -126,3 +127,28 @@ def test_each_place_is_right_as_probably_as_it_lasted() -> None:
     assert short.spans == (pytest.approx((97.0, 108.0)),)
     assert short.error_m == pytest.approx(1.5 * np.sqrt(0.975), rel=1e-3)
     assert "2 times, by up to 1.5 m" in short.text
+
+
+@pytest.mark.parametrize("rate", [1.0, 5.0])
+@pytest.mark.parametrize(
+    ("by_m", "told"), [(30.0, True), (-12.0, True), (4.0, False), (0.0, False)]
+)
+def test_heights_that_jump_by_more_than_they_err_are_told(
+    rate: float, by_m: float, told: bool
+) -> None:
+    """Where the vehicle drives its hills, with a receiver that is 1.5 m off for minutes."""
+    motion, imu = drive(3)
+    fixes = receive(motion, Receiver(rate=rate, wander=(1.0, 1.0, 1.5)), 3)
+    fixes = replace(fixes, sd_pos_ned=np.full((len(fixes), 3), 1.5))
+    late = (fixes.gps_s - GPS0 > 100.1)[:, None]
+    fixes = shifted(fixes, late * np.array([0.0, 0.0, -by_m]))
+    path = path_of(motion, imu, OFF_RAD)
+    found = height_jumps(model_fixes(fixes, fixes.gps_s, FusionOptions()), path)
+    assert len(found) == told
+    if told:
+        assert found[0].gps_s - GPS0 == pytest.approx(100.0, abs=1.0)
+        assert found[0].by == pytest.approx([by_m], abs=1.5)
+        (reason,) = jump_doubts(found, path)
+        assert (reason.code, reason.error_m) == ("heights_jump", 0.0)
+        widest = widen(path, [reason], NONE, None).sd_pos_ned[:, 2].max()
+        assert 0.4 * abs(by_m) < widest < abs(by_m)

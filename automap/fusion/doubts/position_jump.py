@@ -112,7 +112,7 @@ def position_jumps(places: Places) -> list[Jump]:
 
 def height_jumps(model: FixModel, path: Trajectory) -> list[Jump]:
     """Jumps of the fixes' heights, ``by`` [1] m, beyond what the vehicle climbs by its pitch on the
-    ``path``: ones that these heights do not make, and that the errors stated of them do not hold."""
+    ``path``: ones that these heights do not make and the errors stated of them do not hold."""
     rows = np.flatnonzero((model.flags & HAS_POS_V) > 0)
     rows = rows[np.diff(model.t[rows], prepend=-np.inf) > limits.SAME_FIX_S]
     if len(rows) < LEAST_JUDGED:
