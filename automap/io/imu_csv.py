@@ -19,7 +19,7 @@ from automap.io.sensor_file import SI_PER_UNIT, SensorModel, find_sensor, read_s
 from automap.io.stamps import StampOrder, find_gaps, order_stamps
 from automap.io.table_form import ACCEL, GYRO, TableForm
 from automap.io.table_units import doubtful_temperature
-from automap.records import FloatArray, ImuCalibration, ImuData
+from automap.records import BoolArray, FloatArray, ImuCalibration, ImuData, IntArray
 
 
 @dataclass(frozen=True)
@@ -153,6 +153,9 @@ def read_imu_csv(
     if even is not None:
         t_ns = t_ns.copy()
         t_ns[rows] = even
+    written = len(rows)
+    rows = rows[~_written_again(t_ns[rows], np.column_stack([gyro_raw, accel_raw])[rows])]
+    copies = written - len(rows)
     order = order_stamps(t_ns[rows])
     if order is None:
         raise InputError(
@@ -183,9 +186,9 @@ def read_imu_csv(
         used=len(kept),
         unreadable=table.bad_rows,
         blank=table.blank_rows,
-        not_finite=len(table) - len(rows),
+        not_finite=len(table) - written,
         failed=int(unread.sum()),
-        repeats=order.repeats,
+        repeats=order.repeats + copies,
         wrong_stamps=order.stepped_back + sum(p.last - p.first + 1 for p in order.lost),
         reordered=order.reordered,
         gaps=tuple(gaps),
@@ -203,6 +206,20 @@ def read_imu_csv(
         ),
         notes=named.notes,
     )
+
+
+def _written_again(t_ns: IntArray, readings: FloatArray) -> BoolArray:
+    """Which rows [n] step back in time and copy an earlier row, stamp and readings [n, 6] alike.
+
+    A block that a logger wrote twice is no clock that was set back: nothing is lost with it.
+    """
+    again = np.zeros(len(t_ns), dtype=bool)
+    if not np.any(np.diff(t_ns) < 0):
+        return again
+    by_time = np.argsort(t_ns, kind="stable")
+    same = (np.diff(t_ns[by_time]) == 0) & (np.diff(readings[by_time], axis=0) == 0.0).all(axis=1)
+    again[by_time[1:][same]] = True
+    return again & (t_ns < np.maximum.accumulate(t_ns))
 
 
 def _to_si(reading: FloatArray, triad: str, unit: str, form: ImuFormat) -> FloatArray:
@@ -239,9 +256,9 @@ def _warnings(
         )
     if quality.failed:
         found.append(f"{path}: {_count(quality.failed)} {FAILED}")
-    if quality.repeats > 0.2 * quality.rows:
+    if order.repeats > 0.2 * quality.rows:
         found.append(
-            f"{path}: {_count(quality.repeats)} bear a t_ns that another row has; the stamps are "
+            f"{path}: {_count(order.repeats)} bear a t_ns that another row has; the stamps are "
             "too coarse for the rate, record finer ones"
         )
     mended = _mended(quality)

@@ -460,3 +460,13 @@ def test_stamps_at_the_ends_of_what_a_number_holds_are_lost_alone() -> None:
         order = order_stamps(t_ns)
     assert order is not None
     assert order.keep.tolist() == [k for k in range(30) if k not in (0, 9)]
+
+
+def test_a_block_written_twice_costs_no_other_row(tmp_path: Path) -> None:
+    t_ns = np.arange(3000, dtype=np.int64) * 10_000_000
+    lines = [f"{t},{i % 7 * 0.01:.2f},0.2,{i},1,2,-9.8\n" for i, t in enumerate(t_ns)]
+    twice = "".join(lines[:2000] + lines[1500:])
+    recording = read_imu_csv(_write(tmp_path, "t_ns,gx,gy,gz,ax,ay,az\n" + twice))
+    np.testing.assert_array_equal(recording.data.t_ns, t_ns)
+    assert recording.quality.repeats == 500
+    assert not any("left out, the stamps" in text for text in recording.warnings)
