@@ -174,8 +174,8 @@ def test_a_file_gives_back_all_of_an_action_and_reads_older_ones(tmp_path: Path)
     place = PlacedSign(0.0, -3.5, (0.1, 0.0, 0.2, float("nan")), facing_deg=0.0, side="left")
     put = [
         act(1, "accept"),
-        replace(
-            act(2, "correct", facing_deg=0.0, lon_deg=0.0, lat_deg=0.0, sd_m=0.5, settles=True),
+        act(
+            2, "correct", facing_deg=0.0, lon_deg=0.0, lat_deg=0.0, sd_m=0.5, settles=True,
             seen_lon_deg=0.0, seen_lat_deg=0.0,
         ),
         ReviewAction(
