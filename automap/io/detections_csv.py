@@ -86,7 +86,7 @@ def read_detections_csv(
         (
             solid,
             "with a box that has no area (x_min < x_max, y_min < y_max is needed)",
-            "x_max and y_max are no widths and heights, and add x_min and y_min to those",
+            "x_max and y_max are corners; to widths and heights add x_min and y_min",
             _MOST,
         ),
         (inside, "outside the image; check width and height in the manifest", _SIZE, _MOST_OUTSIDE),

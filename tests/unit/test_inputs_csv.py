@@ -373,7 +373,7 @@ def test_detections_get_the_stamps_of_their_frames(tmp_path: Path) -> None:
     ("row", "told"),
     [
         ("{f},stop,0.1,0.2,0.11,0.22,0.9", "shares of the picture"),
-        ("{f},stop,300,200,20,20,0.9", "no widths and heights"),
+        ("{f},stop,300,200,20,20,0.9", "to widths and heights add"),
         ("{f},stop,300,200,320,220,90", "divide percents"),
         ("{f}00,stop,300,200,320,220,0.9", "are no times"),
         ("{f}.04,stop,300,200,320,220,0.9", "no whole number"),
