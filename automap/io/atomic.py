@@ -77,6 +77,9 @@ def atomic_path(path: Path) -> Iterator[Path]:
     # the suffix is kept because some writers choose their format by it
     temporary = path.with_name(f".{path.stem}.{os.getpid()}.tmp{path.suffix}")
     make_folder(path.parent)
+    if path.exists() and not (path.is_file() or path.is_dir()):
+        # a device such as /dev/stdout would be renamed away, by a user who may
+        raise StageError(f"cannot write {path}: it is no plain file; choose another name.")
     if not os.access(path.parent, os.W_OK):
         # told here, as libraries that write a file themselves each say it in their own way
         raise write_failure(path, PermissionError(errno.EACCES, os.strerror(errno.EACCES)))

@@ -305,7 +305,18 @@ def _videos(finder: _Finder, manifest: Manifest) -> dict[str, VideoInput]:
     sections = dict(manifest.video)
     if not sections:
         sections = {name: VideoSection() for name in _unnamed_videos(finder.folder)}
-    return {name: _video(finder, name, section) for name, section in sections.items()}
+    videos = {name: _video(finder, name, section) for name, section in sections.items()}
+    of: dict[Path, str] = {}
+    for name, video in videos.items():
+        stated = video.chapters if video.section.files is not None else ()
+        for path in (*stated, *([video.detections] if video.section.detections else [])):
+            if path is not None and of.setdefault(path.resolve(), name) != name:
+                raise ConfigError(
+                    f"{finder.folder / names.MANIFEST}: video.{of[path.resolve()]} and "
+                    f"video.{name} are both of {path.name}; one picture counts once, so leave "
+                    "one of them out."
+                )
+    return videos
 
 
 def _unnamed_videos(folder: Path) -> list[str]:

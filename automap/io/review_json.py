@@ -39,6 +39,12 @@ _LONGEST = 200
 """Characters of a reviewer's name: longer ones are no names."""
 
 
+_DEGREE_M = 111.2e3
+_FARTHEST_M = 1000.0
+"""How far a correction may move a sign: it is seen from 80 m at most, and a path that is off by
+several hundreds of metres is worth no review."""
+
+
 def read_review(path: Path) -> list[ReviewAction]:
     """The actions in their order; none when there is no file.
 
@@ -117,8 +123,17 @@ def _check(found: dict[str, Any]) -> None:
     for name, limit in (("lon_deg", 180.0), ("lat_deg", 90.0), ("facing_deg", 360.0)):
         if abs(found.get(name, 0.0)) > limit:
             raise ValueError(f"its {name} is beyond {limit:.0f} degrees")
-    if not 0.0 <= found.get("sd_m", 0.0) <= 1000.0:
-        raise ValueError("its sd_m is not between 0 and 1000 m")
+    if not 0.0 < found.get("sd_m", 1.0) <= 1000.0:
+        raise ValueError("its sd_m is not more than 0 and at most 1000 m")
+    if all(name in found for name in ("lon_deg", "lat_deg", "seen_lon_deg", "seen_lat_deg")):
+        north = found["lat_deg"] - found["seen_lat_deg"]
+        east = math.remainder(found["lon_deg"] - found["seen_lon_deg"], 360.0)
+        moved = math.hypot(north, east * math.cos(math.radians(found["seen_lat_deg"])))
+        if moved * _DEGREE_M > _FARTHEST_M:
+            raise ValueError(
+                f"it moves its sign by {moved * _DEGREE_M * 1e-3:.0f} km; its lat_deg and "
+                "lon_deg may be swapped"
+            )
     if not -20.0 <= found.get("height_above_road_m", 0.0) <= 50.0:
         raise ValueError("its height_above_road_m is not between -20 and 50 m")
     if len(found.get("reviewer", "")) > _LONGEST:

@@ -366,14 +366,37 @@ def test_detections_get_the_stamps_of_their_frames(tmp_path: Path) -> None:
         "2,stop,1,2,11,12,1.0,8\n"  # a frame without a stamp
         "1,stop,5,2,5,12,1.0,8\n"  # no area
         "1,stop,900,2,905,12,1.0,8\n"  # outside
+        "0,stop,2,2,12,12,0.9,9\n"  # the sign of line 3 once more
         "1,stop,1,2,11,12,1.5,8\n"  # no score
     )
     found = read_detections_csv(_write(tmp_path, text, "d.csv"), _times(), "front", (640, 480))
     assert found.data.t_ns.tolist() == [10, 40]
     assert found.data.class_name.tolist() == ["give-way", "stop"]
     assert found.data.track.tolist() == [8, 7]
-    assert len(found.warnings) == 4
+    assert len(found.warnings) == 5
     assert "line 4" in found.warnings[0]
+    assert "1 detections left out that a better one" in found.warnings[4]
+
+
+@pytest.mark.parametrize(
+    ("row", "told"),
+    [
+        ("{f},stop,0.1,0.2,0.11,0.22,0.9", "shares of the picture"),
+        ("{f},stop,300,200,20,20,0.9", "to widths and heights add"),
+        ("{f},stop,300,200,320,220,90", "divide percents"),
+        ("{f}00,stop,300,200,320,220,0.9", "are no times"),
+        ("{f}.04,stop,300,200,320,220,0.9", "no whole number"),
+        ("{f},stop,700,200,720,220,0.9", "width and height"),
+    ],
+)
+def test_boxes_that_are_not_what_their_columns_say_are_refused(
+    tmp_path: Path, row: str, told: str
+) -> None:
+    text = "frame,class,x_min,y_min,x_max,y_max,score\n" + "\n".join(
+        row.format(f=f) for f in (1, 1, 3)
+    )
+    with pytest.raises(InputError, match=told):
+        read_detections_csv(_write(tmp_path, text, "d.csv"), _times(), "front", (640, 480))
 
 
 def test_a_header_alone_means_that_nothing_was_detected(tmp_path: Path) -> None:

@@ -111,6 +111,10 @@ def test_a_lesser_file_named_wrongly_is_a_warning(tmp_path: Path) -> None:
         ('[imu]\naccel_unit = "counts"', "names no sensor"),
         ("[video.front]\ncamera_matrix = [[1, 0, 3], [4, 5, 6], [0, 0, 1]]", "camera_matrix"),
         ("[video.front]\ndistortion = [0, 0, 0]", "4, 5, 8, 12 or 14"),
+        (
+            '[video.a]\nfiles = ["imu.csv"]\n[video.b]\nfiles = ["./imu.csv"]',
+            "video.a and video.b are both of imu.csv",
+        ),
         ("[imu", "not valid TOML"),
         ('[imu]\ncolumns = { gq = "Gyro" }', "line 3: imu.columns: there is no column gq"),
         ("[imu]\ncolumns = { gx = 0 }", "count from 1"),
@@ -252,6 +256,9 @@ def test_a_full_disk_and_a_file_in_the_way_are_one_sentence(tmp_path: Path) -> N
     (tmp_path / "file").write_text("x")
     with pytest.raises(StageError, match="cannot write"):
         write_text(tmp_path / "file" / "b", "x")
+    os.mkfifo(tmp_path / "pipe")
+    with pytest.raises(StageError, match="no plain file"):
+        write_text(tmp_path / "pipe", "x")
 
 
 def _random(*shape: int) -> np.ndarray:

@@ -174,7 +174,10 @@ def test_a_file_gives_back_all_of_an_action_and_reads_older_ones(tmp_path: Path)
     place = PlacedSign(0.0, -3.5, (0.1, 0.0, 0.2, float("nan")), facing_deg=0.0, side="left")
     put = [
         act(1, "accept"),
-        act(2, "correct", facing_deg=0.0, lon_deg=0.0, lat_deg=0.0, sd_m=0.0, settles=True),
+        act(
+            2, "correct", facing_deg=0.0, lon_deg=0.0, lat_deg=0.0, sd_m=0.5, settles=True,
+            seen_lon_deg=0.0, seen_lat_deg=0.0,
+        ),
         ReviewAction(
             *("a3", "t", "r1", "add", "stop", 0.0, 0.0, "stop"), place=place, reviewer="Anna",
             views=(SeenIn("d", "front", 3), SeenIn("d", "front", 0, 0.0, 2.5)),

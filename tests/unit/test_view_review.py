@@ -74,7 +74,9 @@ def test_decisions_change_their_signs_and_no_other() -> None:
         [
             action(1, "accept", signs[0]),
             action(2, "reject", signs[1]),
-            action(3, "correct", signs[2], class_name="yield", lon_deg=8.5, lat_deg=48.9, sd_m=0.5),
+            action(
+                3, "correct", signs[2], class_name="yield", lon_deg=8.471, lat_deg=48.971, sd_m=0.5
+            ),
         ],
     )
     assert [s.id for s in done.signs] == ["s0001", "s0003", "s0004", "s0005"]
@@ -82,7 +84,7 @@ def test_decisions_change_their_signs_and_no_other() -> None:
     accepted, corrected, *rest = done.signs
     assert accepted.status == "accepted"
     assert (corrected.status, corrected.class_name) == ("corrected", "yield")
-    assert np.degrees([corrected.lon_rad, corrected.lat_rad]) == pytest.approx([8.5, 48.9])
+    assert np.degrees([corrected.lon_rad, corrected.lat_rad]) == pytest.approx([8.471, 48.971])
     assert corrected.cov_enu[0, 0] == corrected.cov_enu[1, 1] == 0.25
     assert corrected.cov_enu[2, 2] == signs[2].cov_enu[2, 2]
     # how far it is from the path was of its older place
@@ -135,6 +137,9 @@ def test_two_signs_on_a_pole_are_told_apart_by_their_id() -> None:
         {"id": "a", "time": "t", "sign": "s", "kind": "correct", "lon_deg": "8", "lat_deg": 4},
         {"id": "a", "time": "t", "sign": "s", "kind": "correct", "lon_deg": 8, "lat_deg": 94},
         {"id": "a", "time": "t", "sign": "s", "kind": "correct", "sd_m": -1},
+        {"id": "a", "time": "t", "sign": "s", "kind": "correct", "sd_m": 0},
+        {"id": "a", "time": "t", "sign": "s", "kind": "correct", "lon_deg": 48, "lat_deg": 11}
+        | {"seen_lon_deg": 11.0, "seen_lat_deg": 48.0},
         {"id": "a", "time": "t", "sign": "s", "kind": "correct", "lon_deg": float("nan")},
         {"id": "a", "time": "t", "sign": "s", "kind": "correct", "lon_deg": True},
     ],

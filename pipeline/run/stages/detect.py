@@ -189,7 +189,8 @@ STAGE = Stage(
     # 10: the classifier trained on, with what blue discs show and words on boards
     # 11: the detector trained on, with pictures in motion and what it found before kept
     # 12: boxes that come without tracks get some
-    version=12,
+    # 13: boxes of a file that a better one of their frame covers are left out
+    version=13,
     run=run,
     inputs=_inputs,
     # where the camera was when says which frames are worth a search
