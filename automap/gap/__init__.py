@@ -4,7 +4,7 @@
 order: ``drive`` (what goes in), ``motion``, ``fit`` (a model on a drive), ``noise`` (a set of
 effects with its noise), ``candidates``, ``dictionary`` and ``slow`` (what may be missing),
 ``kernels``, ``whitening`` and ``linear`` (how it would show), ``evidence``, ``selection`` (which
-set), ``screening`` and ``search``, ``scoring``, ``judge`` and ``confirm`` (other data), ``misfit``,
+set), ``screening`` and ``search``, ``scoring`` and ``confirm`` (other data), ``misfit``,
 ``stochastic`` and ``receivers`` (what is left), ``chance``, ``naming``, ``result``, ``finder``; all
 that decides is in ``limits``. ``camera`` and ``laboratory`` search other recordings.
 """
