@@ -15,6 +15,7 @@ from automap.earth import metres_per_radian
 from automap.frames import rpy_to_matrix
 from automap.fusion.aside import whole_trajectory
 from automap.fusion.doubts.reason import Reason
+from automap.fusion.limits import DRIVING_SPEED
 from automap.interpolation import LONGEST_GAP_S
 from automap.records import FloatArray, IntArray, Trajectory
 
@@ -59,10 +60,9 @@ def joined(stretches: Iterable[Trajectory], more: Trajectory) -> Iterator[Trajec
 
 
 def driven_m(path: Trajectory) -> float:
-    """Metres between the rows of a path that lie no further apart than poses are interpolated."""
-    step = np.diff(path.gps_s)
-    speed = np.hypot(path.vel_ned[:, 0], path.vel_ned[:, 1])
-    return float((step * speed[1:])[step <= LONGEST_GAP_S].sum())
+    """Metres driven between the rows of a path that are near enough for poses between them."""
+    step, speed = np.diff(path.gps_s), np.hypot(path.vel_ned[1:, 0], path.vel_ned[1:, 1])
+    return float((step * speed)[(step <= LONGEST_GAP_S) & (speed > DRIVING_SPEED)].sum())
 
 
 def later(reasons: Sequence[Reason], seconds: float) -> list[Reason]:

@@ -227,6 +227,7 @@ def stamps(
         good = np.abs(values) < 9e18 / UNITS["time"][form.unit or "s"]
         t_ns = _counted(np.where(good, values, 0.0), form.unit or "s")
     if form.clock == "host":
+        t_ns = t_ns.copy()
         t_ns[good] = _unwrapped(t_ns[good])
     return t_ns, good
 
