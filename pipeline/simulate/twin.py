@@ -74,6 +74,8 @@ def write_twin(
         walk = settings[f"{sensor}_bias_walk"] * factors.get(f"{sensor}_bias_walk", 1.0)
         errors[f"{sensor}_bias_walk"] = dict.fromkeys("xyz", float(walk))
     errors |= changed or {}
+    # where no reading was the path has rows of the fixes
+    trajectory = trajectory.at(np.flatnonzero(np.isin(trajectory.t_ns, imu.t_ns)))
     if len(imu.t_ns) != len(trajectory.t_ns):
         raise InputError(f"{out}: trajectory and IMU have different lengths; run it with --force")
     wheels = out / names.ODOMETER

@@ -65,6 +65,9 @@ STEP_WINDOW_S, STEP_FIXES, STEP_BATCH = 3.0, 3, 2000
 err for one to three seconds in a row and are right again. So many are looked at at once."""
 UNHELD_PROBABILITY = 1e-3
 """What stated errors make so rarely they do not hold; as for a measurement that is refused."""
+BODY_PITCH_RAD = 0.02
+"""By which a body is off the road's slope while a car brakes or speeds up by a third of gravity:
+bodies pitch by two to four degrees for one of it."""
 LEAST_USUAL = 8
 """Jumps over holes are compared with those of so many stretches without one: by a sigma of four
 degrees of freedom, which makes a doubt of nothing that is less than 50 of it off."""

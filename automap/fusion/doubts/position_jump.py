@@ -118,8 +118,10 @@ def height_jumps(model: FixModel, path: Trajectory) -> list[Jump]:
     if len(rows) < LEAST_JUDGED:
         return []
     t, sd = model.t[rows], model.stated_sd[rows, 2]
-    rise = np.hypot(path.vel_ned[:, 0], path.vel_ned[:, 1]) * np.tan(path.rpy[:, 1])
-    climbed = np.interp(t, path.gps_s, np.cumsum(rise * np.gradient(path.gps_s)))
+    way = np.hypot(path.vel_ned[:, 0], path.vel_ned[:, 1]) * np.gradient(path.gps_s)
+    climbed, driven = (
+        np.interp(t, path.gps_s, np.cumsum(part)) for part in (way * np.tan(path.rpy[:, 1]), way)
+    )
     at = np.stack([model.values[rows, 2] - climbed, np.zeros(len(t))], axis=1)
     seen = Places(t, at, sd, *_without_witness(len(t)))
     before, half = _between(seen)
@@ -128,6 +130,8 @@ def height_jumps(model: FixModel, path: Trajectory) -> list[Jump]:
     jump, least, beside = _jumps(seen, before, half, 1)
     usual = np.sqrt(gate(DOUBT_PROBABILITY / len(before), 1)) * sd_by_median(jump[:, 0])
     beyond = np.maximum(usual, np.sqrt(gate(limits.UNHELD_PROBABILITY, 1)) * beside)
+    # from the middle of what is before to that of what is after
+    beyond += limits.BODY_PITCH_RAD * 0.5 * (driven[before + half] - driven[before - half + 1])
     return _apart(0.5 * (t[before] + t[before + 1]), jump[:, :1], least / beyond)
 
 
