@@ -15,6 +15,7 @@ from dataclasses import asdict, fields, replace
 from pathlib import Path
 from typing import Any
 
+from automap.earth import metres_per_radian
 from automap.errors import InputError
 from automap.io.atomic import write_failure, write_json
 from automap.io.json_text import parse_json
@@ -39,7 +40,6 @@ _LONGEST = 200
 """Characters of a reviewer's name: longer ones are no names."""
 
 
-_DEGREE_M = 111.2e3
 _FARTHEST_M = 1000.0
 """How far a correction may move a sign: it is seen from 80 m at most, and a path that is off by
 several hundreds of metres is worth no review."""
@@ -126,13 +126,14 @@ def _check(found: dict[str, Any]) -> None:
     if not 0.0 < found.get("sd_m", 1.0) <= 1000.0:
         raise ValueError("its sd_m is not more than 0 and at most 1000 m")
     if all(name in found for name in ("lon_deg", "lat_deg", "seen_lon_deg", "seen_lat_deg")):
-        north = found["lat_deg"] - found["seen_lat_deg"]
-        east = math.remainder(found["lon_deg"] - found["seen_lon_deg"], 360.0)
-        moved = math.hypot(north, east * math.cos(math.radians(found["seen_lat_deg"])))
-        if moved * _DEGREE_M > _FARTHEST_M:
+        lat = math.radians(found["lat_deg"] - found["seen_lat_deg"])
+        lon = math.radians(math.remainder(found["lon_deg"] - found["seen_lon_deg"], 360.0))
+        north, east = metres_per_radian(math.radians(found["seen_lat_deg"]), 0.0)
+        moved_m = math.hypot(north * lat, east * lon)
+        if moved_m > _FARTHEST_M:
             raise ValueError(
-                f"it moves its sign by {moved * _DEGREE_M * 1e-3:.0f} km; its lat_deg and "
-                "lon_deg may be swapped"
+                f"it moves its sign by {moved_m * 1e-3:.0f} km; its lat_deg and lon_deg may be "
+                "swapped"
             )
     if not -20.0 <= found.get("height_above_road_m", 0.0) <= 50.0:
         raise ValueError("its height_above_road_m is not between -20 and 50 m")
