@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 if TYPE_CHECKING:
-    from playwright.sync_api import Browser, Page
+    from playwright.sync_api import Browser, Page, Request
 
 FLAGS = (
     "--headless",
@@ -75,11 +75,16 @@ def watched(page: Page) -> list[str]:
         if kind in ("error", "warning"):
             troubles.append(f"console {kind}: {text}")
 
+    def failed(one: Request) -> None:
+        # what a reload or a closed page breaks off; a server that breaks off is another error
+        if one.failure != "net::ERR_ABORTED":
+            troubles.append(f"failed: {one.url} {one.failure}")
+
     page.on("console", lambda message: said(message.type, message.text))
     page.on("pageerror", lambda error: troubles.append(f"error: {error}"))
     # the first request comes before the page has an address
     page.on("request", lambda r: None if page.url == "about:blank" else request(r.url))
-    page.on("requestfailed", lambda r: troubles.append(f"failed: {r.url} {r.failure}"))
+    page.on("requestfailed", failed)
     return troubles
 
 

@@ -17,6 +17,7 @@ from automap.fusion import limits
 from automap.fusion.aside import ROWS
 from automap.fusion.delay_states import DELAY_STATE, LATENCY_STATE, WHEELS_STATE
 from automap.fusion.dense_pieces import MARGIN_S, dense_pieces
+from automap.fusion.gnss_only import smooth_fixes
 from automap.fusion.kernel_runs import Start
 from automap.fusion.layout import HAS_POS_H
 from automap.fusion.measurements.position import age_sd_of
@@ -28,8 +29,10 @@ from automap.fusion.problem import stored
 from automap.fusion.result import FusionResult, Prior, WheelResult, assemble, collect
 from automap.fusion.screening import screen_fixes
 from automap.fusion.standstill import find_standstill, rest_gyro_bias, shown_speed, unmoved
-from automap.fusion.unusable_readings import bridge_unusable
+from automap.fusion.unread import over_holes
+from automap.fusion.unusable_readings import bridge_noise, bridge_unusable
 from automap.fusion.wheels import Wheels, prepare_wheels
+from automap.interpolation import LONGEST_GAP_S
 from automap.records import (
     ClockModel,
     Fixes,
@@ -77,9 +80,14 @@ def fuse_imu_gnss(
     """
     if len(imu) < 10:
         raise InputError(f"the IMU recording has only {len(imu)} usable samples; record longer")
+    made_noise: FloatArray | float = 0.0
+    if np.diff(imu.t_ns).max() > LONGEST_GAP_S * 1e9:
+        imu, made_noise = over_holes(imu, smooth_fixes(fixes, clock, options))
     base_ns = int(imu.t_ns[0])
     bridged = bridge_unusable(imu)
     imu = bridged.imu
+    gaps = options.gap_force_sd, options.gap_rate_sd
+    made_noise = made_noise + bridge_noise(bridged.stretch_s, *gaps)
     fix_t = (clock.t_ns(fixes.gps_s) - base_ns) * 1e-9
     model = model_fixes(fixes, np.asarray(fix_t), options)
     screened = screen_fixes(model, options.wander_tau_s)
@@ -121,7 +129,7 @@ def fuse_imu_gnss(
         effects = (*effects, *(e for e in _OF_WHEELS if e not in effects))
     options = replace(options, effects=effects)
     session = Session(imu, model, options, standstill, means, sds, span, readings)
-    session = replace(session, bridged_s=bridged.stretch_s if bridged.stretch_s.any() else None)
+    session = replace(session, made_noise=made_noise if made_noise.any() else None)
     warnings = list(wheels.warnings) if wheels else []
     if screened.n_outliers:
         warnings.append(
@@ -158,7 +166,7 @@ def fuse_imu_gnss(
     axes_known = imu.axes_known
     basis, session = _basis_of(session, scratch), without_readings(session)
     # of a long drive the readings are as large again as what is made of them
-    del imu, bridged, t_imu
+    del imu, bridged, t_imu, made_noise
     progress(0.3, "fusing")
     last, found = run_passes(
         session,

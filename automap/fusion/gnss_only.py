@@ -113,7 +113,7 @@ def course_errors(
     return np.asarray(np.minimum(off, UNKNOWN_HEADING_SD))
 
 
-def unaveraged(
+def as_sure_as_fixes(
     path: Trajectory,
     fixes: Fixes,
     options: FusionOptions,
@@ -123,6 +123,7 @@ def unaveraged(
     that last: how long they do nobody has told, and a motion that no IMU has seen does not tell
     them from the way that was driven, so that the smoother's averages over minutes promise too
     much."""
+    path = uncorrected(path, fixes, options)
     model = model_fixes(fixes, fixes.gps_s, options)
     has = (model.flags & 1) > 0
     if not has.any():

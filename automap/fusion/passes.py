@@ -46,8 +46,8 @@ class Session:
     """What stays the same over the passes of one run.
 
     ``means`` and ``sds`` are priors by parameter name, ``standstill`` intervals and ``span`` in
-    s from the first sample, which was taken ``begin_s`` into the drive; ``bridged_s`` [n] how long
-    the stretch of readings is that was replaced at a sample, s; ``late_change`` how late
+    s from the first sample, which was taken ``begin_s`` into the drive; ``made_noise`` [n, 2]
+    the PSD of what force and rate err by where they were made up; ``late_change`` how late
     velocities change; ``readings`` as the filter takes them, where many models are asked of them.
     """
 
@@ -60,7 +60,7 @@ class Session:
     span: tuple[float, float]
     odometer: Odometer | None = None
     begin_s: float = 0.0
-    bridged_s: FloatArray | None = None
+    made_noise: FloatArray | None = None
     late_change: LateChange | None = None
     readings: Samples | None = None
 
@@ -125,7 +125,7 @@ def problem_of(session: Session) -> Problem:
     of_drive = {name for name in named if asks_for_the_drive(name)}
     signals = session_signals(session) if of_drive - set(TRAVEL) else None
     problem = make_problem(
-        *(session.imu, model, session.options, along, signals, session.bridged_s, session.readings)
+        *(session.imu, model, session.options, along, signals, session.made_noise, session.readings)
     )
     problem = replace(problem, turning=rate_of_turn(problem.t, session.imu.gyro))
     if of_drive and signals is None:
@@ -179,7 +179,7 @@ def without_readings(session: Session) -> Session:
     """The session without what a basis was made of."""
     unknown = np.broadcast_to(np.nan, session.imu.gyro.shape)
     imu = replace(session.imu, gyro=unknown, accel=unknown, temp_c=None)
-    return replace(session, imu=imu, bridged_s=None, late_change=None)
+    return replace(session, imu=imu, made_noise=None, late_change=None)
 
 
 def run_passes(

@@ -30,7 +30,7 @@ from automap.fusion.nodes import Nodes
 from automap.fusion.options import FusionOptions
 from automap.fusion.shocks import shock_noise
 from automap.fusion.steady_rate import steady_rate
-from automap.fusion.unusable_readings import bridge_noise, gap_noise
+from automap.fusion.unusable_readings import gap_noise
 from automap.gates import gate
 from automap.records import BoolArray, FloatArray, ImuData, IntArray
 
@@ -87,15 +87,15 @@ def make_problem(
     options: FusionOptions,
     speed: FloatArray | None = None,
     signals: Signals | None = None,
-    bridged_s: FloatArray | None = None,
+    made_noise: FloatArray | None = None,
     readings: Samples | None = None,
 ) -> Problem:
     """Problem of a recording; ``speed`` [n] m/s feeds effects that grow with it, ``signals`` [n]
-    those that follow from the drive; ``bridged_s`` [n] s is the length of the replaced stretch at
-    a sample; ``readings`` of ``samples_of``, where these are known already."""
+    those that follow from the drive; ``made_noise`` [n, 2] the PSD of what made-up force and rate
+    err by; ``readings`` of ``samples_of``, where these are known already."""
     terms = list(model.terms)
     extra = extra_basis(terms, imu.gyro, imu.accel, imu.temp_c, speed, signals=signals)
-    readings = readings or samples_of(imu, options, bridged_s)
+    readings = readings or samples_of(imu, options, made_noise)
     samples = readings._replace(extra=np.ascontiguousarray(extra))
     step = float(np.median(np.diff(samples.t)))
     users = {}
@@ -105,7 +105,7 @@ def make_problem(
 
 
 def samples_of(
-    imu: ImuData, options: FusionOptions, bridged_s: FloatArray | None = None
+    imu: ImuData, options: FusionOptions, made_noise: FloatArray | None = None
 ) -> Samples:
     """A recording as the filter reads it, whatever the model: without extra signals."""
     from scipy.ndimage import uniform_filter1d
@@ -119,8 +119,8 @@ def samples_of(
     shocks = gap_noise(t, imu.gyro, imu.accel, *gaps)
     if options.shocks:
         shocks += shock_noise(imu.gyro, imu.accel, step)
-    if bridged_s is not None:
-        shocks = shocks + bridge_noise(bridged_s, options.gap_force_sd, options.gap_rate_sd)
+    if made_noise is not None:
+        shocks = shocks + made_noise
     calm = steady_rate(t, imu.gyro)
     calm -= raw[:, :3]
     return Samples(t, raw, np.zeros((len(t), 0)), np.ascontiguousarray(force), calm, shocks)

@@ -11,13 +11,79 @@ from dataclasses import replace
 
 import numpy as np
 
-from automap.earth import metres_per_radian
-from automap.frames import rpy_to_matrix
 from automap.fusion.aside import whole_trajectory
 from automap.fusion.doubts.reason import Reason
-from automap.fusion.limits import DRIVING_SPEED
+from automap.fusion.limits import DRIVING_SPEED, MOVING_SPEED, SHORT_GAP_S, TRIAL_MOVING_S
 from automap.interpolation import LONGEST_GAP_S
-from automap.records import FloatArray, IntArray, Trajectory
+from automap.records import FloatArray, ImuData, IntArray, Trajectory
+
+
+def over_holes(imu: ImuData, alone: Trajectory) -> tuple[ImuData, FloatArray]:
+    """The recording with readings made up in holes between readings that are too long for poses
+    between them, and the PSD [n, 2] of what force and rate err by there, zero elsewhere.
+
+    The vehicle turns as its course does on the path of the fixes ``alone``, about the direction in
+    which it feels gravity: a line over the hole may turn it anywhere, and what follows begins with
+    the wrong heading. Readings made so err as they do where the sensor was read. What was read
+    before the first piece that is long enough to tell the heading is left out.
+    """
+    imu = _from_first_drive(imu, alone)
+    at = unread(alone, imu.t_ns)
+    at = at.at(np.flatnonzero((at.t_ns > imu.t_ns[0]) & (at.t_ns < imu.t_ns[-1])))
+    step_ns = round(SHORT_GAP_S * 1e9)
+    at = at.at(np.unique((at.t_ns - imu.t_ns[0]) // step_ns, return_index=True)[1])
+    if not len(at):
+        return imu, np.zeros((len(imu), 2))
+    psd = _made_noise(imu, alone)
+    gyro, accel = _made(imu, alone, at.t_ns)
+    t_ns = np.concatenate([imu.t_ns, at.t_ns])
+    order = np.argsort(t_ns, kind="stable")
+    t_ns = t_ns[order]
+    whole = replace(
+        imu,
+        t_ns=t_ns,
+        gyro=np.concatenate([imu.gyro, gyro])[order],
+        accel=np.concatenate([imu.accel, accel])[order],
+        temp_c=None if imu.temp_c is None else np.interp(t_ns, imu.t_ns, imu.temp_c),
+    )
+    # the step from the last reading to the first of these is as unsure
+    unsure = order >= len(imu)
+    unsure[:-1] |= unsure[1:]
+    return whole, unsure[:, None] * psd
+
+
+def _from_first_drive(imu: ImuData, alone: Trajectory) -> ImuData:
+    """The recording from the first piece between holes on that has enough driving to align in, by
+    the path of the fixes ``alone``, or from that with the most."""
+    holes = np.flatnonzero(np.diff(imu.t_ns) > LONGEST_GAP_S * 1e9)
+    first, last = np.append(0, holes + 1), np.append(holes, len(imu) - 1)
+    moves = np.hypot(alone.vel_ned[:, 0], alone.vel_ned[:, 1]) > MOVING_SPEED
+    driven = np.cumsum(np.where(moves, np.diff(alone.gps_s, prepend=alone.gps_s[0]), 0.0))
+    at_first, at_last = (np.interp(imu.t_ns[k], alone.t_ns, driven) for k in (first, last))
+    seconds = at_last - at_first
+    return imu.at(slice(first[np.argmax(np.minimum(seconds, TRIAL_MOVING_S))], None))
+
+
+def _made(imu: ImuData, alone: Trajectory, t_ns: IntArray) -> tuple[FloatArray, FloatArray]:
+    """Rate and force [k, 3] that the path of the fixes ``alone`` lets expect at stamps [k]."""
+    half = round(0.5 * SHORT_GAP_S * 1e9)
+    course = np.unwrap(alone.rpy[:, 2])
+    after, before = (np.interp(t_ns + way, alone.t_ns, course) for way in (half, -half))
+    force = imu.accel.mean(axis=0)
+    turn = (after - before)[:, None] / SHORT_GAP_S * force / np.linalg.norm(force)
+    return np.median(imu.gyro, axis=0) - turn, np.broadcast_to(force, turn.shape)
+
+
+def _made_noise(imu: ImuData, alone: Trajectory) -> FloatArray:
+    """PSD [2] of force and rate by which readings differ from made ones for some seconds."""
+    block = (imu.t_ns - imu.t_ns[0]) // round(LONGEST_GAP_S * 1e9)
+    rows = np.flatnonzero(np.diff(block, prepend=-1))
+    count = np.diff(rows, append=len(block))[:, None]
+    gyro, accel = (
+        np.add.reduceat(read - made, rows) / count
+        for read, made in zip((imu.gyro, imu.accel), _made(imu, alone, imu.t_ns), strict=True)
+    )
+    return LONGEST_GAP_S * np.array([(part**2).mean(axis=0).max() for part in (accel, gyro)])
 
 
 def unread(alone: Trajectory, t_ns: IntArray) -> Trajectory:
@@ -29,22 +95,6 @@ def unread(alone: Trajectory, t_ns: IntArray) -> Trajectory:
     hole_s = (edges[after] - edges[after - 1]) * 1e-9
     # where a reading is there is a row already
     return alone.at(np.flatnonzero((hole_s > LONGEST_GAP_S) & (edges[after - 1] < alone.t_ns)))
-
-
-def at_sensor(path: Trajectory, arm: FloatArray) -> Trajectory:
-    """The path of a sensor, by that of the antenna ``arm`` [3] m forward, right and down of it."""
-    ahead = rpy_to_matrix(path.rpy) @ arm
-    north, east = metres_per_radian(path.lat_rad, path.height_m)
-    # what the antenna leans and turns by, unseen, moves the sensor below it
-    level = np.hypot(path.sd_rpy[:, 2] * np.hypot(*arm[:2]), path.sd_rpy[:, 0] * arm[2])
-    unsure = np.stack([level, level, np.zeros(len(path))], axis=1)
-    return replace(
-        path,
-        lat_rad=path.lat_rad - ahead[:, 0] / north,
-        lon_rad=path.lon_rad - ahead[:, 1] / east,
-        height_m=path.height_m + ahead[:, 2],
-        sd_pos_ned=np.hypot(path.sd_pos_ned, unsure),
-    )
 
 
 def joined(stretches: Iterable[Trajectory], more: Trajectory) -> Iterator[Trajectory]:

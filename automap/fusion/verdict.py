@@ -59,16 +59,17 @@ from automap.fusion.doubts.turns import turn_doubts
 from automap.fusion.doubts.velocity_step import compare, step_doubts, told_times, velocity_steps
 from automap.fusion.fix_levels import fix_levels
 from automap.fusion.free_inertial import FreeInertial, free_inertial
-from automap.fusion.gnss_only import smooth_fixes, unaveraged, uncorrected
+from automap.fusion.gnss_only import as_sure_as_fixes, smooth_fixes, uncorrected
 from automap.fusion.levels import VELOCITY_WANDER
 from automap.fusion.limits import STATED_ARM_SD_M, UNKNOWN_HEADING_SD
 from automap.fusion.measurements.position import age_sd_of, by_carrier
 from automap.fusion.nodes import as_shown, model_fixes
 from automap.fusion.options import FusionOptions
 from automap.fusion.result import FusionResult, Prior
-from automap.fusion.unread import at_sensor, driven_m, joined, later, unread
+from automap.fusion.unread import driven_m, joined, later, unread
 from automap.fusion.unusable_readings import Bridged, bridge_unusable
 from automap.fusion.widening import widen, widening
+from automap.lever_arm import moved_to
 from automap.records import ClockModel, Fixes, FloatArray, ImuData, Trajectory
 from automap.sync.velocity_consistency import VelocityConsistency
 
@@ -112,8 +113,10 @@ def weigh(
     recorded say of each other; ``lever_arm`` [3] m to the antenna as it was stated.
     """
     found = final_estimates(result)
-    bridged = bridge_unusable(imu)
     path = fused.motion()
+    # it may begin behind readings that told nothing
+    imu = imu.at(slice(int(np.searchsorted(imu.t_ns, path.t_ns[0])), None))
+    bridged = bridge_unusable(imu)
     speed = np.hypot(path.vel_ned[:, 0], path.vel_ned[:, 1])
     told = np.isfinite(fixes.vel_ned[:, :2]).all(axis=1)
     fix_s = np.asarray((clock.t_ns(fixes.gps_s[told]) - int(imu.t_ns[0])) * 1e-9)
@@ -167,8 +170,11 @@ def weigh(
         by_imu = (path, result.noise_factors) if believed else ()
         more, drifts = pattern_doubts(dated, alone, options, levels, sd, of_receiver, *by_imu)
         of_receiver += more
+        if delay_is_clock:
+            alone = replace(alone, t_ns=alone.t_ns + round(result.delay.mean * 1e9))
+        unread_m = driven_m(unread(alone, imu.t_ns))
     except InputError:
-        alone = None
+        alone, unread_m = None, 0.0
     scaled = any(reason.code == "height_scale" for reason in of_receiver)
     off = math.inf if alone is None else off_course(path, alone)
     # a delay that is the clock's is minus the receiver's, and of any sign
@@ -215,27 +221,25 @@ def weigh(
             # what speaks against the IMU's path leaves that of the fixes as it is
             earlier = float(path.gps_s[0] - alone.gps_s[0])
             of_fixes = [*later(of_receiver, earlier), *own]
-            path = uncorrected(unaveraged(alone, fixes, options, levels), fixes, options)
-            path = _off_nose(widen(path, of_fixes, beside, None), sliding)
+            rest = as_sure_as_fixes(alone, fixes, options, levels)
+            rest = _off_nose(widen(rest, of_fixes, beside, None), sliding)
             reasons = later([outcome.inertial_worse(share), *reasons], earlier)
-            return _alone(drifting(path, drifts), reasons)
+            return _alone(_at_sensor(drifting(rest, drifts), lever_arm), reasons)
     widened = widening(path, reasons, misses, alone)
 
     def run() -> Iterator[Trajectory]:
         for rows, stretch in known():
             yield drifting(widened(stretch, rows), drifts)
 
-    if alone is not None and delay_is_clock:
-        alone = replace(alone, t_ns=alone.t_ns + round(result.delay.mean * 1e9))
     if alone is None or not len(unread(alone, path.t_ns)):
-        return _weighed(run, reasons, False)
-    rest = uncorrected(unaveraged(alone, fixes, options, levels), fixes, options)
+        return replace(_weighed(run, reasons, False), unread_m=unread_m)
     earlier = float(path.gps_s[0] - alone.gps_s[0])
+    rest = as_sure_as_fixes(alone, fixes, options, levels)
     rest = widen(rest, later(of_receiver, earlier), fix_misses(alone, model), None)
-    rest = unread(drifting(at_sensor(rest, arm), drifts), path.t_ns)
+    rest = unread(_at_sensor(drifting(rest, drifts), arm), path.t_ns)
     reasons = later(reasons, max(float(path.gps_s[0] - rest.gps_s[0]), 0.0))
     weighed = _weighed(lambda: joined(run(), rest), reasons, False)
-    return replace(weighed, unread_m=driven_m(rest))
+    return replace(weighed, unread_m=unread_m)
 
 
 def _off_nose(path: Trajectory, sliding: Sequence[Reason]) -> Trajectory:
@@ -257,10 +261,25 @@ def _alone(path: Trajectory, reasons: Sequence[Reason]) -> Weighed:
     return _weighed(lambda: iter([path]), reasons, alone=True)
 
 
+def _at_sensor(path: Trajectory, arm: FloatArray | None) -> Trajectory:
+    """The path of a sensor, by that of the antenna ``arm`` [3] m forward, right and down of it."""
+    if arm is None:
+        return path
+    moved = moved_to(path, -arm)
+    # courses one after the other tell a turn no better than that there is one
+    swing = moved.vel_ned - path.vel_ned
+    return replace(moved, sd_vel_ned=np.hypot(moved.sd_vel_ned, swing))
+
+
 def weigh_alone(
-    fixes: Fixes, clock: ClockModel, options: FusionOptions, receiver: VelocityConsistency
+    fixes: Fixes,
+    clock: ClockModel,
+    options: FusionOptions,
+    receiver: VelocityConsistency,
+    lever_arm: FloatArray | None = None,
 ) -> Weighed:
-    """The path of ``fixes`` alone, judged; ``receiver`` as in ``weigh``.
+    """The path of ``fixes`` alone, judged; ``receiver`` and ``lever_arm`` as in ``weigh``. It is
+    that of the antenna where nobody stated an arm.
 
     Raises:
         InputError: fewer than two usable fixes.
@@ -268,7 +287,7 @@ def weigh_alone(
     dated = dated_velocities(fixes, receiver)
     levels = fix_levels(dated, options)
     alone = smooth_fixes(dated, clock, options, levels)
-    path = uncorrected(unaveraged(alone, fixes, options, levels), fixes, options)
+    path = as_sure_as_fixes(alone, fixes, options, levels)
     stated = model_fixes(fixes, fixes.gps_s, options)
     misses = fix_misses(path, as_shown(stated, options, levels))
     off, _ = off_the_fixes(misses, options.wander_tau_s)
@@ -281,7 +300,8 @@ def weigh_alone(
     sd = _level_sd([path])
     more, drifts = pattern_doubts(dated, alone, options, levels, sd, reasons)
     reasons += more
-    return _alone(drifting(widen(path, reasons, misses, None), drifts), reasons)
+    path = drifting(widen(path, reasons, misses, None), drifts)
+    return _alone(_at_sensor(path, lever_arm), reasons)
 
 
 def _level_sd(stretches: Iterable[Trajectory]) -> float:
@@ -318,7 +338,9 @@ def _free(
     rate, force = imu.gyro @ turn.T, imu.accel @ turn.T
     rate -= _of_axes(found, "gyro_bias")
     force -= _of_axes(found, "accel_bias")
-    return free_inertial(path.gps_s - path.gps_s[0] - late, rate, force, bridged.stretch_s, wanted)
+    # the path has rows in holes between readings too
+    at = path.gps_s[np.isin(path.t_ns, imu.t_ns)] - path.gps_s[0] - late
+    return free_inertial(at, rate, force, bridged.stretch_s, wanted)
 
 
 def _steps(

@@ -41,6 +41,11 @@ class ImuData:
     def __len__(self) -> int:
         return len(self.t_ns)
 
+    def at(self, rows: slice) -> ImuData:
+        """Some of the readings."""
+        temp_c = None if self.temp_c is None else self.temp_c[rows]
+        return ImuData(self.t_ns[rows], self.gyro[rows], self.accel[rows], temp_c, self.axes_known)
+
 
 @dataclass(frozen=True)
 class RawImu:

@@ -9,8 +9,9 @@ from pathlib import Path
 import numpy as np
 
 from automap.errors import AutoMapError, ConfigError, InputError
-from automap.export.trajectory_point import at_instants, moved_to
+from automap.export.trajectory_instants import at_instants
 from automap.io import names
+from automap.lever_arm import moved_to
 from automap.records import FARTHEST_ARM_M, FloatArray, IntArray, Trajectory
 from pipeline.shared.run_record import drive_of
 

@@ -91,7 +91,7 @@ def read_inputs(drive: Drive, out: Path, shared_clock_sd_s: float) -> FusionInpu
     clocks = read_clocks(out / names.SYNC)
     clock = clocks.clock
     delay, is_clock = _delay_prior(clock, shared_clock_sd_s)
-    arm = _stated_arm(drive)
+    arm = stated_arm(drive)
     right, receiver = _right_fixes(out)
     fixes = own_velocities(right, receiver)
     roll_sd = math.radians(drive.imu.axes_sigma_deg)
@@ -101,7 +101,7 @@ def read_inputs(drive: Drive, out: Path, shared_clock_sd_s: float) -> FusionInpu
     )
 
 
-def _stated_arm(drive: Drive) -> FloatArray | None:
+def stated_arm(drive: Drive) -> FloatArray | None:
     """The arm [3] m that the manifest states; one that fits on no vehicle is none."""
     if drive.gnss.lever_arm_m is None or np.linalg.norm(drive.lever_arm) > MOST_ARM_M:
         return None

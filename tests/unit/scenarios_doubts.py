@@ -23,7 +23,7 @@ def fusion_offsets() -> Any:
     """Positions aside of where velocities lead: in turn, from an instant on, throughout."""
     from automap.fusion.doubts import alternation, offsets
     from automap.fusion.fix_axes import smooth_epochs, usable_epochs, whitened_epochs
-    from automap.fusion.gnss_only import at_least, smooth_fixes, unaveraged, uncorrected
+    from automap.fusion.gnss_only import as_sure_as_fixes, at_least, smooth_fixes, uncorrected
     from automap.fusion.options import FusionOptions
     from tests.unit.fusion_drive import CLOCK
 
@@ -70,7 +70,7 @@ def fusion_offsets() -> Any:
                 "alone": alone,
                 "score": [smooth_epochs(at, axis, options, levels, out) for axis in range(3)],
                 "white": [whitened_epochs(at, axis, options, levels, errors) for axis in range(3)],
-                "unaveraged": unaveraged(alone, log, options, levels),
+                "as_sure_as_fixes": as_sure_as_fixes(alone, log, options, levels),
                 "uncorrected": uncorrected(alone, log, options),
                 "at least": at_least(alone, path.gps_s[::50], 2.0 + np.sin(path.vel_ned[::50])),
                 "instants": offsets._instants(at, alone.vel_ned[:, :2], at.used[0, :, 0]),
@@ -110,7 +110,10 @@ def fusion_offsets() -> Any:
         for a, b in ((rows, beside), (9.0 * rows, beside), (hole, beside), (rows, lost))
     ]
     none = replace(sound, fix_type=0 * sound.fix_type)
-    found["none"] = [told(usable_epochs, none, options), told(unaveraged, alone, none, options)]
+    found["none"] = [
+        told(usable_epochs, none, options),
+        told(as_sure_as_fixes, alone, none, options),
+    ]
     return found
 
 

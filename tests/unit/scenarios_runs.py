@@ -387,7 +387,10 @@ def fusion_passes() -> Any:
     late = with_late_change(problem, changes)
     users = FusionOptions(effects=("accel_warm_up", "imu_filter_delay", "gnss_speed_offset"))
     felt = replace(
-        session, options=users, late_change=changes, bridged_s=np.where(problem.t < 1.0, 0.4, 0.0)
+        session,
+        options=users,
+        late_change=changes,
+        made_noise=np.where(problem.t < 1.0, 0.4, 0.0)[:, None] * np.array([1.0, 0.01]),
     )
     whole = passes.problem_of(felt)
     found["problems"] = [

@@ -12,10 +12,11 @@ from hypothesis import strategies as st
 
 from automap.earth import from_local_ned, local_ned
 from automap.errors import ConfigError, InputError
-from automap.export.trajectory_point import at_instants, moved_to, turn_rate
+from automap.export.trajectory_instants import at_instants
 from automap.frames import rpy_to_matrix
 from automap.io import names
 from automap.io.trajectory_table import write_trajectory
+from automap.lever_arm import moved_to, turn_rate
 from automap.records import Trajectory
 from pipeline.cli.root import run_command
 from pipeline.export.command import export_run

@@ -8,7 +8,7 @@ import numpy as np
 import pymap3d
 import pytest
 
-from automap.fusion.gnss_only import course_errors, smooth_fixes, unaveraged
+from automap.fusion.gnss_only import as_sure_as_fixes, course_errors, smooth_fixes
 from automap.fusion.limits import (
     ROAD_ACCELERATION_PSD,
     UNKNOWN_HEADING_SD,
@@ -212,7 +212,7 @@ def test_what_lasts_of_fixes_is_nowhere_averaged_away() -> None:
     path = smooth_fixes(fixes, CLOCK, OPTIONS)
     path = replace(path, sd_pos_ned=path.sd_pos_ned.copy())
     path.sd_pos_ned[0] = 50.0
-    held = unaveraged(path, fixes, OPTIONS).sd_pos_ned
+    held = as_sure_as_fixes(path, fixes, OPTIONS).sd_pos_ned
     left = max(1.0 - WANDER**2 - QUICK**2 - WHITE**2, BIAS**2)
     lasts = SD_POS * np.sqrt(SHARE**2 + left)
     assert held[0] == pytest.approx(50.0)

@@ -97,7 +97,8 @@ def test_every_byte_is_there_and_the_drive_can_be_read(drive: Path, tmp_path: Pa
     np.testing.assert_array_equal(recorded.imu.gyro, original.imu.gyro)
     # the device's clock is the original's, brought to the host's: one shift for all
     shift = recorded.imu.t_ns - original.imu.t_ns
-    assert np.std(shift) < 5_000_000  # a millisecond of the host's, five times as fast
+    # the host may be late by tens of milliseconds when it is busy, a wrong clock is by seconds
+    assert np.std(shift) < 50_000_000
     assert recorded.fixes is not None
     assert np.all(np.diff(recorded.fixes.arrival_ns) >= 0)
     summary = json.loads((out / "recording.json").read_text())

@@ -52,8 +52,6 @@ def test_a_sign_is_clicked_judged_and_still_so_after_a_reload(
         page.fill("#note", "behind a tree")
         page.click("#save-note")
         page.wait_for_selector("#history li:nth-child(2)")
-        # the picker's pictures, or a reload breaks them off
-        page.wait_for_load_state("networkidle")
         page.reload()
         page.wait_for_selector("html[data-paths]")
         assert page.locator("#tally").inner_text() == "6 signs, 2 reviewed"

@@ -80,7 +80,7 @@ def _take_finished(context: StageContext) -> None:
 
 def _smooth_fixes(context: StageContext, clock: ClockModel, reason: str) -> None:
     from automap.fusion.verdict import weigh_alone
-    from pipeline.run.fusion_inputs import read_usable_fixes
+    from pipeline.run.fusion_inputs import read_usable_fixes, stated_arm
     from pipeline.settings.presets import fusion_options
 
     context.warn(
@@ -89,7 +89,7 @@ def _smooth_fixes(context: StageContext, clock: ClockModel, reason: str) -> None
     )
     fixes, receiver = read_usable_fixes(context.out)
     options, presets = fusion_options(context.drive, context.settings.fuse)
-    weighed = weigh_alone(fixes, clock, options, receiver)
+    weighed = weigh_alone(fixes, clock, options, receiver, stated_arm(context.drive))
     _write_trajectory(context, weighed.trajectory, names.TRAJECTORY)
     context.verdict = weighed.verdict.as_dict()
     content = {"method": "gnss only", "epochs": weighed.rows, "verdict": context.verdict}
@@ -139,9 +139,9 @@ def _fuse(context: StageContext) -> None:
         write_trajectory(context.work / names.TRAJECTORY, weighed.run())
     if weighed.unread_m > 0.0:
         context.warn(
-            f"there are no IMU readings for {weighed.unread_m:.0f} m of the way: there the path is "
-            "that of the fixes alone, with headings from the course, and signs are less sure; look "
-            "for a full or slow card, a loose plug or an IMU that was switched on late or off early"
+            f"there are no IMU readings for {weighed.unread_m:.0f} m of the way: there the path "
+            "rests on the fixes alone, with headings from the course, and signs are less sure; "
+            "look for a full or slow card, a loose plug or an IMU on late or off early"
         )
     _write_innovations(context, result)
     _write_parameters(context, result)
