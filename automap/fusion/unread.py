@@ -25,7 +25,7 @@ def over_holes(imu: ImuData, alone: Trajectory) -> tuple[ImuData, FloatArray]:
     The vehicle turns as its course does on the path of the fixes ``alone``, about the direction in
     which it feels gravity: a line over the hole may turn it anywhere, and what follows begins with
     the wrong heading. Readings made so err as they do where the sensor was read. What was read
-    before the first piece that is long enough to tell the heading is left out.
+    before the first piece that tells the heading is left out.
     """
     imu = _from_first_drive(imu, alone)
     at = unread(alone, imu.t_ns)
@@ -53,15 +53,16 @@ def over_holes(imu: ImuData, alone: Trajectory) -> tuple[ImuData, FloatArray]:
 
 
 def _from_first_drive(imu: ImuData, alone: Trajectory) -> ImuData:
-    """The recording from the first piece between holes on that has enough driving to align in, by
-    the path of the fixes ``alone``, or from that with the most."""
+    """The recording from the first piece between holes on behind whose start most of the driving
+    that headings are tried over was read, by the path of the fixes ``alone``; or the most."""
     holes = np.flatnonzero(np.diff(imu.t_ns) > LONGEST_GAP_S * 1e9)
     first, last = np.append(0, holes + 1), np.append(holes, len(imu) - 1)
     moves = np.hypot(alone.vel_ned[:, 0], alone.vel_ned[:, 1]) > MOVING_SPEED
     driven = np.cumsum(np.where(moves, np.diff(alone.gps_s, prepend=alone.gps_s[0]), 0.0))
     at_first, at_last = (np.interp(imu.t_ns[k], alone.t_ns, driven) for k in (first, last))
-    seconds = at_last - at_first
-    return imu.at(slice(first[np.argmax(np.minimum(seconds, TRIAL_MOVING_S))], None))
+    trial = at_first[:, None], at_first[:, None] + TRIAL_MOVING_S
+    read = (np.clip(at_last, *trial) - np.clip(at_first, *trial)).sum(axis=1)
+    return imu.at(slice(first[np.argmax(np.minimum(read, 0.5 * TRIAL_MOVING_S))], None))
 
 
 def _made(imu: ImuData, alone: Trajectory, t_ns: IntArray) -> tuple[FloatArray, FloatArray]:

@@ -159,34 +159,3 @@ def test_a_path_told_twice_is_no_witness_against_the_imu() -> None:
     assert usable_receiver(drive, recording)[1] is not None
     crossed = replace(fixes, vel_ned=fixes.vel_ned[:, [1, 0, 2]])
     assert usable_receiver(drive, replace(recording, fixes=crossed))[1] is None
-
-
-def test_where_no_reading_is_the_path_is_that_of_the_fixes() -> None:
-    """Readings of the middle third of a drive alone; beside its own rows the fixes' path has ones
-    at the sensor, off by no more than it says."""
-    motion = city_drive(180.0, 4)
-
-    def middle(imu: ImuData) -> ImuData:
-        rows = slice(len(imu.t_ns) // 3, 2 * len(imu.t_ns) // 3)
-        return replace(imu, t_ns=imu.t_ns[rows], gyro=imu.gyro[rows], accel=imu.accel[rows])
-
-    _, weighed = fused(Receiver(lever=LEVER), CLOCK, read=middle)
-    path, read = weighed.trajectory, middle(record(motion, Sensor(), 4)).t_ns
-    assert (np.diff(path.t_ns) > 0).all()
-    beside = (path.t_ns < read[0]) | (path.t_ns > read[-1])
-    assert np.isin(read, path.t_ns).all()
-    assert path.gps_s[0] - GPS0 < 1.5
-    assert path.gps_s[-1] - GPS0 > 178.0
-    truth = motion.at(path.gps_s - GPS0)
-    north, east = metres_per_radian(truth.lat, truth.height)
-    off = np.column_stack(
-        [
-            (path.lat_rad - truth.lat) * north,
-            (path.lon_rad - truth.lon) * east,
-            truth.height - path.height_m,
-        ]
-    )
-    assert np.sqrt(np.mean((off / path.sd_pos_ned)[beside] ** 2)) < 1.5
-    speed = np.hypot(*truth.vel[:, :2].T)
-    driven = np.sum(np.diff(path.gps_s, prepend=path.gps_s[0]) * speed * beside)
-    assert weighed.unread_m == pytest.approx(driven, rel=0.05)

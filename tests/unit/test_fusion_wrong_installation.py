@@ -20,7 +20,7 @@ from automap.fusion.doubts.reason import Reason
 from automap.fusion.doubts.triads import following, lateness, triad_doubts
 from automap.io.drive import load_drive
 from automap.records import FloatArray, ImuData
-from pipeline.run.fusion_inputs import _stated_arm
+from pipeline.run.fusion_inputs import stated_arm
 from tests.unit.foreign_tables import SAMPLE
 from tests.unit.fusion_fixes import hilly
 
@@ -193,5 +193,5 @@ def test_an_arm_that_fits_on_no_vehicle_is_not_believed(
 ) -> None:
     drive = load_drive(SAMPLE)
     gnss = drive.gnss.model_copy(update={"lever_arm_m": arm})
-    stated = _stated_arm(replace(drive, manifest=drive.manifest.model_copy(update={"gnss": gnss})))
+    stated = stated_arm(replace(drive, manifest=drive.manifest.model_copy(update={"gnss": gnss})))
     assert (stated is not None) == believed
