@@ -8,11 +8,12 @@ from pathlib import Path
 import pytest
 
 from pipeline.cli.root import run_command
+from tests.slow_cases import others_slow
 
 DRIVE = "drives/kitti-20110926-0059"
 
 
-@pytest.mark.parametrize("kind", ["calibration", "dropout"])
+@pytest.mark.parametrize("kind", others_slow(["dropout", "calibration"]))
 def test_outages_show_what_calibration_and_smoothing_bring(
     kind: str, shared_data: Path, tmp_path: Path
 ) -> None:

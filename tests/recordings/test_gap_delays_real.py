@@ -16,7 +16,8 @@ from pipeline.gap.inputs import gap_drives, gap_model
 LAG = "gnss_velocity_lag"
 
 
-@pytest.mark.parametrize("start", [pytest.param(0.05, marks=pytest.mark.slow), 0.7])
+@pytest.mark.slow
+@pytest.mark.parametrize("start", [0.05, 0.7])
 def test_a_lag_is_found_from_far_beyond_it(shared_data: Path, tmp_path: Path, start: float) -> None:
     """Differences of positions 0.25 s apart, 0.131 s old. Under noise that suits a lag of 0.7 s,
     what changes quickly tells most: there the acceleration at a fix's tag has the wrong sign."""

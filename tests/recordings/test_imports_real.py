@@ -94,6 +94,7 @@ def test_another_video_is_refused(shared_data: Path, tmp_path: Path) -> None:
         import_gopro(shared_data / "video" / "approach-720p.mp4", tmp_path / "drive")
 
 
+@pytest.mark.slow
 def test_a_walk_by_rtklib_is_fused_to_a_decimetre(shared_data: Path, tmp_path: Path) -> None:
     source = shared_data / "gnss_logs" / "walk-m8-rawx"
     warnings = import_rtklib(source, tmp_path / "drive")

@@ -20,13 +20,21 @@ from automap.io.frame_times import frame_times
 from automap.io.sign_points import read_sign_points
 from automap.io.truth_trajectory import read_truth_trajectory
 from automap.records import SignPoints
+from tests.slow_cases import others_slow
+
+_LONG = ("kitti-20110930-0033", "kitti-20110930-0034", "kitti-20111003-0034")
+"""Two thirds of the kilometres; left to the slow tests."""
 
 
-@pytest.fixture(scope="module")
-def located(shared_data: Path) -> list[tuple[str, SignPoints, SignPoints]]:
-    """Name, located and true signs of every drive."""
+@pytest.fixture(scope="module", params=others_slow(["short", "all"]))
+def located(
+    request: pytest.FixtureRequest, shared_data: Path
+) -> list[tuple[str, SignPoints, SignPoints]]:
+    """Name, located and true signs of every drive, or of every short one."""
     result = []
     for folder in sorted((shared_data / "drives").glob("kitti-*")):
+        if request.param == "short" and folder.name in _LONG:
+            continue
         drive = load_drive(folder)
         reference = read_truth_trajectory(folder / "truth" / "trajectory.csv")
         one = np.ones((len(reference), 3))

@@ -43,6 +43,7 @@ def test_a_phones_errors_and_delays(
     assert up == pytest.approx(-np.interp(t, known, errors.position[:, 2]), abs=0.1)
 
 
+@pytest.mark.slow
 def test_the_simulated_phone_errs_like_recorded_ones(shared_data: Path) -> None:
     """Between the two, or by no more beyond them than two phones differ."""
     drives = [shared_data / "drives" / name for name in ("gsdc-mtv1", "gsdc-mtv1-xl")]

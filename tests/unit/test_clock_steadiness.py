@@ -13,6 +13,7 @@ from automap.evaluation.plausibility import Finding
 from automap.records import ClockModel, Fixes, FloatArray, ImuData
 from automap.sync.steadiness import ClockChange, Piece, clock_change
 from pipeline.check.steadiness import check
+from tests.slow_cases import others_slow
 from tests.unit.fusion_drive import BASE_NS, CLOCK, Sensor, record
 from tests.unit.fusion_motion import city_drive
 from tests.unit.fusion_receiver import GPS0, Receiver, receive
@@ -44,8 +45,8 @@ def judged(
     return check(imu, fixes, clock)
 
 
-@pytest.mark.parametrize("rates", [CAR, PHONE])
-@pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("rates", [PHONE, pytest.param(CAR, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("seed", others_slow([1, 2]))
 def test_a_steady_clock_is_none(rates: tuple[float, float], seed: int) -> None:
     assert judged(rates, lambda t: t, seed=seed) == []
     assert judged(rates, lambda t: t + 0.2, seed=seed) == []

@@ -18,6 +18,7 @@ from automap.fusion.stamp_error import (
     rates_of_change,
     reported_rows,
 )
+from tests.slow_cases import others_slow
 from tests.unit.fusion_drive import CLOCK, Sensor, errors, record
 from tests.unit.fusion_motion import city_drive
 from tests.unit.fusion_receiver import Receiver, receive
@@ -100,7 +101,7 @@ def test_an_unknown_age_of_the_fixes_is_of_velocity_and_attitude() -> None:
     )
 
 
-@pytest.mark.parametrize("delay_sd", [0.02, 0.1])
+@pytest.mark.parametrize("delay_sd", others_slow([0.02, 0.1]))
 def test_old_fixes_are_not_the_delay_of_the_imu(delay_sd: float) -> None:
     """Where the stamps are known the age of the fixes is estimated, else it is in the sigmas."""
     motion = city_drive(300.0, 7, slip=True)

@@ -232,6 +232,7 @@ def test_a_course_of_time_stands_out_of_its_boxes(course: str, on: str, word: st
     assert best == equation([linear.layout[i].term for i in parts[best]])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("course", "on"),
     [

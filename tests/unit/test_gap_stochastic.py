@@ -17,6 +17,7 @@ from automap.gap.found import Found
 from automap.gap.noise import Fitted, fit_noise, with_noise
 from automap.gap.receivers import usual_finding
 from automap.gap.stochastic import _floored, noise_claims, stochastic_findings
+from tests.slow_cases import others_slow
 from tests.unit.test_gap import simulated
 
 
@@ -66,7 +67,9 @@ def test_fixes_are_wild_by_what_their_noise_turned_out_to_be(claims: float, wild
     assert (after > 0) is wild
 
 
-@pytest.mark.parametrize(("claims", "larger"), [(1.0, ()), (0.4, ("position_h", "position_v"))])
+@pytest.mark.parametrize(
+    ("claims", "larger"), others_slow([(0.4, ("position_h", "position_v")), (1.0, ())])
+)
 def test_a_receivers_figure_is_of_its_whole_error(claims: float, larger: tuple[str, ...]) -> None:
     """How much of an error lasts is the model's guess: white levels of 1.2 and 3.0 times it are no
     fault of the figure, and its being too small is."""
@@ -101,7 +104,7 @@ def _swaying(drive: GapDrive, sd: float, tau_s: float) -> GapDrive:
     return replace(drive, imu=replace(imu, gyro=gyro, accel=accel))
 
 
-@pytest.mark.parametrize("noisy", [False, True])
+@pytest.mark.parametrize("noisy", others_slow([False, True]))
 def test_a_body_that_sways_is_no_noise_of_the_sensors_in_it(noisy: bool) -> None:
     drive = simulated({})
     if noisy:

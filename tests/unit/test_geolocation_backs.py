@@ -11,6 +11,7 @@ from geolocation_scene import Scene, boxes, camera, drive_path, roadside
 from automap.geolocation.locate import locate_signs
 from automap.records import Detections, Trajectory
 from automap.signs.backs import is_back, may_be_back
+from tests.slow_cases import others_slow
 
 STOP = "regulatory--stop--g1"
 LATER_NS = np.int64(3600e9)
@@ -55,7 +56,9 @@ def there_and_back(names: tuple[str, str]) -> tuple[Trajectory, Detections, int]
     return whole, both, len(np.unique(shown[0]))
 
 
-@pytest.mark.parametrize("back", ["information--unknown-other", "object--traffic-sign--back"])
+@pytest.mark.parametrize(
+    "back", others_slow(["information--unknown-other", "object--traffic-sign--back"])
+)
 def test_a_sign_seen_from_behind_stays_one(back: str) -> None:
     path, found, n = there_and_back((STOP, back))
     result = locate_signs(path, [found], {"front": camera()})

@@ -34,7 +34,7 @@ def no_effects_stay() -> Iterator[None]:
     set_user_effects([])
 
 
-@pytest.mark.parametrize("name", others_slow(MADE_UP, fast=2))
+@pytest.mark.parametrize("name", others_slow(MADE_UP))
 def test_a_made_up_effect_is_simulated_estimated_and_named(name: str) -> None:
     table, size = MADE_UP[name]
     set_user_effects(effects_of_formulas({name: {"k": table}}, "mine.toml"))

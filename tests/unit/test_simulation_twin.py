@@ -13,6 +13,7 @@ from automap.records import Trajectory
 from automap.simulation.sensors import SimulatedSensors, random_streams, simulate_sensors
 from automap.simulation.twin import NoiseModel, make_twin, motion_along
 from pipeline.cli.root import run_command
+from tests.slow_cases import others_slow
 from tests.unit.test_gap import scenario_with
 
 NONE = np.zeros(3)
@@ -118,8 +119,7 @@ def test_noise_has_the_stated_size(recorded: SimulatedSensors, trajectory: Traje
 
 @pytest.mark.parametrize(
     "kind",
-    ["wander", "velocity_wander"]
-    + [pytest.param(kind, marks=pytest.mark.slow) for kind in ("multipath", "bias")],
+    others_slow(["wander", "velocity_wander", "multipath", "bias"]),
 )
 def test_errors_that_last_do_so_for_as_long_as_they_say(
     recorded: SimulatedSensors, trajectory: Trajectory, kind: str

@@ -60,7 +60,7 @@ def searched(front: VideoInput, speed: float, every: bool) -> tuple[SearchResult
     return search_video(front, Nothing(), rules, None, path_of, told.append), told
 
 
-@pytest.mark.parametrize("every", [False, True])
+@pytest.mark.parametrize("every", others_slow([False, True]))
 def test_frames_of_a_camera_that_hung_are_told_and_not_searched(
     tmp_path: Path, every: bool
 ) -> None:
