@@ -151,6 +151,7 @@ def weigh(
     bends = bend_speed(path.gps_s - path.gps_s[0], path.rpy[:, 2], speed)
     arm = arm_by_drive(found, lever_arm, STATED_ARM_SD_M, bends)
     arm = _of_axes(found, "gnss_lever_arm") if arm is None else arm
+    axle = _of_axes(found, "nhc_lever_arm")
     steps: list[Reason] = []
     stated = model_fixes(fixes, fixes.gps_s, options)
     places = places_of(stated)
@@ -200,7 +201,7 @@ def weigh(
         *askew,
         *outcome.weak_heading(result.align_margin, off),
         *at_bound,
-        *sideways((stretch for _, stretch in fused.stretches()), options),
+        *sideways((part for _, part in fused.stretches()), options, axle),
         *outcome.refused(result.innovations),
         *innovation_doubts(channels),
         *sliding,

@@ -17,16 +17,19 @@ from automap.fusion.gnss_only import course_errors
 from automap.fusion.limits import DOUBT_PROBABILITY, LEAST_COURSE_SPEED
 from automap.fusion.options import FusionOptions
 from automap.gates import sigmas
+from automap.lever_arm import moved_to
 from automap.records import FloatArray, Trajectory
 
 
-def sideways(stretches: Iterable[Trajectory], options: FusionOptions) -> Iterator[Reason]:
-    """The reason that a path in stretches gives whose headings are off its courses by more than
-    both err and vehicles slide."""
+def sideways(
+    stretches: Iterable[Trajectory], options: FusionOptions, axle: FloatArray
+) -> Iterator[Reason]:
+    """The reason that a path in stretches gives whose headings are off the courses of the point
+    that does not slide, ``axle`` [3] m from the IMU, by more than both err and vehicles slide."""
     start, t, off = None, [], []
     for path in stretches:
         start = path.gps_s[0] if start is None else start
-        slip, sd = slip_of(path, options)
+        slip, sd = slip_of(moved_to(path, axle), options)
         sure = np.abs(slip) > sigmas(DOUBT_PROBABILITY) * sd
         t.append(path.gps_s[sure] - start)
         off.append(np.abs(slip[sure]))
