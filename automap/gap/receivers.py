@@ -8,7 +8,7 @@ they would swallow a wrong arm.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 
 import numpy as np
 
@@ -59,6 +59,34 @@ def outliers_finding(fits: Sequence[Fit], gap: float) -> Finding | None:
     sd = float(np.sqrt(share * (1.0 - share) / count))
     parameters = {"fraction": ParameterValue(share, sd, "")}
     return Finding("gnss_outliers", parameters, float(nats), p, gap, gap)
+
+
+def usual_findings(
+    found: Found,
+    values: Values,
+    held_out: Sequence[OpenDrive],
+    final: Sequence[Fit],
+    stated: Mapping[str, float],
+    gap: float,
+    exclude: Collection[str],
+) -> dict[str, Finding]:
+    """The effects of every receiver that are told, but for those to ``exclude``."""
+    every = {
+        effect: usual_finding(effect, found, values, held_out, final, stated, gap)
+        for effect in USUAL
+        if effect not in exclude
+    }
+    return {effect: one for effect, one in every.items() if one is not None}
+
+
+def values_for_runs(usual: Iterable[Finding]) -> dict[str, dict[str, float]]:
+    """What findings say of effects that every model estimates, for runs that do not: but for how
+    speeds are cut off, which is a receiver's way and not worth a value."""
+    return {
+        one.effect: {p: known.value for p, known in one.parameters.items()}
+        for one in usual
+        if one.effect == BEHIND
+    }
 
 
 def usual_finding(
