@@ -19,10 +19,12 @@ from automap.gap.candidates import follows_time, is_course
 from automap.gap.evidence import by_stretch
 from automap.gap.fit import Values
 from automap.gap.forms import Terms
-from automap.gap.found import Found
+from automap.gap.found import Found, in_layout
 from automap.gap.linear import Part
+from automap.gap.noise import Fitted
 from automap.gap.reading_steps import cut_off
 from automap.gap.result import Drift
+from automap.gap.screening import Screening
 from automap.gap.selection import Chosen, Selection
 from automap.gates import exceeds
 
@@ -70,6 +72,16 @@ def formula_in_place(selection: Selection, chosen: Chosen, name: str) -> str:
         if ahead > best and not selection.told_apart(rival, chosen, name):
             best, instead = ahead, rival.name
     return instead
+
+
+def doubt_of_usual(found: Found, screening: Screening, bare: Fitted, effect: str) -> str:
+    """The same of an effect that every model has, by a fit that is ``bare`` of it: what every model
+    has swallows what goes with the speed nearly as that does."""
+    selection = screening.selection(bare, slow=False, more=[effect])
+    chosen = in_layout(found.chosen, found.selection.linear.layout, selection)
+    (part,) = selection.candidates[effect].parts
+    scale = selection.evidence(selection.given(chosen), effect, part).scale
+    return formula_in_place(selection, chosen.joined(effect, part, scale), effect)
 
 
 def _of_a_constant(terms: Terms) -> bool:

@@ -21,6 +21,7 @@ import numpy as np
 from automap.gap import limits
 from automap.gap.linear import Conditional, Part, Side
 from automap.gap.stretches import Frame
+from automap.gates import exceeds
 from automap.records import FloatArray, IntArray
 
 MEDIAN_SQUARE = 0.4549
@@ -175,10 +176,7 @@ def evidence(known: Conditional, part: Part, least_ratio: float = 1.0) -> Eviden
 def shown_by(known: Conditional, part: Part) -> tuple[int, float]:
     """The channel in which a part explains most, and the mean square of the rows there, weighted by
     what the part would add to each."""
-    rows = _stacked(known, part)
-    sd = known.linear.prior_sd[list(part)]
-    info = known.info(part) + np.diag(sd**-2.0)
-    along = rows.phi @ np.linalg.solve(info, known.score[list(part)])
+    rows, along = _along(known, part)
     gain = np.bincount(rows.frame.channel, along * (2.0 * rows.w - along))
     at = rows.frame.channel == int(np.argmax(gain))
     weight = along[at] ** 2
@@ -188,14 +186,25 @@ def shown_by(known: Conditional, part: Part) -> tuple[int, float]:
 def by_stretch(known: Conditional, part: Part) -> tuple[FloatArray, FloatArray]:
     """Scores [b] along a part's estimate from short stretches of the drives, and what each should
     be and vary by [b], where the estimate is right; stretches that show something of it."""
-    rows = _stacked(known, part)
-    sd = plain_nats(known, part)[1] * known.linear.prior_sd[list(part)]
-    precision = known.info(part) + np.diag(sd**-2.0)
-    along = rows.phi @ np.linalg.solve(precision, known.score[list(part)])
+    rows, along = _along(known, part)
     edges = rows.frame.starts[limits.BLOCKS_S[0]]
     sizes = np.add.reduceat(along**2, edges)
     shown = sizes > limits.LEAST_OWN * float(sizes.max())
     return np.add.reduceat(along * rows.w, edges)[shown], sizes[shown]
+
+
+def between_channels(known: Conditional, part: Part, ratio: float) -> float:
+    """By how much the channels contradict one another about a part's estimate, as a factor on its
+    variance (Birge, Physical Review 40 (1932), 207-227): ``ratio``, by which scores scatter
+    anyhow, where chance makes as much once in a hundred."""
+    rows, along = _along(known, part)
+    channel = rows.frame.channel
+    sums, sizes = np.bincount(channel, along * rows.w), np.bincount(channel, along**2)
+    shown = sizes > limits.LEAST_OWN * float(sizes.sum())
+    sums, sizes, left = sums[shown], sizes[shown], int(shown.sum()) - 1
+    slope = float(sums.sum() / sizes.sum())
+    q = float(np.sum((sums - slope * sizes) ** 2 / sizes))
+    return max(ratio, q / left) if left and exceeds(q / ratio, left) < limits.SUSPECTED else ratio
 
 
 def apart(known: Conditional, one: Part, other: Part) -> float:
@@ -203,10 +212,7 @@ def apart(known: Conditional, one: Part, other: Part) -> float:
     difference from stretch to stretch (Vuong, Econometrica 57 (1989), 307-333)."""
     gains = []
     for part in (one, other):
-        rows, at = _stacked(known, part), list(part)
-        sd = plain_nats(known, part)[1] * known.linear.prior_sd[at]
-        estimate = np.linalg.solve(known.info(part) + np.diag(sd**-2.0), known.score[at])
-        along = rows.phi @ estimate
+        rows, along = _along(known, part)
         gains.append(along * (rows.w - 0.5 * along))
     ahead, spreads = gains[0] - gains[1], []
     for starts in rows.frame.starts.values():
@@ -255,6 +261,14 @@ def _ratio(rows: _Stacked, estimate: FloatArray) -> float:
     along = rows.phi @ estimate
     of_rows, expected = along * rows.w, along**2
     return max(_scatter(of_rows, expected, starts) for starts in rows.frame.starts.values())
+
+
+def _along(known: Conditional, part: Part) -> tuple[_Stacked, FloatArray]:
+    """The rows of a part, and what its estimate adds to each [s]."""
+    rows = _stacked(known, part)
+    sd = plain_nats(known, part)[1] * known.linear.prior_sd[list(part)]
+    precision = known.info(part) + np.diag(sd**-2.0)
+    return rows, rows.phi @ np.linalg.solve(precision, known.score[list(part)])
 
 
 def _stacked(known: Conditional, part: Part) -> _Stacked:

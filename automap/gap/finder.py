@@ -14,7 +14,7 @@ from automap.gap.candidates import library
 from automap.gap.confirm import costs, levels_for_runs
 from automap.gap.constancy import drifts
 from automap.gap.dictionary import forget_formulas
-from automap.gap.doubt import doubts
+from automap.gap.doubt import doubt_of_usual, doubts
 from automap.gap.drive import GapDrive, OpenDrive, in_vehicle_axes, open_drive
 from automap.gap.fit import Fit, GapModel, Values, base_model, fit_drive, without
 from automap.gap.found import Beside, Found
@@ -168,8 +168,8 @@ def _result(
     rest = remaining_gap(final)
     as_told = replace(model, values={**model.values, **values})
     fits = [fit_drive(f.opened, as_told, linearised_at=f) for f in found.fitted.fits]
-    usual = usual_findings(found, values, held_out, final, stated.factors, rest, exclude)
-    changing, later = _followed(found, screening, fits, final, values, tuple(usual))
+    always = usual_findings(found, values, held_out, final, stated.factors, rest, exclude)
+    changing, later = _followed(found, screening, fits, final, values, tuple(always))
     told = describe(found, values, maxima, changing, doubts(found, values, changing))
     whitener, count = whitener_of(final[0]), epochs(final)
     reference = total_score(final, whitener)
@@ -187,10 +187,12 @@ def _result(
             findings.append(replace(one, gap_before=before, gap_after=after))
         else:
             formulas.append(replace(one, gap_before=before, gap_after=after))
-    findings += [
-        replace(one, resembles=str(changing.get(name, one.resembles)), drift=changing.get(name))
-        for name, one in usual.items()
-    ]
+    usual = []
+    for effect, (one, bare) in always.items():
+        drift = changing.get(effect)
+        instead = str(drift or one.resembles or doubt_of_usual(found, screening, bare, effect))
+        usual.append(replace(one, resembles=instead, drift=drift))
+    findings += usual
     with_states = found.fitted.fits
     noise = stochastic_findings(with_states, stated.factors, rest, frozenset(exclude))
     wild = outliers_finding(with_states, rest)
@@ -208,9 +210,7 @@ def _result(
     paid = costs(held_out, final, values, noisy, stated.factors, stands.without)
     shown = places(first, final)
     levels = levels_for_runs((*fits, *final), base.factors)
-    carried = replace(
-        model, values={**as_told.values, **values_for_runs(usual.values())}, factors=levels
-    )
+    carried = replace(model, values={**as_told.values, **values_for_runs(usual)}, factors=levels)
     return GapResult(
         gaps[0],
         rest,

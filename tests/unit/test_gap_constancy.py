@@ -71,6 +71,16 @@ def test_a_drift_is_told_with_what_it_comes_to() -> None:
     assert drift.change == pytest.approx(SIZE, abs=max(4.0 * drift.sd, SIZE / 3.0))
 
 
+def test_a_value_that_goes_with_the_speed_is_told_so() -> None:
+    speed = np.linalg.norm(DRIVE.fixes.vel_ned, axis=1)
+    along = np.interp(DRIVE.clock.gps_s(DRIVE.imu.t_ns), DRIVE.fixes.gps_s, speed)
+    # it bends at 7 to 10 m/s
+    drift = told(scaled((along > 8.0).astype(np.float64)))[EFFECT]
+    assert (drift.parameter, drift.quantity, drift.sure) == ("z", "speed", True)
+    assert drift.change == pytest.approx(SIZE, abs=4.0 * drift.sd)
+    assert "at a speed above 7" in str(drift)
+
+
 def test_another_value_on_another_drive_is_told_so() -> None:
     none = np.zeros(len(T))
     drift = told(scaled(none), scaled(none + 1.0))[EFFECT]
