@@ -28,8 +28,6 @@ from automap.gap.result import Drift
 from automap.gates import exceeds
 from automap.records import BoolArray, FloatArray
 
-Key = tuple[str, str]
-"""Effect and parameter."""
 TIME, TREND, SETTLING, STEP, DRIVE = "time", "trend", "settling", "step", "drive"
 ALONG = {
     TIME: ("over the drive", "as it settles"),
@@ -39,9 +37,6 @@ ALONG = {
     "temperature": ("from cold to warm", "as it begins to warm"),
 }
 """A trend and what settles along the quantities that a value may go with, in words."""
-TESTED = 2
-"""Changes that a constant is tested against, whatever the odds of all: a trend, and one between the
-halves of what each quantity ranges over."""
 
 
 @dataclass(frozen=True)
@@ -163,7 +158,7 @@ def _within(column: Column, epochs: BoolArray, nodes: BoolArray, name: str) -> C
 
 
 def _changes(
-    linear: Linear, acting: Sequence[Key], edges: Mapping[str, FloatArray], drives: int
+    linear: Linear, acting: Sequence[tuple[str, str]], edges: Mapping[str, FloatArray], drives: int
 ) -> tuple[Linear, dict[int, Shape]]:
     """The linear model with changes in place of blocks, and what each such column stands for."""
     raw = linear.layout

@@ -16,7 +16,7 @@ import numpy as np
 from automap.effects.user import INSTALLED
 from automap.gap import limits
 from automap.gap.candidates import follows_time, is_course
-from automap.gap.evidence import by_stretch
+from automap.gap.evidence import by_groups, differing
 from automap.gap.fit import Values
 from automap.gap.forms import Terms
 from automap.gap.found import Found, in_layout
@@ -104,11 +104,10 @@ def uneven(selection: Selection, chosen: Chosen, name: str) -> float:
     known = selection.given(rest)
     if not known.shows(part):
         return 0.0
-    scores, sizes = by_stretch(known, part)
+    scores, sizes = by_groups(known, part, channels=False)
     noise = selection.inflated.get(False, 1.0)
     total, count = float(sizes.sum()), len(sizes)
-    slope = float(scores.sum()) / total
-    q = float(np.sum((scores - slope * sizes) ** 2 / sizes))
+    slope, q = differing(scores, sizes)
     between = (q - noise * (count - 1)) / (total - float(np.sum(sizes**2)) / total)
     if slope <= 0.0 or between <= limits.CHALLENGE * slope**2:
         return 0.0

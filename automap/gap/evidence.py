@@ -183,27 +183,36 @@ def shown_by(known: Conditional, part: Part) -> tuple[int, float]:
     return int(np.argmax(gain)), float(weight @ rows.w[at] ** 2 / max(float(weight.sum()), 1e-300))
 
 
-def by_stretch(known: Conditional, part: Part) -> tuple[FloatArray, FloatArray]:
-    """Scores [b] along a part's estimate from short stretches of the drives, and what each should
-    be and vary by [b], where the estimate is right; stretches that show something of it."""
+def by_groups(known: Conditional, part: Part, channels: bool) -> tuple[FloatArray, FloatArray]:
+    """Scores [b] along a part's estimate from short stretches of the drives, or from ``channels``,
+    and what each should be and vary by [b], where the estimate is right; of those that show
+    something of it."""
     rows, along = _along(known, part)
-    edges = rows.frame.starts[limits.BLOCKS_S[0]]
-    sizes = np.add.reduceat(along**2, edges)
+    if channels:
+        scores, sizes = (
+            np.bincount(rows.frame.channel, each) for each in (along * rows.w, along**2)
+        )
+    else:
+        edges = rows.frame.starts[limits.BLOCKS_S[0]]
+        scores, sizes = (np.add.reduceat(each, edges) for each in (along * rows.w, along**2))
     shown = sizes > limits.LEAST_OWN * float(sizes.max())
-    return np.add.reduceat(along * rows.w, edges)[shown], sizes[shown]
+    return scores[shown], sizes[shown]
+
+
+def differing(scores: FloatArray, sizes: FloatArray) -> tuple[float, float]:
+    """The value that scores [b] show together, in units of the estimate, and by how many squared
+    sigmas they are off it (Cochran's Q, of b - 1 degrees of freedom)."""
+    slope = float(scores.sum() / sizes.sum())
+    return slope, float(np.sum((scores - slope * sizes) ** 2 / sizes))
 
 
 def between_channels(known: Conditional, part: Part, ratio: float) -> float:
     """By how much the channels contradict one another about a part's estimate, as a factor on its
     variance (Birge, Physical Review 40 (1932), 207-227): ``ratio``, by which scores scatter
     anyhow, where chance makes as much once in a hundred."""
-    rows, along = _along(known, part)
-    channel = rows.frame.channel
-    sums, sizes = np.bincount(channel, along * rows.w), np.bincount(channel, along**2)
-    shown = sizes > limits.LEAST_OWN * float(sizes.sum())
-    sums, sizes, left = sums[shown], sizes[shown], int(shown.sum()) - 1
-    slope = float(sums.sum() / sizes.sum())
-    q = float(np.sum((sums - slope * sizes) ** 2 / sizes))
+    scores, sizes = by_groups(known, part, channels=True)
+    _, q = differing(scores, sizes)
+    left = len(sizes) - 1
     return max(ratio, q / left) if left and exceeds(q / ratio, left) < limits.SUSPECTED else ratio
 
 

@@ -45,8 +45,6 @@ QUANTITIES = {
 }
 """What noise and values may go with: formulas, and words for each and its values."""
 CALMED = ("rate_z", "acceleration")
-PIECES = 8
-"""Of a drive by each quantity, as many as a value is followed through in time."""
 TRIED = (*WHITE_LEVELS, *VEHICLE_LEVELS)
 EACH, BOTH = ((1, 0), (0, -1), (-1, 0), (0, 1)), ((1, 1), (-1, -1))
 """Ways to move two levels."""
@@ -159,7 +157,9 @@ def _conditions(courses: Sequence[Course]) -> list[Condition]:
         every = np.concatenate([of[quantity][_moves((t, of), t)] for t, of in courses])
         if len(every) == 0:
             continue
-        inner = np.unique(np.quantile(every, np.arange(1, PIECES) / PIECES))
+        inner = np.unique(
+            np.quantile(every, np.arange(1, limits.DRIFT_BLOCKS) / limits.DRIFT_BLOCKS)
+        )
         if not float(every.min()) < float(inner[-1]):
             # it has but one value
             continue
