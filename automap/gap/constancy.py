@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
@@ -37,16 +37,6 @@ ALONG = {
     "temperature": ("from cold to warm", "as it begins to warm"),
 }
 """A trend and what settles along the quantities that a value may go with, in words."""
-
-
-@dataclass(frozen=True)
-class Shape:
-    """A way in which a parameter of an effect may change along a quantity, as a ``drift`` without
-    its size."""
-
-    effect: str
-    drift: Drift
-    tested: bool
 
 
 def drifts(asked: Beside, fits: Sequence[Fit], estimated: Collection[str] = ()) -> dict[str, Drift]:
@@ -81,18 +71,19 @@ def drifts(asked: Beside, fits: Sequence[Fit], estimated: Collection[str] = ()) 
     known = asked.known(linear)
     found: dict[str, list[Drift]] = {}
     unlikely: dict[str, list[tuple[float, Drift]]] = {}
-    for i, shape in shapes.items():
+    for i, (effect, drift) in shapes.items():
         if not known.shows((i,)):
             continue
         told = evidence(known, (i,), asked.noise)
         # what one stretch alone says is no change that lasts
         nats = told.nats if told.predicted_without_best > 0.0 else min(told.nats, 0.0)
         change, sd = float(told.estimate[0]), float(told.sd[0])
-        drift = replace(shape.drift, change=change, sd=sd, evidence_nats=nats)
-        found.setdefault(shape.effect, []).append(drift)
-        if shape.tested:
+        drift = replace(drift, change=change, sd=sd, evidence_nats=nats)
+        found.setdefault(effect, []).append(drift)
+        half = edges[drift.quantity][limits.DRIFT_BLOCKS // 2]
+        if drift.kind == TREND or (drift.kind == STEP and drift.at == half):
             chance = exceeds(_squared_sigmas(known, i, told), 1)
-            unlikely.setdefault(shape.effect, []).append((chance, drift))
+            unlikely.setdefault(effect, []).append((chance, drift))
     out = {}
     for effect, changes in found.items():
         # of all shapes together: nobody says beforehand which
@@ -159,12 +150,13 @@ def _within(column: Column, epochs: BoolArray, nodes: BoolArray, name: str) -> C
 
 def _changes(
     linear: Linear, acting: Sequence[tuple[str, str]], edges: Mapping[str, FloatArray], drives: int
-) -> tuple[Linear, dict[int, Shape]]:
-    """The linear model with changes in place of blocks, and what each such column stands for."""
+) -> tuple[Linear, dict[int, tuple[str, Drift]]]:
+    """The linear model with changes in place of blocks, and of each such column the effect, and the
+    change without its size."""
     raw = linear.layout
     plain = [i for i, c in enumerate(raw) if " " not in c.parameter]
     layout, mixing = [raw[i] for i in plain], [np.eye(len(raw))[i] for i in plain]
-    shapes: dict[int, Shape] = {}
+    shapes: dict[int, tuple[str, Drift]] = {}
     for (effect, parameter), (quantity, ends) in product(acting, edges.items()):
         start = f"{parameter} {quantity} "
         mine = {
@@ -182,9 +174,8 @@ def _changes(
             mixed = np.zeros(len(raw))
             for (drive, block), i in mine.items():
                 mixed[i] = weights[drive, block]
-            tested = kind == TREND or (kind == STEP and value == ends[limits.DRIFT_BLOCKS // 2])
             drift = Drift(parameter, kind, 0.0, 0.0, unit, quantity, value, when, 0.0)
-            shapes[len(layout)] = Shape(effect, drift, tested)
+            shapes[len(layout)] = effect, drift
             name = f"{parameter} {kind} {quantity} {value:.4g}"
             layout.append(replace(raw[next(iter(mine.values()))], parameter=name))
             mixing.append(mixed)
