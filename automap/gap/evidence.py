@@ -188,15 +188,13 @@ def by_groups(known: Conditional, part: Part, channels: bool) -> tuple[FloatArra
     and what each should be and vary by [b], where the estimate is right; of those that show
     something of it."""
     rows, along = _along(known, part)
+    each = np.stack([along * rows.w, along**2])
     if channels:
-        scores, sizes = (
-            np.bincount(rows.frame.channel, each) for each in (along * rows.w, along**2)
-        )
+        sums = np.stack([np.bincount(rows.frame.channel, one) for one in each])
     else:
-        edges = rows.frame.starts[limits.BLOCKS_S[0]]
-        scores, sizes = (np.add.reduceat(each, edges) for each in (along * rows.w, along**2))
-    shown = sizes > limits.LEAST_OWN * float(sizes.max())
-    return scores[shown], sizes[shown]
+        sums = np.add.reduceat(each, rows.frame.starts[limits.BLOCKS_S[0]], axis=1)
+    scores, sizes = sums[:, sums[1] > limits.LEAST_OWN * float(sums[1].max())]
+    return np.asarray(scores, np.float64), np.asarray(sizes, np.float64)
 
 
 def differing(scores: FloatArray, sizes: FloatArray) -> tuple[float, float]:
