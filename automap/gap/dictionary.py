@@ -90,6 +90,8 @@ ON_FIXES = (
         }
     ),
     ("velocity_along", "speed^2"),
+    # too high or low by as much, but from some speed on
+    ("velocity_along", "tanh(speed / 5.0)"),
     ("position_along", "speed^2"),
     # courses that a compass has a say in
     ("velocity_across", "speed * sin(heading)"),

@@ -21,6 +21,7 @@ import numpy as np
 from automap.gap import limits
 from automap.gap.linear import Conditional, Part, Side
 from automap.gap.stretches import Frame
+from automap.gates import exceeds
 from automap.records import FloatArray, IntArray
 
 MEDIAN_SQUARE = 0.4549
@@ -175,27 +176,42 @@ def evidence(known: Conditional, part: Part, least_ratio: float = 1.0) -> Eviden
 def shown_by(known: Conditional, part: Part) -> tuple[int, float]:
     """The channel in which a part explains most, and the mean square of the rows there, weighted by
     what the part would add to each."""
-    rows = _stacked(known, part)
-    sd = known.linear.prior_sd[list(part)]
-    info = known.info(part) + np.diag(sd**-2.0)
-    along = rows.phi @ np.linalg.solve(info, known.score[list(part)])
+    rows, along = _along(known, part)
     gain = np.bincount(rows.frame.channel, along * (2.0 * rows.w - along))
     at = rows.frame.channel == int(np.argmax(gain))
     weight = along[at] ** 2
     return int(np.argmax(gain)), float(weight @ rows.w[at] ** 2 / max(float(weight.sum()), 1e-300))
 
 
-def by_stretch(known: Conditional, part: Part) -> tuple[FloatArray, FloatArray]:
-    """Scores [b] along a part's estimate from short stretches of the drives, and what each should
-    be and vary by [b], where the estimate is right; stretches that show something of it."""
-    rows = _stacked(known, part)
-    sd = plain_nats(known, part)[1] * known.linear.prior_sd[list(part)]
-    precision = known.info(part) + np.diag(sd**-2.0)
-    along = rows.phi @ np.linalg.solve(precision, known.score[list(part)])
-    edges = rows.frame.starts[limits.BLOCKS_S[0]]
-    sizes = np.add.reduceat(along**2, edges)
-    shown = sizes > limits.LEAST_OWN * float(sizes.max())
-    return np.add.reduceat(along * rows.w, edges)[shown], sizes[shown]
+def by_groups(known: Conditional, part: Part, channels: bool) -> tuple[FloatArray, FloatArray]:
+    """Scores [b] along a part's estimate from short stretches of the drives, or from ``channels``,
+    and what each should be and vary by [b], where the estimate is right; of those that show
+    something of it."""
+    rows, along = _along(known, part)
+    each = np.stack([along * rows.w, along**2])
+    if channels:
+        sums = np.stack([np.bincount(rows.frame.channel, one) for one in each])
+    else:
+        sums = np.add.reduceat(each, rows.frame.starts[limits.BLOCKS_S[0]], axis=1)
+    scores, sizes = sums[:, sums[1] > limits.LEAST_OWN * float(sums[1].max())]
+    return np.asarray(scores, np.float64), np.asarray(sizes, np.float64)
+
+
+def differing(scores: FloatArray, sizes: FloatArray) -> tuple[float, float]:
+    """The value that scores [b] show together, in units of the estimate, and by how many squared
+    sigmas they are off it (Cochran's Q, of b - 1 degrees of freedom)."""
+    slope = float(scores.sum() / sizes.sum())
+    return slope, float(np.sum((scores - slope * sizes) ** 2 / sizes))
+
+
+def between_channels(known: Conditional, part: Part, ratio: float) -> float:
+    """By how much the channels contradict one another about a part's estimate, as a factor on its
+    variance (Birge, Physical Review 40 (1932), 207-227): ``ratio``, by which scores scatter
+    anyhow, where chance makes as much once in a hundred."""
+    scores, sizes = by_groups(known, part, channels=True)
+    _, q = differing(scores, sizes)
+    left = len(sizes) - 1
+    return max(ratio, q / left) if left and exceeds(q / ratio, left) < limits.SUSPECTED else ratio
 
 
 def apart(known: Conditional, one: Part, other: Part) -> float:
@@ -203,10 +219,7 @@ def apart(known: Conditional, one: Part, other: Part) -> float:
     difference from stretch to stretch (Vuong, Econometrica 57 (1989), 307-333)."""
     gains = []
     for part in (one, other):
-        rows, at = _stacked(known, part), list(part)
-        sd = plain_nats(known, part)[1] * known.linear.prior_sd[at]
-        estimate = np.linalg.solve(known.info(part) + np.diag(sd**-2.0), known.score[at])
-        along = rows.phi @ estimate
+        rows, along = _along(known, part)
         gains.append(along * (rows.w - 0.5 * along))
     ahead, spreads = gains[0] - gains[1], []
     for starts in rows.frame.starts.values():
@@ -255,6 +268,14 @@ def _ratio(rows: _Stacked, estimate: FloatArray) -> float:
     along = rows.phi @ estimate
     of_rows, expected = along * rows.w, along**2
     return max(_scatter(of_rows, expected, starts) for starts in rows.frame.starts.values())
+
+
+def _along(known: Conditional, part: Part) -> tuple[_Stacked, FloatArray]:
+    """The rows of a part, and what its estimate adds to each [s]."""
+    rows = _stacked(known, part)
+    sd = plain_nats(known, part)[1] * known.linear.prior_sd[list(part)]
+    precision = known.info(part) + np.diag(sd**-2.0)
+    return rows, rows.phi @ np.linalg.solve(precision, known.score[list(part)])
 
 
 def _stacked(known: Conditional, part: Part) -> _Stacked:

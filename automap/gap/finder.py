@@ -12,8 +12,9 @@ from automap.gap import limits
 from automap.gap.camera.search import CameraGap
 from automap.gap.candidates import library
 from automap.gap.confirm import costs, levels_for_runs
+from automap.gap.constancy import drifts
 from automap.gap.dictionary import forget_formulas
-from automap.gap.doubt import doubts, drifts
+from automap.gap.doubt import doubt_of_usual, doubts
 from automap.gap.drive import GapDrive, OpenDrive, in_vehicle_axes, open_drive
 from automap.gap.fit import Fit, GapModel, Values, base_model, fit_drive, without
 from automap.gap.found import Beside, Found
@@ -31,7 +32,7 @@ from automap.gap.naming import (
 )
 from automap.gap.noise import Log, open_fits
 from automap.gap.reading_steps import coarse_readings
-from automap.gap.receivers import BEHIND, USUAL, outliers_finding, usual_finding
+from automap.gap.receivers import BEHIND, outliers_finding, usual_findings, values_for_runs
 from automap.gap.responses import responses
 from automap.gap.result import (
     ChannelGap,
@@ -164,12 +165,14 @@ def _result(
     values = stands.values
     maxima = chance(found)
     final = fit_held_out(held_out, model, values)
+    rest = remaining_gap(final)
     as_told = replace(model, values={**model.values, **values})
     fits = [fit_drive(f.opened, as_told, linearised_at=f) for f in found.fitted.fits]
-    changing, later = _followed(found, screening, fits, final, values)
+    always = usual_findings(found, values, held_out, final, stated.factors, rest, exclude)
+    changing, later = _followed(found, screening, fits, final, values, tuple(always))
     told = describe(found, values, maxima, changing, doubts(found, values, changing))
     whitener, count = whitener_of(final[0]), epochs(final)
-    rest, reference = remaining_gap(final), total_score(final, whitener)
+    reference = total_score(final, whitener)
     first = fit_held_out(held_out, base, {}, final)
     gaps = [rest + (reference - total_score(first, whitener)) / count]
     for number in range(1, len(told)):
@@ -184,12 +187,11 @@ def _result(
             findings.append(replace(one, gap_before=before, gap_after=after))
         else:
             formulas.append(replace(one, gap_before=before, gap_after=after))
-    every = (
-        usual_finding(effect, found, values, held_out, final, stated.factors, rest)
-        for effect in USUAL
-        if effect not in exclude
-    )
-    usual = [one for one in every if one is not None]
+    usual = []
+    for effect, (one, bare) in always.items():
+        drift = changing.get(effect)
+        instead = str(drift or one.resembles or doubt_of_usual(found, screening, bare, effect))
+        usual.append(replace(one, resembles=instead, drift=drift))
     findings += usual
     with_states = found.fitted.fits
     noise = stochastic_findings(with_states, stated.factors, rest, frozenset(exclude))
@@ -208,7 +210,7 @@ def _result(
     paid = costs(held_out, final, values, noisy, stated.factors, stands.without)
     shown = places(first, final)
     levels = levels_for_runs((*fits, *final), base.factors)
-    carried = replace(model, values={**as_told.values, **_values_of(usual)}, factors=levels)
+    carried = replace(model, values={**as_told.values, **values_for_runs(usual)}, factors=levels)
     return GapResult(
         gaps[0],
         rest,
@@ -232,16 +234,6 @@ def _result(
     )
 
 
-def _values_of(usual: Sequence[Finding]) -> dict[str, dict[str, float]]:
-    """What findings say of effects that every model estimates, for runs that do not: but for how
-    speeds are cut off, which is a receiver's way and not worth a value."""
-    return {
-        one.effect: {p: known.value for p, known in one.parameters.items()}
-        for one in usual
-        if one.effect == BEHIND
-    }
-
-
 def _by_formula(found: Found, kept_out: Sequence[KeptOut]) -> tuple[KeptOut, ...]:
     """Formulas by what they say: the effects that stood for them are forgotten."""
     says = {effect: name for name, effect in found.effects.items()}
@@ -254,9 +246,10 @@ def _followed(
     fitted: Sequence[Fit],
     held_out: Sequence[Fit],
     values: Values,
+    usual: Sequence[str],
 ) -> tuple[dict[str, Drift], tuple[Misfit, ...]]:
-    """Which named effects are not constant, and what follows manoeuvres in a way of its own, by
-    fits of all drives with the effects held at ``values``."""
+    """Which named effects, and which ``usual`` ones, are not constant, and what follows manoeuvres
+    in a way of its own, by fits of all drives with the effects held at ``values``."""
     chosen = found.chosen
     for name in chosen.names:
         if found.effects.get(name, name) not in values:
@@ -269,7 +262,7 @@ def _followed(
     known = {names.get(effect, effect): its for effect, its in values.items()}
     asked = Beside(found.selection, chosen, columns, known)
     later = responses(asked, fitted, held_out)
-    return drifts(asked, (*fitted, *held_out)), later
+    return drifts(asked, (*fitted, *held_out), usual), later
 
 
 def _unclear(fits: Sequence[Fit], model: GapModel, exclude: Collection[str]) -> Identifiability:

@@ -64,8 +64,9 @@ SHRINK_BLOCKS = 12.0
 """So many stretches count for a scatter as it should be: the ratio of a few says little (its
 relative sd is sqrt(2 / n))."""
 DRIFT_BLOCKS = 8
-"""Of a drive, in which a named value is looked at for itself: a value that a drive knows to twelve
-sigmas is known to four in each. Steps between them are seen to a sixteenth of the drive."""
+"""Of a drive, or of what it has of speeds, turns and the like, in which a named value or a level of
+noise is looked at for itself: a value that a drive knows to twelve sigmas is known to four in each.
+Steps between them are seen to a sixteenth of the drive."""
 FOLDS = 6
 """Stretches of equal information of which each is predicted from the others. With fewer the others
 know much less than all, with more a stretch holds no whole bend."""

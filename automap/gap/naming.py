@@ -12,7 +12,7 @@ from automap.fusion.layout import CHANNELS
 from automap.gap import limits
 from automap.gap.candidates import named_columns
 from automap.gap.chance import null_maxima, p_value, strongest_by_chance
-from automap.gap.evidence import shown_by
+from automap.gap.evidence import between_channels, shown_by
 from automap.gap.fit import ORIGIN, Fit, Values
 from automap.gap.found import Found, in_layout
 from automap.gap.limits import ALIKE, SHOWS
@@ -105,8 +105,8 @@ def _in_place(
 
 def _honest_sd(found: Found, name: str, parameter: str, sd: float) -> float:
     """The filter's sd of a parameter, wider by as much as its score scatters from stretch to
-    stretch beyond what noise as modelled does (the sandwich of White 1980); what the prior says of
-    it stays."""
+    stretch beyond what noise as modelled does (the sandwich of White 1980), or as the channels
+    contradict one another about it; what the prior says of it stays."""
     selection, chosen = found.selection, found.chosen
     layout = selection.linear.layout
     mine = [i for i, c in enumerate(layout) if c.effect == name and c.parameter == parameter]
@@ -118,6 +118,7 @@ def _honest_sd(found: Found, name: str, parameter: str, sd: float) -> float:
     if not known.shows(part):
         return sd
     ratio = selection.evidence(known, name, part).overdispersion
+    ratio = between_channels(selection.with_free(known, name), part, ratio)
     prior = 1.0 / (chosen.scale_of(name) * selection.linear.prior_sd[mine[0]]) ** 2
     data = max(1.0 / sd**2 - prior, 0.0)
     return float(sd**2 * np.sqrt(ratio * data + prior))

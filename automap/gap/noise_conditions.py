@@ -43,10 +43,8 @@ QUANTITIES = {
     "temperature": ("temperature", "at a temperature", "{:.3g} deg C"),
     "time": ("time", "at a time since the start", "{:.0f} s"),
 }
-"""What noise may go with: formulas, and words for each and its values."""
+"""What noise and values may go with: formulas, and words for each and its values."""
 CALMED = ("rate_z", "acceleration")
-PIECES = 8
-"""Of a drive by each quantity, as many as a value is followed through in time."""
 TRIED = (*WHITE_LEVELS, *VEHICLE_LEVELS)
 EACH, BOTH = ((1, 0), (0, -1), (-1, 0), (0, 1)), ((1, 1), (-1, -1))
 """Ways to move two levels."""
@@ -88,14 +86,14 @@ def conditional_noise(fits: Sequence[Fit], held_out: Sequence[Fit]) -> Ranged | 
     """The level of a sensor or receiver that is likeliest to depend on a condition, where a
     thousand to one speaks for it on fitted drives and twenty to one on those held out, of a sensor
     also where nothing is known of how the vehicle moves; fits under the noise that suits them."""
-    courses = [_courses(fit) for fit in fits]
+    courses = [courses_of(fit) for fit in fits]
     conditions = _conditions(courses)
     price = math.log(len(conditions) * len(TRIED)) + limits.OCCAM_NATS
     found = [_fitted(fits, courses, *one) for one in _shortlist(fits, courses, conditions)]
     best = max(found, key=lambda one: one.nats, default=None)
     if best is None or best.nats - price < limits.LEAST_ODDS or best.level in VEHICLE_LEVELS:
         return None
-    others = [_courses(fit) for fit in held_out]
+    others = [courses_of(fit) for fit in held_out]
     one = replace(best, inside=1.0, outside=1.0)
     # another day may be noisier as a whole
     gain, least = (_climbed(held_out, others, each, BOTH).nats for each in (best, one))
@@ -130,7 +128,8 @@ Course = tuple[FloatArray, dict[str, FloatArray]]
 """Instants [n] of a drive, s, and the quantities [n] then."""
 
 
-def _courses(fit: Fit) -> Course:
+def courses_of(fit: Fit) -> Course:
+    """What noise and values may go with along the drive of a fit."""
     from scipy.ndimage import uniform_filter1d
 
     motion = motion_of(fit.last)
@@ -158,7 +157,9 @@ def _conditions(courses: Sequence[Course]) -> list[Condition]:
         every = np.concatenate([of[quantity][_moves((t, of), t)] for t, of in courses])
         if len(every) == 0:
             continue
-        inner = np.unique(np.quantile(every, np.arange(1, PIECES) / PIECES))
+        inner = np.unique(
+            np.quantile(every, np.arange(1, limits.DRIFT_BLOCKS) / limits.DRIFT_BLOCKS)
+        )
         if not float(every.min()) < float(inner[-1]):
             # it has but one value
             continue

@@ -8,7 +8,7 @@ they would swallow a wrong arm.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 
 import numpy as np
 
@@ -19,7 +19,7 @@ from automap.gap import limits
 from automap.gap.drive import OpenDrive, count_outliers
 from automap.gap.fit import Fit, Values, without
 from automap.gap.found import Found
-from automap.gap.noise import fitted_about, with_noise
+from automap.gap.noise import Fitted, fitted_about, with_noise
 from automap.gap.result import Finding, ParameterValue, advice
 from automap.gap.scoring import epochs, fit_held_out, likelier, total_score, whitener_of
 from automap.gates import exceeds
@@ -61,6 +61,35 @@ def outliers_finding(fits: Sequence[Fit], gap: float) -> Finding | None:
     return Finding("gnss_outliers", parameters, float(nats), p, gap, gap)
 
 
+def usual_findings(
+    found: Found,
+    values: Values,
+    held_out: Sequence[OpenDrive],
+    final: Sequence[Fit],
+    stated: Mapping[str, float],
+    gap: float,
+    exclude: Collection[str],
+) -> dict[str, tuple[Finding, Fitted]]:
+    """The effects of every receiver that are told, each with the fit that is without it, but for
+    those to ``exclude``."""
+    every = {
+        effect: usual_finding(effect, found, values, held_out, final, stated, gap)
+        for effect in USUAL
+        if effect not in exclude
+    }
+    return {effect: one for effect, one in every.items() if one is not None}
+
+
+def values_for_runs(usual: Iterable[Finding]) -> dict[str, dict[str, float]]:
+    """What findings say of effects that every model estimates, for runs that do not: but for how
+    speeds are cut off, which is a receiver's way and not worth a value."""
+    return {
+        one.effect: {p: known.value for p, known in one.parameters.items()}
+        for one in usual
+        if one.effect == BEHIND
+    }
+
+
 def usual_finding(
     effect: str,
     found: Found,
@@ -69,9 +98,9 @@ def usual_finding(
     final: Sequence[Fit],
     stated: Mapping[str, float],
     gap: float,
-) -> Finding | None:
+) -> tuple[Finding, Fitted] | None:
     """An effect that is part of every model, where fitted and held-out drives are likelier with it
-    beyond all doubt.
+    beyond all doubt, and the fit without it.
 
     ``values`` of what else was found, ``final`` the held-out fits under all of it, ``stated`` the
     factors of the noise as it was asked with, ``gap`` what is left on held-out data.
@@ -103,11 +132,12 @@ def usual_finding(
     # a step of what is cut off is twice what that takes away in the mean
     steps = f"speeds that are cut off, not rounded, in steps of {-2.0 * value:.2g} m/s"
     told = {parameter.name: ParameterValue(value, sd, parameter.unit)}
-    return Finding(
+    finding = Finding(
         *(effect, told, nats, exceeds(2.0 * nats, 1)),
         *(gap + before, gap, close, advice(effect, close)),
         steps if effect == TOO_LOW and value < 0.0 else "",
     )
+    return finding, bare
 
 
 def _estimate(effect: str, fits: Sequence[Fit]) -> tuple[float, float]:

@@ -23,9 +23,10 @@ class ParameterValue:
 class Drift:
     """How a parameter that is told as one number changes: by ``change`` ± ``sd`` in ``unit``.
 
-    ``kind`` "trend" along the drives, "settling" where most of it comes first, "step" at ``at_s``
-    after their beginning, or "drive" on the drive of that number, from 0; nats by which the data
-    are likelier with it, and whether that is ``sure``, a thousand to one.
+    ``kind`` "trend" along the ``quantity`` (that of the drives' time, or what else it goes with),
+    "settling" where most of it comes first, "step" ``at`` a value of it, in words ``when``, or
+    "drive" on the drive of that number, from 0; nats by which the data are likelier with it, and
+    whether that is ``sure``, a thousand to one.
     """
 
     parameter: str
@@ -33,18 +34,11 @@ class Drift:
     change: float
     sd: float
     unit: str
-    at_s: float
+    quantity: str
+    at: float
+    when: str
     evidence_nats: float
     sure: bool = False
-
-    @property
-    def when(self) -> str:
-        """Along what it changes, in words."""
-        return {
-            "trend": "over the drive",
-            "settling": "as it settles",
-            "step": f"about {self.at_s:.0f} s after the beginning",
-        }.get(self.kind, "from one drive to another")
 
     def __str__(self) -> str:
         size = f"{self.change:+.2g} ± {self.sd:.1g} {self.unit}".rstrip()

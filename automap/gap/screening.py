@@ -71,24 +71,31 @@ class Screening:
         self.signals = motion_signals(fit, motion_of(fit.last))
         self.dictionary = formula_terms(self.signals, warm(fit))
 
-    def selection(self, here: Fitted, slow: bool, may_act: bool = True) -> Selection:
+    def selection(
+        self, here: Fitted, slow: bool, may_act: bool = True, more: Sequence[str] = ()
+    ) -> Selection:
         """The fit made linear, and its candidates, of which more than those fitted ``may_act``;
-        ``slow``: courses of time among them."""
+        ``slow``: courses of time among them, and ``more``: effects that every model has, but not
+        this one."""
         self._held_at = None
-        fits, known = self._held(here)
+        fits, known = self._held(here, more)
 
         def columns(at: NodeMotion) -> list[Column]:
             boxes = box_columns(at) if slow else []
-            return self.columns(at) + boxes
+            return named_columns(more, at) + self.columns(at) + boxes
 
         linear = linearised(fits, columns, known, may_act)
         linear = with_shapes(linear) if slow else linear
-        candidates = candidates_of(linear.layout, self.names)
+        candidates = candidates_of(linear.layout, [*self.names, *more])
         return Selection(linear, {c.name: c for c in candidates})
 
-    def _held(self, here: Fitted) -> tuple[list[Fit], dict[str, dict[str, float]]]:
-        """The fits with what they estimate held at its values, and these by candidates' names."""
+    def _held(
+        self, here: Fitted, fewer: Collection[str] = ()
+    ) -> tuple[list[Fit], dict[str, dict[str, float]]]:
+        """The fits with what they estimate held at its values, and these by candidates' names;
+        without the effects ``fewer`` that every model has."""
         values, options = self._with_constant(here, here.values())
+        options = replace(options, effects=tuple(e for e in options.effects if e not in fewer))
         # what was held may act beside what is found
         carried = replace(here.model, values={**here.model.values, **values}, options=options)
         fits = [fit_drive(f.opened, carried, linearised_at=f) for f in here.fits]

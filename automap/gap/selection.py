@@ -125,14 +125,14 @@ class Selection:
 
     def evidence(self, known: Conditional, name: str, part: Part) -> Evidence:
         """Evidence of a part of a candidate, given too what is free beside it."""
-        known = self._beside(known, name)
+        known = self.with_free(known, name)
         ratio = self.inflated.get(follows_time(self.candidates[name].terms), 1.0)
         if (part, ratio) not in known.told:
             known.told[part, ratio] = evidence(known, part, ratio)
         told: Evidence = known.told[part, ratio]
         return told
 
-    def _beside(self, known: Conditional, name: str) -> Conditional:
+    def with_free(self, known: Conditional, name: str) -> Conditional:
         """The same model with what is free beside a candidate marginalised too."""
         beside = self.candidates[name].beside
         if not beside or set(beside) <= set(known.given.columns):
@@ -209,7 +209,7 @@ class Selection:
         nats = nats_of_parts(known, [part for _, part in open_to])
         for i, (c, part) in enumerate(open_to):
             if c.beside:
-                nats[i] = nats_of_parts(self._beside(known, c.name), [part])[0]
+                nats[i] = nats_of_parts(self.with_free(known, c.name), [part])[0]
         out = []
         for i in np.argsort(-(nats + prior), kind="stable")[: limits.SHORTLIST]:
             candidate, part = open_to[i]

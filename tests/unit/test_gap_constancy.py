@@ -9,7 +9,7 @@ import pytest
 
 from automap.gap import base_model
 from automap.gap.candidates import named_columns
-from automap.gap.doubt import drifts
+from automap.gap.constancy import drifts
 from automap.gap.drive import GapDrive, open_drive
 from automap.gap.fit import ORIGIN, SKEW, Values, fit_drive
 from automap.gap.found import Beside
@@ -61,7 +61,7 @@ def test_a_constant_is_told_as_one_whatever_it_is(share: float) -> None:
 def test_a_step_is_told_with_its_size_and_instant() -> None:
     drift = told(scaled((T > HALF).astype(np.float64)))[EFFECT]
     assert (drift.parameter, drift.kind, drift.sure) == ("z", "step", True)
-    assert abs(drift.at_s - HALF) < HALF / 4.0
+    assert abs(drift.at - HALF) < HALF / 4.0
     assert drift.change == pytest.approx(SIZE, abs=4.0 * drift.sd)
     assert "z by +0.0" in str(drift)
 
@@ -71,10 +71,20 @@ def test_a_drift_is_told_with_what_it_comes_to() -> None:
     assert drift.change == pytest.approx(SIZE, abs=max(4.0 * drift.sd, SIZE / 3.0))
 
 
+def test_a_value_that_goes_with_the_speed_is_told_so() -> None:
+    speed = np.linalg.norm(DRIVE.fixes.vel_ned, axis=1)
+    along = np.interp(DRIVE.clock.gps_s(DRIVE.imu.t_ns), DRIVE.fixes.gps_s, speed)
+    # it bends at 7 to 10 m/s
+    drift = told(scaled((along > 8.0).astype(np.float64)))[EFFECT]
+    assert (drift.parameter, drift.quantity, drift.sure) == ("z", "speed", True)
+    assert drift.change == pytest.approx(SIZE, abs=4.0 * drift.sd)
+    assert "at a speed above 7" in str(drift)
+
+
 def test_another_value_on_another_drive_is_told_so() -> None:
     none = np.zeros(len(T))
     drift = told(scaled(none), scaled(none + 1.0))[EFFECT]
-    assert (drift.kind, drift.at_s) == ("drive", 1.0)
+    assert (drift.kind, drift.at) == ("drive", 1.0)
     assert drift.change == pytest.approx(SIZE, abs=4.0 * drift.sd)
     assert "from one drive to another" in str(drift)
 
@@ -89,7 +99,7 @@ def test_a_clock_that_steps_is_none_that_runs_fast(step_s: float) -> None:
     assert (SKEW in found) is (step_s > 0.0)
     if step_s:
         assert (found[SKEW].parameter, found[SKEW].kind, found[SKEW].unit) == (ORIGIN, "step", "s")
-        assert found[SKEW].at_s == pytest.approx(HALF, abs=HALF / 4.0)
+        assert found[SKEW].at == pytest.approx(HALF, abs=HALF / 4.0)
         assert found[SKEW].change == pytest.approx(step_s, abs=4.0 * found[SKEW].sd)
 
 

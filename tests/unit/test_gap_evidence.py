@@ -11,7 +11,14 @@ import pytest
 from automap.fusion.layout import CH_NHC, CH_POS, MAX_SCALARS
 from automap.gap import chance, limits
 from automap.gap.chance import null_maxima, p_value, strongest_by_chance
-from automap.gap.evidence import evidence, inflation, nats_of_parts, plain_nats, singles
+from automap.gap.evidence import (
+    between_channels,
+    evidence,
+    inflation,
+    nats_of_parts,
+    plain_nats,
+    singles,
+)
 from automap.gap.linear import Direct, Given, Linear, conditional
 from automap.gap.screening import estimate_nats
 from automap.records import FloatArray
@@ -327,3 +334,19 @@ def test_inflated_scores_lower_evidence() -> None:
     plain, lowered = evidence(known, (0,)), evidence(known, (0,), 4.0)
     assert lowered.overdispersion == 4.0
     assert lowered.nats == pytest.approx(plain.uncorrected - 0.75 * plain.fixed)
+
+
+@pytest.mark.parametrize("apart", [0.0, 0.5])
+def test_channels_that_contradict_one_another_widen_what_they_say(apart: float) -> None:
+    rng = np.random.default_rng(3)
+    phi = rng.standard_normal((1200, 1))
+    channel = np.arange(len(phi)) % 3
+    # one of three says something else
+    theta = 1.0 + apart * (channel == 2)
+    linear = linear_of(phi, theta * phi[:, 0] + rng.standard_normal(len(phi)), columns_named("a.x"))
+    rows = replace(linear.rows[0], channel=channel)
+    known = conditional(replace(linear, rows=(rows,)), Given())
+    ratio = between_channels(known, (0,), 1.2)
+    # of two degrees of freedom, 400 rows a channel
+    expected = apart**2 * 400.0 * (2.0 / 3.0) / 2.0
+    assert ratio == pytest.approx(max(1.2, expected), rel=0.5) if apart else ratio == 1.2

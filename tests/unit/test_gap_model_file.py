@@ -10,8 +10,8 @@ import pytest
 from automap.effects import CATALOGUE
 from automap.fusion.options import FusionOptions
 from automap.gap import Finding, GapResult, ParameterValue, base_model
-from automap.gap.finder import _values_of
 from automap.gap.fit import BASE_NUISANCES, GapModel, base_options
+from automap.gap.receivers import values_for_runs
 from pipeline.gap.command import as_json
 from pipeline.gap.model import _nuisances, left_to_runs, model_toml
 from pipeline.gap.words import in_words
@@ -87,10 +87,12 @@ def test_a_distance_that_every_search_estimates_is_written_where_it_is_a_finding
 ) -> None:
     result = named("gnss_course_distance", "gnss_lever_arm")
     (finding,) = result.findings
-    carried = replace(result.model, values=_values_of([finding]))
+    carried = replace(result.model, values=values_for_runs([finding]))
     text = model_toml(replace(result, model=carried), [], EffectsSettings(), tmp_path)
     assert "[fuse.fixed.gnss_course_distance]\nm = 0.001\n" in text
     # how speeds are cut off is a receiver's way, and no value for a run
-    assert _values_of([replace(finding, effect="gnss_speed_offset")]) == _values_of([]) == {}
+    assert (
+        values_for_runs([replace(finding, effect="gnss_speed_offset")]) == values_for_runs([]) == {}
+    )
     fixed = replace(FusionOptions(), fixed=carried.values)
     assert base_model(base_options(fixed)).values == carried.values

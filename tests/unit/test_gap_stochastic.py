@@ -137,11 +137,12 @@ def test_speeds_that_are_all_too_low_are_no_silence(offset: float, told: bool) -
     (fit,) = fitted.fits
     candidates = dict.fromkeys(map(str, range(100)))
     found = SimpleNamespace(fitted=fitted, selection=SimpleNamespace(candidates=candidates))
-    finding = usual_finding(
+    told_of = usual_finding(
         *("gnss_speed_offset", cast(Found, found), {}, (fit.opened,), (fit,), model.factors, 0.0)
     )
-    assert (finding is not None) is told
-    if finding is not None:
+    assert (told_of is not None) is told
+    if told_of is not None:
+        finding, _ = told_of
         value = finding.parameters["along"]
         assert value.value == pytest.approx(offset, abs=3.0 * value.sd)
         assert ("cut off" in finding.resembles) is (offset < 0.0)

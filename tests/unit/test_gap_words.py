@@ -33,7 +33,7 @@ COST = Cost(Extent(0.32, 0.61), Extent(0.0, 0.0004), Extent(2e-3, 4e-3), Extent(
 
 @pytest.mark.parametrize("sure", [True, False])
 def test_a_value_that_changes_is_told_by_how_much(sure: bool) -> None:
-    drift = Drift("yaw", "trend", -0.01, 0.001, "rad", 0.0, 40.0, sure)
+    drift = Drift(*("yaw", "trend", -0.01, 0.001, "rad", "time", 0.0, "over the drive", 40.0, sure))
     parameters = {"yaw": ParameterValue(0.01, 0.001, "rad")}
     one = Finding("imu_mounting", parameters, 60.0, 1e-20, 1.0, 0.5, (), "", str(drift), drift)
     _, text = finding_words(one, None)
