@@ -100,6 +100,11 @@ def join_warnings(joined: Joined, fixes: Fixes) -> list[str]:
             "the receiver's date lies in a past era of the ten-bit week and is moved on by "
             f"1024 weeks: the log starts at {first}"
         )
+    if joined.redated:
+        warnings.append(
+            f"{joined.redated} messages tell another date than those beside them, though the "
+            "time of day goes on; they get that of the others"
+        )
     return warnings
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from datetime import datetime, timedelta
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -268,6 +270,34 @@ def test_dates_of_a_past_era_are_moved_on() -> None:
     year, month, day, *_ = (2004, 5, 13)
     moved = tb.days_since_epoch(year, month, day) * tb.DAY_S + tb.ROLLOVER_S
     assert abs(log.fixes.gps_s[0] - moved) < tb.DAY_S + 20
+
+
+@pytest.mark.parametrize(
+    ("days", "wrong"),
+    [
+        (-7168, slice(0, 7)),  # until it knows the era of its week
+        (-7168, slice(4, 10)),
+        (-9700, slice(0, 3)),
+        (400, slice(5, 6)),
+        (-1, slice(4, 5)),  # RMC's date late by a sentence
+    ],
+)
+def test_a_date_that_the_time_of_day_contradicts_is_that_of_the_others(
+    days: int, wrong: slice
+) -> None:
+    start = GPS + 1200.0 * tb.DAY_S  # an era before it is none that is moved by itself
+    times = start + np.arange(10.0)
+    date = (datetime(1980, 1, 6) + timedelta(seconds=start, days=days)).strftime("%d%m%y")
+    said = {float(t): {"date": date} for t in times[wrong]}
+    log = read(*(part for t in times for part in (gga(t), rmc(t, **said.get(float(t), {})))))
+    assert np.allclose(log.fixes.gps_s, times, atol=1e-3)
+    assert any(f"{wrong.stop - wrong.start} messages tell another date" in w for w in log.warnings)
+
+
+def test_two_drives_in_one_log_keep_their_days() -> None:
+    times = np.concatenate([GPS + np.arange(5.0), GPS + 30 * tb.DAY_S + 900 + np.arange(3.0)])
+    log = read(*(rmc(t) for t in times))
+    assert np.allclose(log.fixes.gps_s, times, atol=1e-3)
 
 
 def test_the_leap_second_of_2016() -> None:
