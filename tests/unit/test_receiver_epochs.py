@@ -294,6 +294,22 @@ def test_a_date_that_the_time_of_day_contradicts_is_that_of_the_others(
     assert any(f"{wrong.stop - wrong.start} messages tell another date" in w for w in log.warnings)
 
 
+def test_talkers_of_one_receiver_make_one_epoch_and_two_receivers_are_told() -> None:
+    times = GPS + 0.2 * np.arange(10.0)
+    one = read(*(part for t in times for part in (gga(t), rmc(t))))
+    again = read(*(part for t in times for part in (rmc(t), rmc(t), gga(t), gga(t), rmc(t))))
+    assert np.array_equal(again.fixes.gps_s, one.fixes.gps_s)
+    assert np.array_equal(again.fixes.height_m, one.fixes.height_m)
+    assert any("time and place of the one before again" in w for w in again.warnings)
+    beside = [
+        sentence(gga(t)[1:].split(b"*")[0].decode().replace("3500.0000", "3500.0020"))
+        for t in times
+    ]
+    two = read(*(part for t, other in zip(times, beside, strict=True) for part in (gga(t), other)))
+    assert len(two.fixes) == 20
+    assert any("10 epochs repeat the time of the one before, 3.7 m off" in w for w in two.warnings)
+
+
 def test_two_drives_in_one_log_keep_their_days() -> None:
     times = np.concatenate([GPS + np.arange(5.0), GPS + 30 * tb.DAY_S + 900 + np.arange(3.0)])
     log = read(*(rmc(t) for t in times))
