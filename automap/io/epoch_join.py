@@ -243,13 +243,14 @@ def _agree_on_date(full: FloatArray) -> int:
     if not days.any():
         return 0
     usual = max(_GOES_ON_S, 2.0 * float(np.median(np.abs(steps))))
-    goes_on = np.abs(steps - days * tb.DAY_S) <= usual
+    era_days = tb.ROLLOVER_S // tb.DAY_S
+    # no two drives are whole eras apart, however long nothing was logged between
+    goes_on = (np.abs(steps - days * tb.DAY_S) <= usual) | (days % era_days == 0)
     log = np.concatenate([[0], np.cumsum(~goes_on)])
     off = np.concatenate([[0], np.cumsum(np.where(goes_on, days, 0))])
     changed = 0
     for one in np.unique(log[1:][goes_on & (days != 0)]):
         mine = np.flatnonzero(log == one)
-        era_days = tb.ROLLOVER_S // tb.DAY_S
         _, which, counts = np.unique(off[mine] % era_days, return_inverse=True, return_counts=True)
         best = int(off[mine[which == np.argmax(counts)]].max())
         full[rows[mine]] += (best - off[mine]) * float(tb.DAY_S)
