@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from automap.calibration import limits
-from automap.calibration.dynamic_kernel import BA, N_ERRORS, N_STATES, PHI, POS, run_filter
+from automap.calibration.dynamic_kernel import BA, N_ERRORS, N_STATES, PHI, POS, SA, run_filter
 from automap.calibration.hand_motion import (
     UNKNOWN_HAND,
     coloured_noise_covariance,
@@ -74,7 +74,8 @@ def calibrate_dynamic(
     logs than ``least_s`` are refused.
 
     Raises:
-        InputError: the log is too short or the filter finds no consistent motion.
+        InputError: the log is too short, the filter finds no consistent motion, or a scale that
+            no sensor has.
     """
     t_s = log.t_s
     if t_s[-1] < least_s:
@@ -124,6 +125,15 @@ def calibrate_dynamic(
         hand = hand_motion(innovations[:count], ~still[rows], step)
     if not np.all(np.isfinite(out[-1])):
         raise InputError(f"{log.name}: the filter diverged; check units and axes, record again.")
+    scale = out[-1, 4 + SA - BA : 4 + N_ERRORS]
+    wrong = (scale < limits.UNIT_RANGE[0] - 1.0) | (scale > limits.UNIT_RANGE[1] - 1.0)
+    if wrong.any():
+        worst = int(np.argmax(np.where(wrong, np.abs(scale), 0.0)))
+        raise InputError(
+            f"{log.name}: {ERROR_NAMES[SA - BA + worst]} would be {100.0 * scale[worst]:.0f} %, "
+            "as no sensor's is; turn it by hand and in place, and look whether the static "
+            "calibration is that of this sensor, and units and axes those of its log."
+        )
     covariance = coloured_noise_covariance(
         P[BA:POS, BA:POS],
         final_response(response[:count]),

@@ -34,6 +34,9 @@ _HDOP = (
     ("GSA", "HDOP"),
 )
 
+_SAME_PLACE_RAD = 3e-8
+"""Within 0.2 m: four decimals of a minute, which is what the poorest sentences have."""
+
 
 def build_fixes(joined: Joined, ubx: dict[str, Table], nmea: dict[str, NmeaTable]) -> Fixes:
     """Fixes of joined epochs, one row each.
@@ -69,6 +72,26 @@ def build_fixes(joined: Joined, ubx: dict[str, Table], nmea: dict[str, NmeaTable
         offset=joined.offset,
         arrival_ns=np.full(n, NO_TIME, np.int64),
     )
+
+
+def take_once(fixes: Fixes) -> tuple[Fixes, int]:
+    """Fixes without those [k] that tell time and place of the one before them again, as the
+    talkers of one receiver do, and how many these were; what they alone know goes into it."""
+    place = np.column_stack([fixes.lat_rad, fixes.lon_rad])
+    again = np.diff(fixes.gps_s) == 0.0
+    again &= (np.abs(np.diff(place, axis=0)) < _SAME_PLACE_RAD).all(axis=1)
+    if not again.any():
+        return fixes, 0
+    first = np.flatnonzero(np.concatenate([[True], ~again]))
+    end = np.append(first[1:], len(fixes))
+    columns = {name: values[first] for name, values in vars(fixes).items()}
+    for name in ("height_m", "geoid_sep_m", "hdop", "vel_ned", "sd_pos_ned", "sd_vel_ned"):
+        values = vars(fixes)[name]
+        known = np.isfinite(values if values.ndim == 1 else values[:, 0])
+        next_known = np.where(known, np.arange(len(fixes)), len(fixes))
+        told = np.minimum.accumulate(next_known[::-1])[::-1][first]
+        columns[name][told < end] = values[told[told < end]]
+    return Fixes(**columns), int(np.count_nonzero(again))
 
 
 def _first_known(

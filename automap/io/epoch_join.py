@@ -49,6 +49,10 @@ SOURCES = (
 _NAVIGATION = (*SOURCES[: SOURCES.index("NAV-STATUS")], "VTG")
 """These carry position or velocity; an epoch without any of them is none."""
 _UNTIMED = ("VTG", "GSA")
+_DATED = ("NAV-PVT", "NAV-SOL", "NAV-TIMEGPS", "NAV-TIMEUTC", "RMC", "ZDA")
+_GOES_ON_S = 2.0
+"""A time of day that moves on by no more than this, or two usual steps, goes on. Two drives of
+differing days in one log would meet so once in 20 000, were their times of day drawn."""
 
 
 @dataclass(frozen=True)
@@ -59,7 +63,8 @@ class Joined:
     ``gps_s`` [m]; ``offset`` [m]
     of the first message; ``no_navigation`` counts times with neither position nor velocity,
     ``untimed`` messages whose time could not be read; ``dated`` is False where the log never
-    says the week or date; ``moved_eras`` tells of dates moved on by 1024 weeks.
+    says the week or date; ``moved_eras`` tells of dates moved on by 1024 weeks, ``redated``
+    counts messages whose date the time of day beside them contradicted.
     """
 
     rows: dict[str, npt.NDArray[np.int32]]
@@ -69,6 +74,7 @@ class Joined:
     untimed: int
     dated: bool
     moved_eras: bool
+    redated: int
 
 
 @dataclass(frozen=True)
@@ -147,6 +153,9 @@ def join_epochs(
     is_utc = np.array([clock.is_utc for clock in messages.clocks])
     full = messages.gather("full").astype(np.float64, copy=False)
     moved = _keep_trusted(messages, full, log_bytes, not_before_s)
+    redated = sum(
+        _agree_on_date(full[messages.of_part(name)]) for name in messages.names if name in _DATED
+    )
     partial = messages.gather("partial")
     fine = messages.gather("fine")
     leap = messages.gather("leap")
@@ -196,6 +205,7 @@ def join_epochs(
         untimed=int(np.count_nonzero(epoch < 0)),
         dated=bool(np.isfinite(full).any()),
         moved_eras=moved,
+        redated=redated,
     )
 
 
@@ -218,6 +228,34 @@ def _keep_trusted(
     if moved:
         full[early] = tb.undo_rollover(full[early], not_before_s)
     return moved
+
+
+def _agree_on_date(full: FloatArray) -> int:
+    """Give times [n] of one type, in log order, NaN where no date is told, one date where the
+    time of day goes on and the date does not; returns how many were changed.
+
+    The date of most of them holds; of dates whole eras of the ten-bit week apart the latest,
+    for firmware that does not know the era begins with the first.
+    """
+    rows = np.flatnonzero(np.isfinite(full))
+    steps = np.diff(full[rows])
+    days = np.rint(steps / tb.DAY_S).astype(np.int64)
+    if not days.any():
+        return 0
+    usual = max(_GOES_ON_S, 2.0 * float(np.median(np.abs(steps))))
+    era_days = tb.ROLLOVER_S // tb.DAY_S
+    # no two drives are whole eras apart, however long nothing was logged between
+    goes_on = (np.abs(steps - days * tb.DAY_S) <= usual) | (days % era_days == 0)
+    log = np.concatenate([[0], np.cumsum(~goes_on)])
+    off = np.concatenate([[0], np.cumsum(np.where(goes_on, days, 0))])
+    changed = 0
+    for one in np.unique(log[1:][goes_on & (days != 0)]):
+        mine = np.flatnonzero(log == one)
+        _, which, counts = np.unique(off[mine] % era_days, return_inverse=True, return_counts=True)
+        best = int(off[mine[which == np.argmax(counts)]].max())
+        full[rows[mine]] += (best - off[mine]) * float(tb.DAY_S)
+        changed += int(np.count_nonzero(off[mine] != best))
+    return changed
 
 
 def _fix_state(messages: _Messages, log_bytes: int) -> BoolArray:

@@ -297,6 +297,11 @@ def _sentence(error: ValidationError, text: str) -> str:
         return f"{where}{name} is a section; write it as [{name}] with its keys below."
     if kind in ("missing", "too_long") and first["loc"][-1:] != (keys[-1],):
         message = "three numbers are expected"
+    elif kind in ("tuple_type", "too_long"):
+        listed = {"files": '["front.mp4"]', "accept": '["imu_axes"]'}
+        message = f"must be a list such as {listed.get(keys[-1], '[0.4, 0.1, -1.2]')}"
+    elif kind == "string_pattern_mismatch" and keys[-1] == "country":
+        message = 'must be two letters, such as "DE"'
     elif "columns" in keys:
         message = "must be the file's name of the column in quotes, or its number"
     elif keys[0] == "imu" and keys[-1].endswith("axes"):

@@ -15,7 +15,7 @@ from automap.io import rtklib
 from automap.io import ubx as ubx_format
 from automap.io.byte_scan import Scan, key_address, key_is_rtcm, key_is_ubx, scan_bytes
 from automap.io.cut_times import uncut_times
-from automap.io.epoch_fixes import build_fixes
+from automap.io.epoch_fixes import build_fixes, take_once
 from automap.io.epoch_join import EARLIEST_GPS_S, Joined, join_epochs
 from automap.io.esf import ReceiverImu, read_esf
 from automap.io.fix_table import RowStamps, read_fix_table
@@ -222,6 +222,7 @@ def _read_stream(
     joined = join_epochs(ubx, nmea, len(scan.data), not_before_gps_s)
     fixes = build_fixes(joined, ubx, nmea) if joined is not None else _no_fixes()
     fixes, uncut = uncut_times(fixes)
+    fixes, again = take_once(fixes)
     imu, warnings = read_esf(ubx, fixes)
     if len(fixes) == 0 and imu is None:
         seen = ", ".join(f"{count} {what}" for what, count in list(messages.items())[:4])
@@ -235,6 +236,8 @@ def _read_stream(
     if joined is not None:
         warnings += join_warnings(joined, fixes)
     warnings += [] if uncut is None else [uncut]
+    if again:
+        warnings.append(f"{again} epochs tell time and place of the one before again; left out")
     warnings += epoch_warnings(fixes)
     warnings += height_warnings(fixes, nmea)
     if accept_manual and manual.any():

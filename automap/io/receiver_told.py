@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from automap import timebase as tb
+from automap.earth import MEAN_RADIUS
 from automap.io.byte_scan import Scan, key_address, key_is_rtcm, key_is_ubx
 from automap.io.epoch_fix_type import GGA_FIX
 from automap.io.epoch_join import Joined
@@ -100,6 +101,11 @@ def join_warnings(joined: Joined, fixes: Fixes) -> list[str]:
             "the receiver's date lies in a past era of the ten-bit week and is moved on by "
             f"1024 weeks: the log starts at {first}"
         )
+    if joined.redated:
+        warnings.append(
+            f"{joined.redated} messages tell another date than those beside them, though the "
+            "time of day goes on; they get that of the others"
+        )
     return warnings
 
 
@@ -117,9 +123,14 @@ def epoch_warnings(fixes: Fixes) -> list[str]:
             f"time runs backwards {len(back)} times, first by {-steps[back[0]]:.3f} s "
             f"at byte {fixes.offset[back[0] + 1]}"
         )
-    repeated = int(np.count_nonzero(steps == 0.0))
-    if repeated:
-        warnings.append(f"{repeated} epochs repeat the time of the one before")
+    repeated = steps == 0.0
+    if repeated.any():
+        north, east = np.diff(fixes.lat_rad), np.diff(fixes.lon_rad) * np.cos(fixes.lat_rad[1:])
+        off = MEAN_RADIUS * np.hypot(north, east)[repeated]
+        text = f"{len(off)} epochs repeat the time of the one before"
+        if np.isfinite(off).any():
+            text += f", {np.nanmedian(off):.2g} m off; keep the messages of one receiver"
+        warnings.append(text)
     return warnings
 
 

@@ -129,10 +129,12 @@ def receive(
     if setup.format == "nmea":
         velocity[:, 2] = np.nan
         sd_velocity, sd_position = np.full((2, count, 3), np.nan)
+    lon = place[:, 1] + drawn.position[:, 1] / east
+    lon -= 2.0 * np.pi * np.rint(lon / (2.0 * np.pi))
     fixes = Fixes(
         gps_s=gps_s,
         lat_rad=(place[:, 0] + drawn.position[:, 0] / north)[held],
-        lon_rad=(place[:, 1] + drawn.position[:, 1] / east)[held],
+        lon_rad=lon[held],
         height_m=(place[:, 2] - drawn.position[:, 2])[held],
         vel_ned=velocity,
         sd_pos_ned=sd_position,

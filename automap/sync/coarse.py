@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
@@ -39,10 +40,26 @@ def find_offset(
     The heading increments of both sides and the receiver's change of speed against the two
     horizontal components of specific force are correlated with missing values masked
     (D. Padfield, "Masked object registration in the Fourier domain", IEEE Transactions on
-    Image Processing 21(5), 2012, in one dimension). None when the recordings share too
-    little motion.
+    Image Processing 21(5), 2012, in one dimension). Drives of one log further apart than the IMU's
+    recording is long are searched one by one, for days between them would fill the memory. None
+    when the recordings share too little motion.
     """
-    if len(gnss.start) < limits.LEAST_MOTIONS or len(imu.t_s) < 10:
+    if len(imu.t_s) < 10:
+        return None
+    longest = max(limits.GAP_WITHIN_DRIVE_S, float(imu.t_s[-1] - imu.t_s[0]))
+    begin = gnss.start[1:][np.diff(gnss.start) > longest].tolist()
+    drives = pairwise([-np.inf, *begin, np.inf])
+    found = [_find_offset(imu, gnss.part(*drive), reach_s) for drive in drives]
+    known = [one for one in found if one is not None]
+    if not known:
+        return None
+    best = max(known, key=lambda one: one.score_nats)
+    others = [one.score_nats for one in known if one is not best]
+    return replace(best, runner_up_nats=max(best.runner_up_nats, *others, 0.0))
+
+
+def _find_offset(imu: ImuMotion, gnss: GnssMotion, reach_s: float | None) -> CoarseOffset | None:
+    if len(gnss.start) < limits.LEAST_MOTIONS:
         return None
     g_turn, g_surge, g_start = _gnss_series(gnss)
     i_series, i_start = _imu_series(imu)

@@ -128,6 +128,9 @@ CHANGE_PROBABILITY = 1e-6
 MISTAKEN_LAG = 0.03
 """Part of the pieces whose lag is that of some other motion. Of 100 pieces of fifteen recorded
 drives three are off by more than a second, of a telephone's and of a slow logger's."""
+GAP_WITHIN_DRIVE_S = 3600.0
+"""Drives of one log that lie further apart are searched one by one, and the days between them are
+not integrated through: steps of them would fill the memory."""
 OFFSET_STEP_S, APART_S = 0.2, 5.0
 """Step of the search over all offsets; peaks nearer than five seconds are one."""
 LEAST_OVERLAP_S, LEAST_OVERLAP = 20.0, 0.3

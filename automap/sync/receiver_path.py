@@ -117,14 +117,18 @@ def integrated(
         return np.zeros(len(path), complex)
     course = np.unwrap(np.angle(told[has_course]))
     step = min(limits.INTEGRATION_S, float(np.median(np.diff(t))))
-    grid = np.arange(0.0, path.t[-1] + step, step)
+    # where nothing is told nothing moves
+    idle = np.maximum(np.diff(path.t) - limits.GAP_WITHIN_DRIVE_S, 0.0)
+    at = path.t - np.concatenate([[0.0], np.cumsum(idle)])
+    t = at[known]
+    grid = np.arange(0.0, at[-1] + step, step)
     rate = np.interp(grid + speed_lag_s, t, speed) * np.exp(
         1j * np.interp(grid + course_lag_s, t[has_course], course)
     )
     after = np.clip(np.searchsorted(t, grid), 1, len(t) - 1)
     rate[t[after] - t[after - 1] > limits.FIX_GAP_S] = 0.0
     sums = np.concatenate([[0.0], np.cumsum(0.5 * (rate[1:] + rate[:-1]) * step)])
-    return np.asarray(np.interp(path.t, grid, sums), complex)
+    return np.asarray(np.interp(at, grid, sums), complex)
 
 
 def windows(

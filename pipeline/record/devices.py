@@ -75,7 +75,7 @@ def _probe_named(kind: str, spec: PortSpec, formats: list[ImuFormat]) -> Finding
 
     usual = [baud for form in formats for baud in form.baud] if kind == "imu" else []
     bauds = [spec.baud] if spec.baud else list(dict.fromkeys([*usual, *BAUDS]))
-    finding = probe_port(spec.device, formats if kind == "imu" else [], bauds, ask=kind == "gnss")
+    finding = probe_port(spec.device, formats, bauds, ask=kind == "gnss")
     if finding.kind == kind:
         return finding
     if finding.kind == "busy":
@@ -83,10 +83,13 @@ def _probe_named(kind: str, spec: PortSpec, formats: list[ImuFormat]) -> Finding
     what = {
         "silent": "nothing was heard",
         "unknown": "bytes were heard that no rate and no known format explain",
-    }.get(finding.kind, f"a device of another kind ({finding.detail}) was heard")
+    }.get(finding.kind, f"what --{finding.kind} names ({finding.detail}) was heard")
+    look = "check the cable"
+    if finding.kind in ("gnss", "imu"):
+        look = "exchange --gnss and --imu"
     how = "PORT@BAUD" if kind == "gnss" else "PORT@BAUD and --imu-format"
     raise InputError(
-        f"{spec.device}: {what} there; check the cable, or give {how} to record it all the same."
+        f"{spec.device}: {what} there; {look}, or give {how} to record it all the same."
     )
 
 

@@ -87,6 +87,24 @@ def test_a_carried_sensor_is_recognised() -> None:
     assert any("carried" in text for text in result.warnings)
 
 
+def test_the_log_of_a_drive_makes_no_calibration() -> None:
+    """Hardly turned and pushed about for a minute: scales far from any sensor's would fit."""
+    t = np.arange(0.0, 60.0, 0.02)
+    gyro, accel = np.zeros((len(t), 3)), np.full((len(t), 3), [0.0, 0.0, -GRAVITY])
+    gyro[:, 2] = 0.4 * np.sin(0.3 * t)
+    accel[:, 0] = 2.0 * np.sin(0.2 * t)
+    accel[:, 1] = 12.0 * gyro[:, 2]
+    noise = np.random.default_rng(3).normal(0.0, 0.01, (2, len(t), 3))
+    log = replace(
+        hand_turned(0, 30.0)[0],
+        t_ns=np.rint(t * 1e9).astype(np.int64),
+        gyro=gyro + 0.1 * noise[0],
+        accel=accel + noise[1],
+    )
+    with pytest.raises(InputError, match="as no sensor's is; turn it by hand and in place"):
+        calibrate_dynamic(log, log.gyro, log.accel, GRAVITY)
+
+
 def test_a_log_in_another_unit_is_refused() -> None:
     log, _, _ = hand_turned(0, 30.0)
     with pytest.raises(InputError, match="accel-unit"):

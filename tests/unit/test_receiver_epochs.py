@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from datetime import datetime, timedelta
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -268,6 +270,50 @@ def test_dates_of_a_past_era_are_moved_on() -> None:
     year, month, day, *_ = (2004, 5, 13)
     moved = tb.days_since_epoch(year, month, day) * tb.DAY_S + tb.ROLLOVER_S
     assert abs(log.fixes.gps_s[0] - moved) < tb.DAY_S + 20
+
+
+@pytest.mark.parametrize(
+    ("days", "wrong"),
+    [
+        (-7168, slice(0, 7)),  # until it knows the era of its week
+        (-7168, slice(3, 10)),  # from a loss of a minute on
+        (-9700, slice(0, 2)),
+        (400, slice(5, 6)),
+        (-1, slice(4, 5)),  # RMC's date late by a sentence
+    ],
+)
+def test_a_date_that_the_time_of_day_contradicts_is_that_of_the_others(
+    days: int, wrong: slice
+) -> None:
+    start = GPS + 1200.0 * tb.DAY_S  # an era before it is none that is moved by itself
+    times = start + np.array([0.0, 1.0, 2.0, 63.0, 64.0, 65.0, 66.0, 67.0, 68.0, 69.0])
+    date = (datetime(1980, 1, 6) + timedelta(seconds=start, days=days)).strftime("%d%m%y")
+    said = {float(t): {"date": date} for t in times[wrong]}
+    log = read(*(part for t in times for part in (gga(t), rmc(t, **said.get(float(t), {})))))
+    assert np.allclose(log.fixes.gps_s, times, atol=1e-3)
+    assert any(f"{wrong.stop - wrong.start} messages tell another date" in w for w in log.warnings)
+
+
+def test_talkers_of_one_receiver_make_one_epoch_and_two_receivers_are_told() -> None:
+    times = GPS + 0.2 * np.arange(10.0)
+    one = read(*(part for t in times for part in (gga(t), rmc(t))))
+    again = read(*(part for t in times for part in (rmc(t), rmc(t), gga(t), gga(t), rmc(t))))
+    assert np.array_equal(again.fixes.gps_s, one.fixes.gps_s)
+    assert np.array_equal(again.fixes.height_m, one.fixes.height_m)
+    assert any("time and place of the one before again" in w for w in again.warnings)
+    beside = [
+        sentence(gga(t)[1:].split(b"*")[0].decode().replace("3500.0000", "3500.0020"))
+        for t in times
+    ]
+    two = read(*(part for t, other in zip(times, beside, strict=True) for part in (gga(t), other)))
+    assert len(two.fixes) == 20
+    assert any("10 epochs repeat the time of the one before, 3.7 m off" in w for w in two.warnings)
+
+
+def test_two_drives_in_one_log_keep_their_days() -> None:
+    times = np.concatenate([GPS + np.arange(5.0), GPS + 30 * tb.DAY_S + 900 + np.arange(3.0)])
+    log = read(*(rmc(t) for t in times))
+    assert np.allclose(log.fixes.gps_s, times, atol=1e-3)
 
 
 def test_the_leap_second_of_2016() -> None:

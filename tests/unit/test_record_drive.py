@@ -21,6 +21,7 @@ from automap.io.drive import load_drive
 from automap.io.recording import read_recording
 from pipeline.record import ublox_keys as keys
 from pipeline.record.clock import HostClock
+from pipeline.record.devices import _probe_named
 from pipeline.record.imu_format import known_formats, load_format
 from pipeline.record.manifest_text import read_rig
 from pipeline.record.ports import PortInfo, PortSpec, SerialPort, parse_port
@@ -217,16 +218,17 @@ def test_probing_asks_a_receiver_that_says_nothing(make: Make, tmp_path: Path) -
     assert (found.kind, found.baud) == ("gnss", 38400)
 
 
-def test_probing_knows_a_sensor_by_its_lines(tmp_path: Path) -> None:
+def test_a_sensor_on_the_receivers_port_is_known_by_its_lines(tmp_path: Path) -> None:
     formats = [load_format(name) for name in known_formats()]
     terminal = Terminal(tmp_path / "imu")
     lines = b"".join(b"%d,0.1,0.2,0.3,0.4,0.5,9.8\r\n" % (k * 10_000_000) for k in range(40))
     timer = threading.Timer(0.5, lambda: terminal.write(lines))
     timer.start()
-    found = probe_port(str(tmp_path / "imu"), formats, (BAUD,))
+    words = r"what --imu names \(AutoMap CSV\) was heard there; exchange --gnss and --imu"
+    with pytest.raises(InputError, match=words):
+        _probe_named("gnss", PortSpec(str(tmp_path / "imu"), BAUD), formats)
     timer.join()
     terminal.close()
-    assert (found.kind, found.detail) == ("imu", "AutoMap CSV")
 
 
 def test_ports_are_named_with_their_rate() -> None:

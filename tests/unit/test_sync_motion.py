@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tracemalloc
 from dataclasses import replace
 
 import numpy as np
@@ -13,6 +14,7 @@ from automap.records import ClockModel, Fixes
 from automap.sync.clock import check_overlap, gps_clock, synchronise, unix_clock
 from automap.sync.finished import trajectory_clock
 from automap.sync.motion_clock import correlation_clock, imu_gnss_delay
+from automap.sync.receiver_path import integrated, receiver_path
 from automap.timebase import gps_to_unix
 from tests.unit.sync_scene import GPS_START, drive, fixes_of, imu_of
 
@@ -43,6 +45,25 @@ def test_velocity_and_position_delays_are_told_apart() -> None:
     lags = imu_gnss_delay(imu_of(t, gyro, accel, 0), true_clock(0), mixed)
     assert lags["position"].lag_s == pytest.approx(0.0, abs=0.04)
     assert lags["velocity"].lag_s == pytest.approx(-0.2, abs=0.04)
+
+
+def test_a_drive_of_another_month_in_the_log_costs_neither_memory_nor_the_offset() -> None:
+    t, gyro, accel, motion = drive(60.0, 25.0)
+    fixes = fixes_of(t, motion, rate=2.0)
+    other = fixes_of(t, drive(60.0, 25.0, seed=8)[3], rate=2.0)
+    later = replace(other, gps_s=other.gps_s + 30 * 86_400.0)
+    log = Fixes(**{k: np.concatenate([v, vars(later)[k]]) for k, v in vars(fixes).items()})
+    tracemalloc.start()
+    imu = imu_of(t, gyro, accel, 0)
+    clocks = [correlation_clock(imu, each).clock for each in (fixes, log)]
+    path = receiver_path(log)
+    way = integrated(path, np.ones(len(path), np.bool_))
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    told = [clock.gps_s(imu.t_ns[[0, -1]]) for clock in clocks]
+    assert np.allclose(told[0], told[1], atol=0.02)
+    assert np.allclose(way[: len(fixes)] - way[0], path.place[: len(fixes)], atol=2.0)
+    assert peak < 100e6
 
 
 @pytest.mark.parametrize("start_s", [12.0, 4321.0])
