@@ -9,9 +9,15 @@ import pytest
 from geolocation_scene import ORIGIN, boxes, camera, drive_path, roadside
 
 from automap.frames import matrix_to_rpy, rpy_to_matrix
-from automap.geolocation.camera_hypotheses import better_explanations, in_turned_picture
+from automap.geolocation import camera_explanation
+from automap.geolocation.camera_hypotheses import (
+    Hypothesis,
+    better_explanations,
+    in_turned_picture,
+)
 from automap.geolocation.epipolar import _places_apart, first_correction
 from automap.geolocation.locate import locate_signs
+from automap.geolocation.rules import GeolocationRules
 from automap.geolocation.supports import support_numbers
 from automap.geolocation.views import map_origin
 from automap.records import Detections, Trajectory
@@ -149,6 +155,47 @@ def test_a_mirrored_picture_is_doubted_whatever_its_boxes_are_linked_to(winding)
     mirrored = replace(found, box=np.column_stack([wide - right, top, wide - left, bottom]))
     assert in_turned_picture(winding, mirrored, view)
     assert not in_turned_picture(winding, found, view)
+
+
+def test_rows_counted_from_the_bottom_show_where_the_road_is_not_level(winding) -> None:
+    slope = np.radians(3.0) * np.sin(np.arange(len(winding.t_ns)) / 300.0)
+    rise = np.tan(slope) * np.hypot(*winding.vel_ned[:, :2].T)
+    hills = replace(
+        winding,
+        height_m=winding.height_m + np.cumsum(rise) * 0.01,
+        vel_ned=winding.vel_ned - rise[:, None] * [0.0, 0.0, 1.0],
+        rpy=winding.rpy + slope[:, None] * [0.0, 1.0, 0.0],
+    )
+    view = camera(mount_sd=np.radians(0.5), time_offset_sd=0.02)
+    found, _ = boxes(hills, roadside(hills, every_s=20.0), view, np.random.default_rng(1))
+    left, top, right, bottom = found.box.T
+    high = view.height - 1
+    counted = replace(found, box=np.column_stack([left, high - bottom, right, high - top]))
+    assert in_turned_picture(hills, counted, view)
+    assert not in_turned_picture(hills, found, view)
+
+
+def test_what_is_of_no_sign_is_asked_anew_with_what_is_assumed(
+    winding, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A sign that the frames' stamps, being late, had seemed to move along is back with theirs."""
+    right = drive_path(2.0).t_ns[:4]
+    found = Detections(
+        frame=np.arange(4), t_ns=right + 3 * 10**9, class_name=np.full(4, "stop", object),
+        box=np.ones((4, 4)), score=np.ones(4), track=np.zeros(4, np.int64), camera="front",
+    )  # fmt: skip
+
+    def late(path: Trajectory, seen: Detections, *_: object) -> np.ndarray:
+        return np.where(seen.t_ns > right[-1], "moving", "").astype(object)
+
+    monkeypatch.setattr(camera_explanation, "no_signs", late)
+    view = camera()
+    stated = camera_explanation.Trial(
+        [found], {"front": view}, GeolocationRules(), [late(winding, found)]
+    )
+    assert stated.rows("front").tolist() == []
+    one = Hypothesis("late", replace(found, t_ns=right), view)
+    assert stated.assuming("front", one, winding).rows("front").tolist() == [0, 1, 2, 3]
 
 
 @pytest.mark.slow
