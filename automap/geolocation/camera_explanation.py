@@ -105,7 +105,7 @@ def _best_explanation(
         tried = trial.assuming(name, one, trajectory)
         again = locate(tried, lambda done: None)
         more = _used(again, tried.rows(name)) - _used(best[1], best[0].rows(name))
-        more /= max(np.count_nonzero(~out), 1)
+        more /= max(int(np.count_nonzero(~out)), 1)
         # what is open is fitted no worse; anything else must be worth its assumption
         closer = _scatter(again) < limits.CLOSER_BOXES * _scatter(best[1])
         if more > limits.MORE_BOXES or (more >= 0.0 and (closer or not one.what)):

@@ -94,10 +94,10 @@ def _problems(lost: list[str], state: dict[str, Verdict], of_map: set[str]) -> l
     given = {v.class_name: v.sign for v in state.values() if v.class_name and v.status != "merged"}
     strange = sorted(name for name in given if name not in of_map and not is_known_class(name))
     if strange:
-        first = f"{strange[0]!r} of {given[strange[0]]}"
         problems.append(
             f"The review names {len(strange)} class{'es' if len(strange) > 1 else ''} that neither "
-            f"the map nor the package has, as {first}; it stays as it was written."
+            f"the map nor the package has, as {strange[0]!r} of {given[strange[0]]}; it stays as "
+            "it was written."
         )
     if lost:
         named = ", ".join(lost[:5]) + (" and more" if len(lost) > 5 else "")
