@@ -122,7 +122,7 @@ def better_explanations(
     rate = _best_in_time(limits.MOST_RATE, 2.0 * step_s / max(seen_s, 1.0), fast)
     tried = [
         *_pictures(plain), *_mountings(plain), *_calibrations(plain),
-        _shifted(plain, offset), _paced(plain, rate),
+        _shifted(plain, offset), _paced(plain, rate), *_strided(plain, length_s),
     ]  # fmt: skip
     # a box has many pairs, which repeat its evidence
     gains = [(start - judge.loss(one)) * geometry.n_boxes for one in tried]
@@ -228,6 +228,20 @@ def _paced(plain: Hypothesis, rate: float) -> Hypothesis:
     found = replace(plain.found, t_ns=plain.found.t_ns + np.round(rate * since).astype(np.int64))
     what = f"the frames take {1.0 + rate:.4f} of the time that their stamps say"
     return replace(plain, what=what, found=found)
+
+
+def _strided(plain: Hypothesis, length_s: float) -> Iterator[Hypothesis]:
+    """The boxes as they are if a detector saw every second frame, or every third, and numbered
+    those that it saw one after another, as far as the path of ``length_s`` goes on for that."""
+    frame, t_ns = plain.found.frame, plain.found.t_ns
+    period_ns = np.ptp(t_ns) / max(int(np.ptp(frame)), 1)
+    for stride in range(2, limits.MOST_STRIDE + 1):
+        late_ns = (stride - 1) * period_ns * frame
+        if np.ptp(t_ns + late_ns) > length_s * 1e9:
+            return
+        found = replace(plain.found, t_ns=t_ns + np.round(late_ns).astype(np.int64))
+        what = f"frame 1 of its boxes is frame {stride} of the video, and so on"
+        yield replace(plain, what=what, found=found)
 
 
 def _best_in_time(reach: float, step: float, loss: Callable[[float, float], float]) -> float:

@@ -12,6 +12,7 @@ from automap.frames import matrix_to_rpy, rpy_to_matrix
 from automap.geolocation import camera_explanation
 from automap.geolocation.camera_hypotheses import (
     Hypothesis,
+    _strided,
     better_explanations,
     in_turned_picture,
 )
@@ -41,6 +42,24 @@ def winding() -> Trajectory:
         vel_ned=velocity,
         rpy=np.column_stack([np.zeros_like(s), np.zeros_like(s), yaw]),
     )
+
+
+def strided(found: Detections, stride: int) -> Detections:
+    """What a detector that sees every so manieth frame finds, its frames numbered on their own."""
+    kept = {k: v[found.frame % stride == 0] for k, v in vars(found).items() if np.ndim(v)}
+    number = kept["frame"] // stride
+    period_ns = np.ptp(found.t_ns) // np.ptp(found.frame)
+    stamps = found.t_ns[0] + (number - found.frame[0]) * period_ns
+    return replace(found, **{**kept, "frame": number, "t_ns": stamps})
+
+
+def test_frames_that_a_detector_left_out_are_counted_as_far_as_the_path_goes(winding) -> None:
+    found, _ = boxes(winding, roadside(winding, every_s=9.0), camera(), np.random.default_rng(1))
+    counted = strided(found, 3)
+    tried = list(_strided(Hypothesis("", counted, camera()), 60.0))
+    assert [one.what.split()[7] for one in tried] == ["2", "3"]
+    np.testing.assert_allclose(tried[1].found.t_ns, found.t_ns[found.frame % 3 == 0], atol=1e6)
+    assert list(_strided(Hypothesis("", found, camera()), 60.0)) == []
 
 
 def test_of_a_car_that_waits_boxes_now_and_then_tell_of_the_camera() -> None:
@@ -93,7 +112,7 @@ def test_a_statement_that_the_boxes_contradict_is_not_held_to(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("wrong", ["right", "fast", "mirrored", "backwards"])
+@pytest.mark.parametrize("wrong", ["right", "fast", "mirrored", "backwards", "strided"])
 def test_what_is_wrong_with_a_camera_is_found_and_told(winding, wrong: str) -> None:
     view = camera(mount_sd=np.radians(0.5), time_offset_sd=0.02)
     scene = roadside(winding, every_s=2.0)
@@ -108,9 +127,12 @@ def test_what_is_wrong_with_a_camera_is_found_and_told(winding, wrong: str) -> N
         found = replace(found, box=np.column_stack([wide - right, top, wide - left, bottom]))
     elif wrong == "backwards":
         told = replace(view, mount_rpy=view.mount_rpy + np.array([0.0, 0.0, np.pi]))
+    elif wrong == "strided":
+        found = strided(found, 2)
     result = locate_signs(winding, [found], {"front": told})
     assumed = [text for text in result.warnings if "That was assumed" in text]
     words = {"fast": "frames take 0.95", "mirrored": "the picture is", "backwards": "the other way"}
+    words["strided"] = "frame 1 of its boxes is frame 2"
     assert [words[wrong] in text for text in assumed] == ([] if wrong == "right" else [True])
     assert result.observations.used.mean() > 0.9
     assert {sign.status for sign in result.signs} == {"ok"}
