@@ -205,7 +205,7 @@ def _class_section(signs: Signs) -> Section:
     shared = Counter(map(sign_words, counts))
     return Section(
         header=("class", "signs"),
-        # two classes may be said alike: there are parking's rules and its information
+        # two may be said alike: a roundabout is warned of, and ordered
         rows=[
             (
                 sign_words(name) + f" ({name.split('--')[0]})" * (shared[sign_words(name)] > 1),

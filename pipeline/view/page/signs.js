@@ -127,7 +127,7 @@ export function words(name) {
   return (parts.length > 1 ? parts.slice(1) : parts).join(" ").replace(/-/g, " ") || "without class";
 }
 
-// the same of many, with the kind where two share them: there are parking's rules and its information
+// the same of many, with the kind where two share them: a roundabout is warned of, and ordered
 export function wordsApart(names) {
   const said = names.map(words);
   const shared = (name, k) => said.some((one, i) => i !== k && one === said[k]) && name.includes("--");
