@@ -194,7 +194,6 @@ def test_the_page_draws_some_of_very_many_tracks(
 
 def test_classes_that_are_said_alike_are_told_apart() -> None:
     from types import SimpleNamespace
-    from typing import Any
 
     from pipeline.merge.report import _class_section
 
