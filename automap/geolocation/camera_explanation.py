@@ -10,32 +10,40 @@ import numpy as np
 from automap.geolocation import limits
 from automap.geolocation.camera_doubt import as_unknown, beyond_stated, doubtful, misfit
 from automap.geolocation.camera_hypotheses import Hypothesis, better_explanations, in_turned_picture
+from automap.geolocation.left_out import Notes, no_signs
 from automap.geolocation.result import GeolocationResult
 from automap.geolocation.rules import GeolocationRules
-from automap.records import Camera, Detections, Trajectory
+from automap.records import Camera, Detections, IntArray, Trajectory
 
 
 @dataclass(frozen=True)
 class Trial:
-    """Boxes, cameras and rules that signs are located with."""
+    """Boxes, cameras and rules that signs are located with, and per camera why boxes [n] are of no
+    sign, "" for all others: what moves along, say, depends on where they lie and when."""
 
     detections: Sequence[Detections]
     cameras: Mapping[str, Camera]
     rules: GeolocationRules
+    notes: Sequence[Notes]
 
-    def assuming(self, name: str, one: Hypothesis) -> Trial:
+    def assuming(self, name: str, one: Hypothesis, trajectory: Trajectory) -> Trial:
         """The same with what a hypothesis says of a camera, and with focal lengths let go."""
-        return Trial(
-            [one.found if d.camera == name else d for d in self.detections],
-            {**self.cameras, name: one.camera},
-            replace(self.rules, camera=replace(self.rules.camera, focal_sd=limits.DOUBTED_FOCAL)),
-        )
+        camera = replace(self.rules.camera, focal_sd=limits.DOUBTED_FOCAL)
+        rules = replace(self.rules, camera=camera)
+        detections, notes = list(self.detections), list(self.notes)
+        at = self.place(name)
+        detections[at] = one.found
+        notes[at] = no_signs(trajectory, one.found, one.camera, rules)
+        return Trial(detections, {**self.cameras, name: one.camera}, rules, notes)
 
-    def rows(self, name: str) -> slice:
-        """The rows of a camera's boxes among all."""
-        place = [record.camera for record in self.detections].index(name)
-        first = sum(map(len, self.detections[:place]))
-        return slice(first, first + len(self.detections[place]))
+    def place(self, name: str) -> int:
+        """Which record is a camera's."""
+        return [record.camera for record in self.detections].index(name)
+
+    def rows(self, name: str) -> IntArray:
+        """The rows of a camera's boxes among all, without those of no sign."""
+        place = self.place(name)
+        return sum(map(len, self.notes[:place])) + np.flatnonzero(self.notes[place] == "")
 
 
 Locate = Callable[[Trial, Callable[[float], None]], GeolocationResult]
@@ -47,34 +55,40 @@ def explain_doubted(
     """The signs ``found`` with all cameras as ``stated``; those of cameras that are not so as the
     best explanation gives them, and doubtful where there is none. ``locate`` locates anew."""
     focal_sd = stated.rules.camera.focal_sd
-    trial, sentences = stated, []
+    trial = stated
     names = [
         record.camera
-        for record in stated.detections
+        for record, note in zip(stated.detections, stated.notes, strict=True)
         if record.camera in found.corrections
         and (
             beyond_stated(found.corrections[record.camera], stated.cameras[record.camera], focal_sd)
             or _unfit(found, stated.rows(record.camera))
-            or in_turned_picture(trajectory, record, stated.cameras[record.camera])
+            or in_turned_picture(
+                *(trajectory, record, stated.cameras[record.camera]), np.asarray(note != "")
+            )
         )
     ]
+    assumed = {}
     for name in names:
-        trial, found, what = _best_explanation(name, trajectory, trial, found, locate)
-        if what:
-            sentences.append(
-                f"camera {name}: its boxes do not fit the path as stated, and fit it if {what}. "
-                "That was assumed; check the manifest, and run again."
-            )
+        trial, found, assumed[name] = _best_explanation(name, trajectory, trial, found, locate)
     # what was assumed of the last camera moved the signs of those before it
-    left = [name for name in names if not _fits(found, stated.rows(name))]
-    sentences += found.warnings
+    left = [name for name in names if not _fits(found, trial.rows(name))]
+    sentences = [
+        f"camera {name}: its boxes do not fit the path as stated, and fit it if {what}. "
+        "That was assumed; check the manifest, and run again."
+        for name, what in assumed.items()
+        if what and name not in left
+    ]
+    # what a camera that fits nothing seems to be is nothing to go by
+    seems = tuple(f"camera {name} seems" for name in left)
+    sentences += [text for text in found.warnings if not text.startswith(seems)]
     for name in left:
-        found = _with_doubtful(found, stated.rows(name))
+        found = _with_doubtful(found, trial.rows(name))
         sentences.append(
             f"What is wrong with camera {name} was not found: no turn, time offset, pace of "
             "stamps, focal length or turned picture makes its boxes fit the path. Its signs are "
-            "doubtful and their ellipses as wide as they were away; check the frames' stamps, "
-            "camera_matrix and that the video is of this drive."
+            "doubtful and their ellipses as wide as they were away; check the frames' stamps and "
+            "order, camera_matrix and that the video is of this drive."
         )
     return replace(found, warnings=sentences)
 
@@ -83,15 +97,15 @@ def _best_explanation(
     name: str, trajectory: Trajectory, trial: Trial, found: GeolocationResult, locate: Locate
 ) -> tuple[Trial, GeolocationResult, str]:
     """What explains the boxes of a camera best, the signs that it gives, and what it says."""
-    rows = trial.rows(name)
-    record = next(d for d in trial.detections if d.camera == name)
-    camera = trial.cameras[name]
-    explanations = better_explanations(trajectory, record, camera)[: limits.MOST_TRIED]
+    place = trial.place(name)
+    record, camera, out = trial.detections[place], trial.cameras[name], trial.notes[place] != ""
+    explanations = better_explanations(trajectory, record, camera, np.asarray(out))
     best, what = (trial, found), ""
-    for one in [Hypothesis("", record, as_unknown(camera)), *explanations]:
-        tried = trial.assuming(name, one)
+    for one in [Hypothesis("", record, as_unknown(camera)), *explanations[: limits.MOST_TRIED]]:
+        tried = trial.assuming(name, one, trajectory)
         again = locate(tried, lambda done: None)
-        more = float(again.observations.used[rows].mean() - best[1].observations.used[rows].mean())
+        more = _used(again, tried.rows(name)) - _used(best[1], best[0].rows(name))
+        more /= max(int(np.count_nonzero(~out)), 1)
         # what is open is fitted no worse; anything else must be worth its assumption
         closer = _scatter(again) < limits.CLOSER_BOXES * _scatter(best[1])
         if more > limits.MORE_BOXES or (more >= 0.0 and (closer or not one.what)):
@@ -99,12 +113,16 @@ def _best_explanation(
     return *best, what
 
 
-def _fits(found: GeolocationResult, rows: slice) -> bool:
+def _used(found: GeolocationResult, rows: IntArray) -> float:
+    return float(np.count_nonzero(found.observations.used[rows]))
+
+
+def _fits(found: GeolocationResult, rows: IntArray) -> bool:
     share = float(found.observations.used[rows].mean())
     return share >= limits.FITS_SHARE and not _unfit(found, rows)
 
 
-def _unfit(found: GeolocationResult, rows: slice) -> bool:
+def _unfit(found: GeolocationResult, rows: IntArray) -> bool:
     """Whether boxes of one camera do not fit the path, or scatter as none do."""
     if min(found.noise.scales[:2]) >= limits.SCATTER_LIMITS[1]:
         return True
@@ -118,7 +136,7 @@ def _scatter(found: GeolocationResult) -> float:
     return float(np.hypot(*found.noise.scales[:2]))
 
 
-def _with_doubtful(found: GeolocationResult, rows: slice) -> GeolocationResult:
+def _with_doubtful(found: GeolocationResult, rows: IntArray) -> GeolocationResult:
     """The same with the signs that boxes of a camera show as unsure as such a camera leaves
     them."""
     seen = set(found.observations.sign_id[rows])

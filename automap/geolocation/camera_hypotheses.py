@@ -22,8 +22,9 @@ from automap.gates import gate
 from automap.geolocation import limits
 from automap.geolocation.camera_doubt import as_unknown
 from automap.geolocation.epipolar import PairGeometry, descend, pair_geometry
+from automap.geolocation.left_out import without
 from automap.geolocation.views import map_origin
-from automap.records import Camera, Detections, FloatArray, Trajectory
+from automap.records import BoolArray, Camera, Detections, FloatArray, Trajectory
 
 _PICTURE = "the picture is "
 _FINER = 21
@@ -46,9 +47,12 @@ class _Judge:
     trajectory: Trajectory
     origin: tuple[float, float, float]
     stated_focal: float
+    out: BoolArray
+    """Boxes [n] that say nothing of the camera."""
 
     def geometry(self, one: Hypothesis) -> PairGeometry:
-        whole = pair_geometry(self.trajectory, one.found, one.camera, self.origin)
+        found = without(one.found, self.out)
+        whole = pair_geometry(self.trajectory, found, one.camera, self.origin)
         return whole.thinned(limits.HYPOTHESIS_PAIRS)
 
     def scale(self, one: Hypothesis, rad: float) -> float:
@@ -94,11 +98,11 @@ def mean_loss(geometry: PairGeometry, x: FloatArray, scale: float) -> float:
 
 
 def better_explanations(
-    trajectory: Trajectory, found: Detections, camera: Camera
+    trajectory: Trajectory, found: Detections, camera: Camera, out: BoolArray | None = None
 ) -> list[Hypothesis]:
     """The hypotheses that explain the boxes of a camera better than a turn and a time offset do,
-    by more than chance, the best first."""
-    judge = _Judge(trajectory, map_origin(trajectory), focal_length(camera))
+    by more than chance, the best first; those ``out`` [n] say nothing."""
+    judge = _judge(trajectory, found, camera, out)
     plain = Hypothesis("", found, as_unknown(camera))
     start = judge.loss(plain)
     if not np.isfinite(start):
@@ -118,7 +122,7 @@ def better_explanations(
     rate = _best_in_time(limits.MOST_RATE, 2.0 * step_s / max(seen_s, 1.0), fast)
     tried = [
         *_pictures(plain), *_mountings(plain), *_calibrations(plain),
-        _shifted(plain, offset), _paced(plain, rate),
+        _shifted(plain, offset), _paced(plain, rate), *_strided(plain, length_s),
     ]  # fmt: skip
     # a box has many pairs, which repeat its evidence
     gains = [(start - judge.loss(one)) * geometry.n_boxes for one in tried]
@@ -127,11 +131,21 @@ def better_explanations(
     return [tried[k] for k in order if gains[k] > least]
 
 
-def in_turned_picture(trajectory: Trajectory, found: Detections, camera: Camera) -> bool:
+def _judge(
+    trajectory: Trajectory, found: Detections, camera: Camera, out: BoolArray | None
+) -> _Judge:
+    none = np.zeros(len(found), np.bool_)
+    origin = map_origin(trajectory)
+    return _Judge(trajectory, origin, focal_length(camera), none if out is None else out)
+
+
+def in_turned_picture(
+    trajectory: Trajectory, found: Detections, camera: Camera, out: BoolArray | None = None
+) -> bool:
     """Whether the boxes of a camera fit so much better in a mirrored or turned picture than in its
     own as chance makes no more than once in a million cameras: such boxes may well be linked to
-    signs, only elsewhere and to more of them."""
-    judge = _Judge(trajectory, map_origin(trajectory), focal_length(camera))
+    signs, only elsewhere and to more of them. Those ``out`` [n] say nothing."""
+    judge = _judge(trajectory, found, camera, out)
     plain = Hypothesis("", found, as_unknown(camera))
     start = judge.loss(plain)
     if not np.isfinite(start):
@@ -146,7 +160,7 @@ def in_picture(
 ) -> Detections:
     """The boxes of a camera whose picture is one of ``pictures``, as they are in that of these
     that they fit best; as they are where there is none."""
-    judge = _Judge(trajectory, map_origin(trajectory), focal_length(camera))
+    judge = _judge(trajectory, found, camera, None)
     plain = Hypothesis("", found, as_unknown(camera))
     tried = [one for one in _pictures(plain) if one.what.removeprefix(_PICTURE) in pictures]
     return min(tried, key=judge.loss).found if tried else found
@@ -159,6 +173,10 @@ def _pictures(plain: Hypothesis) -> Iterator[Hypothesis]:
     for what, box in (
         ("mirrored", (wide - right, top, wide - left, bottom)),
         ("upside down", (wide - right, high - bottom, wide - left, high - top)),
+        (
+            "upside down and mirrored, as where rows count from the bottom",
+            (left, high - bottom, right, high - top),
+        ),
         ("turned to the left", (wide - bottom, left, wide - top, right)),
         ("turned to the right", (top, high - right, bottom, high - left)),
     ):
@@ -210,6 +228,20 @@ def _paced(plain: Hypothesis, rate: float) -> Hypothesis:
     found = replace(plain.found, t_ns=plain.found.t_ns + np.round(rate * since).astype(np.int64))
     what = f"the frames take {1.0 + rate:.4f} of the time that their stamps say"
     return replace(plain, what=what, found=found)
+
+
+def _strided(plain: Hypothesis, length_s: float) -> Iterator[Hypothesis]:
+    """The boxes as they are if a detector saw every second frame, or every third, and numbered
+    those that it saw one after another, as far as the path of ``length_s`` goes on for that."""
+    frame, t_ns = plain.found.frame, plain.found.t_ns
+    period_ns = np.ptp(t_ns) / max(int(np.ptp(frame)), 1)
+    for stride in range(2, limits.MOST_STRIDE + 1):
+        late_ns = (stride - 1) * period_ns * frame
+        if np.ptp(t_ns + late_ns) > length_s * 1e9:
+            return
+        found = replace(plain.found, t_ns=t_ns + np.round(late_ns).astype(np.int64))
+        what = f"frame 1 of its boxes is frame {stride} of the video, and so on"
+        yield replace(plain, what=what, found=found)
 
 
 def _best_in_time(reach: float, step: float, loss: Callable[[float, float], float]) -> float:

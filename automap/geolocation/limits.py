@@ -169,6 +169,8 @@ OTHER_SCALES = (0.5, 2.0 / 3.0, 1.5, 2.0)
 MOST_SHIFT_S, MOST_RATE = 30.0, 0.25
 """How far stamps are looked for. Chosen: a wrong chapter or leap seconds, and 24 frames a second
 for 30."""
+MOST_STRIDE = 30
+"""Frames of which a detector sees one. Chosen: one a second of a usual video."""
 DOUBTED_FOCAL = 0.15
 """One sigma of a focal length whose stated one the boxes contradict: three reach from a camera's
 linear mode to its wide one."""

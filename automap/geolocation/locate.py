@@ -66,16 +66,19 @@ def locate_signs(
     rules = rules or GeolocationRules()
 
     def locate(trial: Trial, progress: Callable[[float], None]) -> GeolocationResult:
-        return _located(
-            *(trajectory, trial.detections, trial.cameras, trial.rules, progress, control),
+        seen = [
+            without(found, note != "")
+            for found, note in zip(trial.detections, trial.notes, strict=True)
+        ]
+        found = _located(
+            *(trajectory, seen, trial.cameras, trial.rules, progress, control),
             *(cameras, rules.camera.focal_sd),
         )
+        return with_left_out(found, np.concatenate([np.zeros(0, np.object_), *trial.notes]))
 
     notes = [no_signs(trajectory, found, cameras[found.camera], rules) for found in detections]
-    seen = [without(found, note != "") for found, note in zip(detections, notes, strict=True)]
-    stated = Trial(seen, cameras, rules)
-    result = explain_doubted(trajectory, stated, locate(stated, progress), locate)
-    return with_left_out(result, np.concatenate([np.zeros(0, np.object_), *notes]))
+    stated = Trial(detections, cameras, rules, notes)
+    return explain_doubted(trajectory, stated, locate(stated, progress), locate)
 
 
 def _located(

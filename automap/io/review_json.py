@@ -12,6 +12,7 @@ import typing
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import asdict, fields, replace
+from datetime import datetime
 from pathlib import Path
 from typing import Any
 
@@ -135,6 +136,12 @@ def _check(found: dict[str, Any]) -> None:
                 f"it moves its sign by {moved_m * 1e-3:.0f} km; its lat_deg and lon_deg may be "
                 "swapped"
             )
+    try:
+        datetime.fromisoformat(found["time"])
+    except ValueError:
+        raise ValueError(
+            f"its time {found['time']!r} is none of ISO 8601, such as 2026-03-14T09:20:00Z"
+        ) from None
     if not -20.0 <= found.get("height_above_road_m", 0.0) <= 50.0:
         raise ValueError("its height_above_road_m is not between -20 and 50 m")
     if len(found.get("reviewer", "")) > _LONGEST:

@@ -13,6 +13,7 @@ from automap.mapping.grid import east_north
 from automap.mapping.review_state import Verdict, standing, verdicts
 from automap.records import TRACK_PROBABILITIES, FloatArray, PlacedSign, ReviewAction, Sign
 from automap.records.signs import BY_SIZE
+from automap.signs.national import is_known_class
 
 __all__ = ["Renamed", "Reviewed", "Verdict", "apply_review", "match", "standing", "verdicts"]
 
@@ -83,13 +84,21 @@ def apply_review(signs: Sequence[Sign], actions: Iterable[ReviewAction]) -> Revi
     return Reviewed(
         signs=[sign for sign in after if sign.status not in ("rejected", "merged")],
         rejected=[sign for sign in after if sign.status == "rejected"],
-        problems=_problems(lost, state),
+        problems=_problems(lost, state, {sign.class_name for sign in signs}),
         renamed=renamed_views(state, called),
     )
 
 
-def _problems(lost: list[str], state: dict[str, Verdict]) -> list[str]:
+def _problems(lost: list[str], state: dict[str, Verdict], of_map: set[str]) -> list[str]:
     problems = []
+    given = {v.class_name: v.sign for v in state.values() if v.class_name and v.status != "merged"}
+    strange = sorted(name for name in given if name not in of_map and not is_known_class(name))
+    if strange:
+        problems.append(
+            f"The review names {len(strange)} class{'es' if len(strange) > 1 else ''} that neither "
+            f"the map nor the package has, as {strange[0]!r} of {given[strange[0]]}; it stays as "
+            "it was written."
+        )
     if lost:
         named = ", ".join(lost[:5]) + (" and more" if len(lost) > 5 else "")
         problems.append(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 
 from automap.signs.classes import ClassEntry, load_classes
+from automap.signs.vocabulary import load_vocabulary
 
 _LIMIT = re.compile(r"(?:regulatory--)?(?:end-of-)?(?:maximum-)?speed-limit-(\d{1,3})(?:--\w+)?")
 _MILES = ("US", "GB", "LR", "MM")
@@ -23,6 +24,13 @@ def class_entry(class_name: str) -> ClassEntry | None:
         return classes[class_name]
     bare = bare_name(class_name)
     return next((entry for name, entry in classes.items() if bare_name(name) == bare), None)
+
+
+def is_known_class(class_name: str) -> bool:
+    """Whether it is a class of the package's, in full or its middle part."""
+    middles = {full.split("--")[1] for full in load_classes() if "--" in full}
+    known = class_name in middles or class_name in load_vocabulary().classes
+    return known or class_entry(class_name) is not None
 
 
 def bare_name(class_name: str) -> str:

@@ -42,6 +42,8 @@ def check(drive: Drive, video: VideoInput) -> Iterator[tuple[Path | str, list[Fi
             yield path, [Finding("warning", str(error))]
             continue
         header, counted = _counted(path, header)
+        if headers and header.created_s < headers[-1].created_s:
+            counted.append(_out_of_order(header, headers[-1]))
         headers.append(header)
         yield path, [*_chapter(video, header), *counted]
     size = (headers[0].width, headers[0].height) if headers else None
@@ -82,6 +84,16 @@ def _chapter(video: VideoInput, header: VideoHeader) -> list[Finding]:
             Finding("warning", "its first picture cannot be decoded", "copy the file again")
         )
     return findings
+
+
+def _out_of_order(header: VideoHeader, before: VideoHeader) -> Finding:
+    """A warning where a chapter is older than the one before it."""
+    return Finding(
+        "warning",
+        f"it was filmed {before.created_s - header.created_s:.0f} s before the file ahead of it, "
+        "by the creation times in both",
+        "files lists the chapters of a camera in the order in which they were filmed",
+    )
 
 
 def size_mismatch(video: VideoInput, wide: int, high: int) -> Finding | None:

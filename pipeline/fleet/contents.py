@@ -20,6 +20,7 @@ from pipeline.merge.cell_store import DRIVES, PATHS, SIGHTINGS, add_drives, read
 from pipeline.merge.doubles import doubles, marks_told, sentence
 from pipeline.merge.inputs import read_run
 from pipeline.shared.beside import ahead, beside
+from pipeline.shared.run_record import unlike_record
 from pipeline.shared.values import json_object, mapping
 
 CONTENTS = "contents.json"
@@ -154,6 +155,7 @@ def _read_batch(
     for entry, key, name in entries:
         try:
             with result_folder(store, entry, _READ) as folder:
+                check_whole(folder, entry)
                 signs = read_run(folder).signs
             if also is not None:
                 also(key, entry)
@@ -161,6 +163,17 @@ def _read_batch(
         except InputError as error:
             read.append(str(error))
     return read
+
+
+def check_whole(folder: Path, entry: Entry) -> None:
+    """InputError where a file of a drive's result is not as long as it was published: a copy that
+    was cut short, or a disk that was full."""
+    published = mapping(entry.done.get("files"))
+    sizes = {name: mapping(told).get("bytes") for name, told in published.items()}
+    for name in _READ:
+        # an export may write this one again
+        if name != names.SIGNS_GEOJSON and (told := unlike_record(folder, sizes, name)):
+            raise InputError(told)
 
 
 @contextmanager

@@ -59,11 +59,16 @@ def read_run(folder: Path) -> RunSigns:
         )
     warnings: list[str] = []
     record = json_object(folder / names.RUN)
+    if not record and (folder / names.RUN).is_file():
+        warnings.append(
+            f"{folder / names.RUN} is damaged: cameras, country and what names the recording are "
+            "not known; run again with --force."
+        )
     table = _trajectory(folder, warnings)
     clock = None if table is None else _clock_of(table)
     if clock is None:
         clock = _clock(folder)
-    columns = sign_columns(folder, clock)
+    columns = sign_columns(folder, clock, warnings)
     written = written_results(record)
     unlike = (unlike_record(folder, written, n) for n in (names.SIGNS_RAW, names.TRAJECTORY))
     warnings += [text for text in unlike if text]
@@ -76,7 +81,7 @@ def read_run(folder: Path) -> RunSigns:
         )
     if not len(columns["ids"]) and not cameras:
         warnings.append(f"{folder}: it has neither signs nor a camera, and says nothing of signs.")
-    stamps = _detection_stamps(folder)
+    stamps = _detection_stamps(folder / names.OBSERVATIONS, warnings)
     if path is not None:
         path = _while_filmed(folder, path, clock, stamps)
     start = _start(path, columns)
@@ -236,15 +241,21 @@ def _searched_nothing(folder: Path) -> bool:
         return False
 
 
-def _detection_stamps(folder: Path) -> IntArray | None:
+def _detection_stamps(path: Path, warnings: list[str]) -> IntArray | None:
     import pyarrow as pa
     import pyarrow.parquet as pq
 
     try:
-        with pq.ParquetFile(folder / names.OBSERVATIONS) as file:
+        with pq.ParquetFile(path) as file:
             column = file.read(["t_ns"], use_threads=False)["t_ns"].drop_null()
             return np.asarray(column.cast(pa.int64()).to_numpy(), np.int64)
-    except (pa.ArrowException, OSError, KeyError, ValueError):
+    except FileNotFoundError:
+        return None
+    except (pa.ArrowException, OSError, KeyError, ValueError) as error:
+        warnings.append(
+            f"{path} is left out: {str(error).splitlines()[0]} From when to when the cameras saw "
+            "anything is not known."
+        )
         return None
 
 

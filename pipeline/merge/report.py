@@ -14,6 +14,7 @@ from automap.export.icons import sign_words
 from automap.export.sign_columns import SignColumns, Signs
 from automap.io import names
 from automap.io.signs_table import first_signs
+from automap.mapping.limits import TELLING_DRIVES
 from automap.records import FloatArray, IntArray
 from pipeline.pages.render import sections_page
 from pipeline.pages.section import Figure, Section
@@ -85,7 +86,7 @@ def _figures(radius: FloatArray, summary: dict[str, Any]) -> list[Figure]:
     if len(radius):
         text = f"{np.median(radius):.2f} m"
         figures.append(Figure(text, "95 % radius, median", "trajectory errors included"))
-    if not one:
+    if len(summary["drives"]) >= TELLING_DRIVES:
         rate = f"{100 * summary['detection_rate']:.0f} %"
         figures.append(Figure(rate, "seen when in view", "by one drive"))
     if "changes" in summary:
@@ -188,9 +189,11 @@ def _error_section(summary: dict[str, Any]) -> Section:
         f"they state, what lasts all along a drive {levels['lasts']:.2f} times and the signs' own "
         f"errors {levels['own']:.2f} times. Covariances are scaled by that."
     )
+    few = len(summary["drives"]) < TELLING_DRIVES
+    usual = ", as is usual: two drives do not tell" if few else ""
     section.sentences.append(
         f"A drive that has a sign in view sees it with probability "
-        f"{summary['detection_rate']:.2f}. "
+        f"{summary['detection_rate']:.2f}{usual}. "
         f"{summary['unlikely_signs']} places where something was seen are left out of the map, "
         "because drives that should have seen a sign there did not."
     )
@@ -199,8 +202,16 @@ def _error_section(summary: dict[str, Any]) -> Section:
 
 def _class_section(signs: Signs) -> Section:
     counts = Counter(signs.classes)
+    shared = Counter(map(sign_words, counts))
     return Section(
         header=("class", "signs"),
-        rows=[(sign_words(name), str(n)) for name, n in counts.most_common()],
+        # two may be said alike: a roundabout is warned of, and ordered
+        rows=[
+            (
+                sign_words(name) + f" ({name.split('--')[0]})" * (shared[sign_words(name)] > 1),
+                str(n),
+            )
+            for name, n in counts.most_common()
+        ],
         folded="All classes" if len(counts) > 20 else "",
     )

@@ -19,8 +19,9 @@ GPS_CLOCK = ClockModel(0, 0.0, 0.0, 0.0, 0.0, "gps")
 CONDITION = ("contrast", "contrast_sd", "seen_share", "n_looked", "n_back_views")
 
 
-def sign_columns(folder: Path, clock: ClockModel | None) -> dict[str, Any]:
-    """Columns of ``DriveSigns`` from the run's table of signs, else from its GeoJSON."""
+def sign_columns(folder: Path, clock: ClockModel | None, warnings: list[str]) -> dict[str, Any]:
+    """Columns of ``DriveSigns`` from the run's table of signs, else from its GeoJSON; what is odd
+    about its review goes to ``warnings``."""
     table, review = folder / names.SIGNS_RAW, folder / names.REVIEW
     if table.is_file() and not review.is_file():
         return _table_columns(table, clock)
@@ -29,7 +30,9 @@ def sign_columns(folder: Path, clock: ClockModel | None) -> dict[str, Any]:
         from automap.io.signs_table import read_signs
         from automap.mapping.review import apply_review
 
-        return _columns(apply_review(read_signs(table), read_review(review)).signs, clock)
+        reviewed = apply_review(read_signs(table), read_review(review))
+        warnings += [f"{review}: {text}" for text in reviewed.problems]
+        return _columns(reviewed.signs, clock)
     file = folder / names.SIGNS_GEOJSON
     if not file.is_file():
         raise InputError(

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from automap.export.uncertainty import ce95
+from automap.mapping.limits import TELLING_DRIVES
 from pipeline.merge.report import change_row
 
 if TYPE_CHECKING:
@@ -35,8 +36,8 @@ def summary_lines(outcome: MergeOutcome) -> list[str]:
             f"  uncertainty 95 % radius {radius:.2f} m (median)"
             + (by_several if len(merged.drives) > 1 else "")
         )
-        # of one drive nothing tells what it did not see
-        if len(merged.drives) > 1:
+        # of one drive nothing tells what it did not see, and of two it is why a sign is known
+        if len(merged.drives) >= TELLING_DRIVES:
             lines.append(
                 f"  detection   {100 * merged.rates.overall:.0f} % of the signs in view are seen"
             )

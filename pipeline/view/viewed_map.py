@@ -296,13 +296,9 @@ class ViewedMap:
 
     def is_class(self, name: str) -> bool:
         """Whether it is a class of the package's, in full or its middle part, or of this map's."""
-        from automap.signs.classes import load_classes
-        from automap.signs.national import class_entry
-        from automap.signs.vocabulary import load_vocabulary
+        from automap.signs.national import is_known_class
 
-        middles = {full.split("--")[1] for full in load_classes() if "--" in full}
-        known = (middles, load_vocabulary().classes, self.table.classes)
-        return class_entry(name) is not None or any(name in names_ for names_ in known)
+        return name in self.table.classes or is_known_class(name)
 
 
 def _covariance(signs: SignTable) -> tuple[Any, Any, Any]:

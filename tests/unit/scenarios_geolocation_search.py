@@ -77,9 +77,10 @@ def geolocation_hypotheses() -> Any:
     plain = of.Hypothesis("", _some(record, np.arange(9, 24)), camera)
     families = (of._pictures, of._mountings, of._calibrations)
     geometry = pair_geometry(drive.path, record, camera, ORIGIN)
-    judge = of._Judge(drive.path, ORIGIN, 1111.0)
-    trial = Trial(drive.detections, drive.cameras, GeolocationRules())
-    assumed = trial.assuming("left", replace(plain, camera=drive.cameras["front"]))
+    judge = of._Judge(drive.path, ORIGIN, 1111.0, np.zeros(len(record), bool))
+    none = [np.full(len(one), "", object) for one in drive.detections]
+    trial = Trial(drive.detections, drive.cameras, GeolocationRules(), none)
+    assumed = trial.assuming("left", replace(plain, camera=drive.cameras["front"]), drive.path)
     x = np.array([0.003, -0.002, 0.005, 0.02])
     statuses = ["ok"] * 6 + ["far", "single_view", "weak_geometry", "far", "doubtful"]
     signs = [_sign(k, status) for k, status in enumerate(statuses)]
@@ -100,7 +101,9 @@ def geolocation_hypotheses() -> Any:
             "loss": [of.mean_loss(geometry, at, s) for at in (x, 40.0 * x) for s in (0.01, 0.1)],
             "scale": judge.scale(plain, 0.01),
             "judged": judge.loss(of.Hypothesis("", record, camera)),
-            "few": judge.loss(of.Hypothesis("", _some(record, np.arange(3)), camera)),
+            "few": replace(judge, out=np.arange(len(record)) > 2).loss(
+                of.Hypothesis("", record, camera)
+            ),
             "unknown": camera_doubt.as_unknown(camera),
             "beyond": [
                 camera_doubt.beyond_stated(replace(CORRECTIONS["front"], **change), camera, 0.004)
@@ -125,7 +128,7 @@ def geolocation_hypotheses() -> Any:
             ],
             "doubtful": camera_doubt.doubtful(signs[3], 7.5),
             "assumed": (assumed.cameras["left"].matrix, assumed.rules.camera),
-            "rows": [str(trial.rows(name)) for name in ("front", "left")],
+            "rows": [trial.rows(name)[[0, -1]] for name in ("front", "left")],
         }
     )
 

@@ -296,9 +296,11 @@ def test_a_cameras_rows_are_where_its_record_lies_among_all() -> None:
             return int(self.count)
 
     records: Any = [Record(camera=c, count=n) for c, n in (("a", 3), ("b", 5), ("c", 2))]
-    trial = camera_explanation.Trial(records, {}, Any)  # type: ignore[arg-type]
-    found = {name: (trial.rows(name).start, trial.rows(name).stop) for name in "abc"}
-    assert found == {"a": (0, 3), "b": (3, 8), "c": (8, 10)}
+    notes = [np.full(len(one), "", object) for one in records]
+    notes[1][2] = "moving"
+    trial = camera_explanation.Trial(records, {}, Any, notes)  # type: ignore[arg-type]
+    found = {name: trial.rows(name).tolist() for name in "abc"}
+    assert found == {"a": [0, 1, 2], "b": [3, 4, 6, 7], "c": [8, 9]}
 
 
 def located(used: FloatArray, scales: tuple[float, ...]) -> Any:
@@ -313,7 +315,7 @@ def located(used: FloatArray, scales: tuple[float, ...]) -> Any:
 
 def test_boxes_fit_where_most_are_used_and_they_scatter_as_boxes_do() -> None:
     most = limits.SCATTER_LIMITS[1]
-    rows = slice(10, 110)
+    rows = np.arange(10, 110)
     for share, scales, wanted in (
         (limits.FITS_SHARE, (1.0, 1.0, 9.0), True),
         (limits.FITS_SHARE - 0.01, (1.0, 1.0, 1.0), False),
@@ -337,13 +339,15 @@ def test_an_explanation_places_more_boxes_or_places_them_closer(
     """Half of 200 boxes are placed as the camera is stated, with a scatter of one."""
     record: Any = type("Record", (SimpleNamespace,), {"__len__": lambda self: 200})(camera="a")
     view = camera()
-    trial = camera_explanation.Trial([record], {"a": view}, GeolocationRules())
+    none = np.full(200, "", object)
+    trial = camera_explanation.Trial([record], {"a": view}, GeolocationRules(), [none])
 
     def at(share: float, scatter: float) -> Any:
         return located(np.arange(200) < round(200 * share), (scatter, 0.0, 1.0))
 
     one = camera_explanation.Hypothesis("mirrored", record, replace(view, width=view.width + 9))
     monkeypatch.setattr(camera_explanation, "better_explanations", lambda *_: [one])
+    monkeypatch.setattr(camera_explanation, "no_signs", lambda *_: none)
     stated = at(0.5, 1.0)
 
     def locate(tried: camera_explanation.Trial, told: Any) -> Any:

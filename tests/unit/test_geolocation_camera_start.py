@@ -9,9 +9,16 @@ import pytest
 from geolocation_scene import ORIGIN, boxes, camera, drive_path, roadside
 
 from automap.frames import matrix_to_rpy, rpy_to_matrix
-from automap.geolocation.camera_hypotheses import better_explanations, in_turned_picture
+from automap.geolocation import camera_explanation
+from automap.geolocation.camera_hypotheses import (
+    Hypothesis,
+    _strided,
+    better_explanations,
+    in_turned_picture,
+)
 from automap.geolocation.epipolar import _places_apart, first_correction
 from automap.geolocation.locate import locate_signs
+from automap.geolocation.rules import GeolocationRules
 from automap.geolocation.supports import support_numbers
 from automap.geolocation.views import map_origin
 from automap.records import Detections, Trajectory
@@ -35,6 +42,24 @@ def winding() -> Trajectory:
         vel_ned=velocity,
         rpy=np.column_stack([np.zeros_like(s), np.zeros_like(s), yaw]),
     )
+
+
+def strided(found: Detections, stride: int) -> Detections:
+    """What a detector that sees every so manieth frame finds, its frames numbered on their own."""
+    kept = {k: v[found.frame % stride == 0] for k, v in vars(found).items() if np.ndim(v)}
+    number = kept["frame"] // stride
+    period_ns = np.ptp(found.t_ns) // np.ptp(found.frame)
+    stamps = found.t_ns[0] + (number - found.frame[0]) * period_ns
+    return replace(found, **{**kept, "frame": number, "t_ns": stamps})
+
+
+def test_frames_that_a_detector_left_out_are_counted_as_far_as_the_path_goes(winding) -> None:
+    found, _ = boxes(winding, roadside(winding, every_s=9.0), camera(), np.random.default_rng(1))
+    counted = strided(found, 3)
+    tried = list(_strided(Hypothesis("", counted, camera()), 60.0))
+    assert [one.what.split()[7] for one in tried] == ["2", "3"]
+    np.testing.assert_allclose(tried[1].found.t_ns, found.t_ns[found.frame % 3 == 0], atol=1e6)
+    assert list(_strided(Hypothesis("", found, camera()), 60.0)) == []
 
 
 def test_of_a_car_that_waits_boxes_now_and_then_tell_of_the_camera() -> None:
@@ -87,7 +112,7 @@ def test_a_statement_that_the_boxes_contradict_is_not_held_to(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("wrong", ["right", "fast", "mirrored", "backwards"])
+@pytest.mark.parametrize("wrong", ["right", "fast", "mirrored", "backwards", "strided"])
 def test_what_is_wrong_with_a_camera_is_found_and_told(winding, wrong: str) -> None:
     view = camera(mount_sd=np.radians(0.5), time_offset_sd=0.02)
     scene = roadside(winding, every_s=2.0)
@@ -102,9 +127,12 @@ def test_what_is_wrong_with_a_camera_is_found_and_told(winding, wrong: str) -> N
         found = replace(found, box=np.column_stack([wide - right, top, wide - left, bottom]))
     elif wrong == "backwards":
         told = replace(view, mount_rpy=view.mount_rpy + np.array([0.0, 0.0, np.pi]))
+    elif wrong == "strided":
+        found = strided(found, 2)
     result = locate_signs(winding, [found], {"front": told})
     assumed = [text for text in result.warnings if "That was assumed" in text]
     words = {"fast": "frames take 0.95", "mirrored": "the picture is", "backwards": "the other way"}
+    words["strided"] = "frame 1 of its boxes is frame 2"
     assert [words[wrong] in text for text in assumed] == ([] if wrong == "right" else [True])
     assert result.observations.used.mean() > 0.9
     assert {sign.status for sign in result.signs} == {"ok"}
@@ -149,6 +177,47 @@ def test_a_mirrored_picture_is_doubted_whatever_its_boxes_are_linked_to(winding)
     mirrored = replace(found, box=np.column_stack([wide - right, top, wide - left, bottom]))
     assert in_turned_picture(winding, mirrored, view)
     assert not in_turned_picture(winding, found, view)
+
+
+def test_rows_counted_from_the_bottom_show_where_the_road_is_not_level(winding) -> None:
+    slope = np.radians(3.0) * np.sin(np.arange(len(winding.t_ns)) / 300.0)
+    rise = np.tan(slope) * np.hypot(*winding.vel_ned[:, :2].T)
+    hills = replace(
+        winding,
+        height_m=winding.height_m + np.cumsum(rise) * 0.01,
+        vel_ned=winding.vel_ned - rise[:, None] * [0.0, 0.0, 1.0],
+        rpy=winding.rpy + slope[:, None] * [0.0, 1.0, 0.0],
+    )
+    view = camera(mount_sd=np.radians(0.5), time_offset_sd=0.02)
+    found, _ = boxes(hills, roadside(hills, every_s=20.0), view, np.random.default_rng(1))
+    left, top, right, bottom = found.box.T
+    high = view.height - 1
+    counted = replace(found, box=np.column_stack([left, high - bottom, right, high - top]))
+    assert in_turned_picture(hills, counted, view)
+    assert not in_turned_picture(hills, found, view)
+
+
+def test_what_is_of_no_sign_is_asked_anew_with_what_is_assumed(
+    winding, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A sign that the frames' stamps, being late, had seemed to move along is back with theirs."""
+    right = drive_path(2.0).t_ns[:4]
+    found = Detections(
+        frame=np.arange(4), t_ns=right + 3 * 10**9, class_name=np.full(4, "stop", object),
+        box=np.ones((4, 4)), score=np.ones(4), track=np.zeros(4, np.int64), camera="front",
+    )  # fmt: skip
+
+    def late(path: Trajectory, seen: Detections, *_: object) -> np.ndarray:
+        return np.where(seen.t_ns > right[-1], "moving", "").astype(object)
+
+    monkeypatch.setattr(camera_explanation, "no_signs", late)
+    view = camera()
+    stated = camera_explanation.Trial(
+        [found], {"front": view}, GeolocationRules(), [late(winding, found)]
+    )
+    assert stated.rows("front").tolist() == []
+    one = Hypothesis("late", replace(found, t_ns=right), view)
+    assert stated.assuming("front", one, winding).rows("front").tolist() == [0, 1, 2, 3]
 
 
 @pytest.mark.slow

@@ -60,6 +60,23 @@ def test_frames_of_another_video_are_told(drive: Path) -> None:
         assert (f"lists {n} frames, the video has 50" in check_drive(drive).text()) == told
 
 
+def test_chapters_that_were_filmed_in_another_order_are_told(drive: Path) -> None:
+    import av
+
+    for minute in (1, 2):
+        with av.open(str(drive / f"{minute}.mp4"), "w") as container:
+            container.metadata["creation_time"] = f"2026-03-14T09:2{minute}:00Z"
+            stream = container.add_stream("mpeg4", rate=10, width=96, height=64, pix_fmt="yuv420p")
+            picture = av.VideoFrame.from_ndarray(np.zeros((64, 96, 3), np.uint8), format="bgr24")
+            container.mux(stream.encode(picture))
+            container.mux(stream.encode())
+    before = (drive / "drive.toml").read_text()
+    for files, told in (('["2.mp4", "1.mp4"]', True), ('["1.mp4", "2.mp4"]', False)):
+        text = f"{before}[video.front]\nfiles = {files}\nstart_ns = 0\n"
+        (drive / "drive.toml").write_text(text)
+        assert ("filmed 60 s before the file ahead of it" in check_drive(drive).text()) == told
+
+
 def test_a_focal_length_in_millimetres_stops_a_run(drive: Path) -> None:
     """No sign can be placed by a view of 179 deg: nothing to go on with, whatever is accepted."""
     manifest = drive / "drive.toml"

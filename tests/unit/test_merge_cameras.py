@@ -82,6 +82,16 @@ def test_a_camera_whose_pictures_could_not_be_read_saw_nothing(tmp_path: Path) -
     assert np.isnan(path.yaw_rad).all()
 
 
+def test_what_of_a_run_cannot_be_read_is_told(tmp_path: Path) -> None:
+    folder = write_run(tmp_path / "run", passes(1)[0])
+    assert not read_run(folder).warnings
+    for name in (names.RUN, names.OBSERVATIONS):
+        (folder / name).write_bytes(b'{"schema": "autom')
+    record, boxes = read_run(folder).warnings
+    assert names.RUN in record
+    assert names.OBSERVATIONS in boxes
+
+
 @pytest.mark.parametrize("merged", [False, True])
 def test_nothing_is_missing_where_no_camera_looked(merged: bool, tmp_path: Path) -> None:
     drive = passes(1)[0]

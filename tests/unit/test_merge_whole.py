@@ -190,3 +190,14 @@ def test_the_page_draws_some_of_very_many_tracks(
     assert data is not None
     assert len(data["tracks"]) == 1
     assert "One in 2 of 2 tracks is drawn; tracks.parquet has all." in data["notes"]
+
+
+def test_classes_that_are_said_alike_are_told_apart() -> None:
+    from types import SimpleNamespace
+
+    from pipeline.merge.report import _class_section
+
+    kinds = ("warning--roundabout--g2", "regulatory--roundabout--g1", "regulatory--stop--g1")
+    signs: Any = SimpleNamespace(classes=kinds)
+    told = [row[0] for row in _class_section(signs).rows]
+    assert told == ["roundabout (warning)", "roundabout (regulatory)", "stop"]

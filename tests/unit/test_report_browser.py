@@ -148,6 +148,9 @@ def test_everybody_can_read_it_on_a_phone_and_a_screen_by_day_and_by_night(
             tables = page.locator(".scroll")
             assert tables.count() > 1
             assert set(tables.evaluate_all("all => all.map((one) => one.tabIndex)")) == {0}
+            # sentences are lines of words, not of letters
+            wide = page.locator(".scroll td:not(.short)")
+            assert min(wide.evaluate_all("all => all.map((one) => one.clientWidth)")) > 120
             page.close()
 
 

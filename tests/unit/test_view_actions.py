@@ -179,7 +179,8 @@ def test_a_file_gives_back_all_of_an_action_and_reads_older_ones(tmp_path: Path)
             seen_lon_deg=0.0, seen_lat_deg=0.0,
         ),
         ReviewAction(
-            *("a3", "t", "r1", "add", "stop", 0.0, 0.0, "stop"), place=place, reviewer="Anna",
+            *("a3", "2026-03-14T12:00:00Z", "r1", "add", "stop", 0.0, 0.0, "stop"),
+            place=place, reviewer="Anna",
             views=(SeenIn("d", "front", 3), SeenIn("d", "front", 0, 0.0, 2.5)),
         ),
     ]  # fmt: skip

@@ -25,6 +25,8 @@ from automap.records import ReviewAction, Sign
 from pipeline.cli.root import run_command
 from pipeline.shared.products import load_products
 
+NOON = "2026-03-14T12:00:00Z"
+
 
 def action(number: int, kind: str, of: Sign | None = None, **fields: Any) -> ReviewAction:
     """An action on a sign as the page sends it."""
@@ -32,7 +34,7 @@ def action(number: int, kind: str, of: Sign | None = None, **fields: Any) -> Rev
     return action_of(
         {
             "id": f"a{number}",
-            "time": f"2026-03-14T09:20:{number:02d}Z",
+            "time": f"2026-03-14T09:20:{number % 60:02d}Z",
             "sign": of.id,
             "kind": kind,
             "seen_class": of.class_name,
@@ -130,18 +132,19 @@ def test_two_signs_on_a_pole_are_told_apart_by_their_id() -> None:
     [
         [],
         {},
-        {"id": "a", "time": "t", "sign": "s", "kind": "destroy"},
-        {"id": "a", "time": "t", "sign": "s", "kind": "accept", "extra": 1},
-        {"id": "a", "time": "t", "sign": "", "kind": "accept"},
-        {"id": "a", "time": "t", "sign": ["s"], "kind": "accept"},
-        {"id": "a", "time": "t", "sign": "s", "kind": "correct", "lon_deg": "8", "lat_deg": 4},
-        {"id": "a", "time": "t", "sign": "s", "kind": "correct", "lon_deg": 8, "lat_deg": 94},
-        {"id": "a", "time": "t", "sign": "s", "kind": "correct", "sd_m": -1},
-        {"id": "a", "time": "t", "sign": "s", "kind": "correct", "sd_m": 0},
-        {"id": "a", "time": "t", "sign": "s", "kind": "correct", "lon_deg": 48, "lat_deg": 11}
+        {"id": "a", "time": "yesterday", "sign": "s", "kind": "accept"},
+        {"id": "a", "time": NOON, "sign": "s", "kind": "destroy"},
+        {"id": "a", "time": NOON, "sign": "s", "kind": "accept", "extra": 1},
+        {"id": "a", "time": NOON, "sign": "", "kind": "accept"},
+        {"id": "a", "time": NOON, "sign": ["s"], "kind": "accept"},
+        {"id": "a", "time": NOON, "sign": "s", "kind": "correct", "lon_deg": "8", "lat_deg": 4},
+        {"id": "a", "time": NOON, "sign": "s", "kind": "correct", "lon_deg": 8, "lat_deg": 94},
+        {"id": "a", "time": NOON, "sign": "s", "kind": "correct", "sd_m": -1},
+        {"id": "a", "time": NOON, "sign": "s", "kind": "correct", "sd_m": 0},
+        {"id": "a", "time": NOON, "sign": "s", "kind": "correct", "lon_deg": 48, "lat_deg": 11}
         | {"seen_lon_deg": 11.0, "seen_lat_deg": 48.0},
-        {"id": "a", "time": "t", "sign": "s", "kind": "correct", "lon_deg": float("nan")},
-        {"id": "a", "time": "t", "sign": "s", "kind": "correct", "lon_deg": True},
+        {"id": "a", "time": NOON, "sign": "s", "kind": "correct", "lon_deg": float("nan")},
+        {"id": "a", "time": NOON, "sign": "s", "kind": "correct", "lon_deg": True},
     ],
 )
 def test_what_is_no_action_is_refused(value: Any) -> None:
@@ -278,5 +281,9 @@ def test_a_review_of_another_map_is_a_warning(tmp_path: Path) -> None:
     products = load_products(out)
     assert len(products.signs or []) == 1
     assert any("s0001" in text for text in products.problems)
+    review = [action(k, "correct", sign(k), class_name=c) for k, c in ((1, "stopp"), (2, "stop"))]
+    of_map = [sign(1), sign(2)]
+    assert ["'stopp' of s0001" in text for text in apply_review(of_map, review).problems] == [True]
+    assert apply_review(of_map, review[1:]).problems == []
     (out / names.REVIEW).write_text("{broken")
     assert any(names.REVIEW in text for text in load_products(out).problems)

@@ -1,5 +1,5 @@
 // What is shown: classes, drives, confidence, review.
-import { COLOURS, words } from "./signs.js";
+import { COLOURS, wordsApart } from "./signs.js";
 
 export class Filters {
   constructor(app) {
@@ -10,7 +10,8 @@ export class Filters {
     const counts = new Uint32Array(signs.classes.length);
     for (let i = 0; i < signs.n; i++) counts[signs.class[i]]++;
     const order = [...counts.keys()].sort((a, b) => counts[b] - counts[a]);
-    this.ticks = order.map((k) => this.tick(byId("classes"), this.classes, k, words(signs.classes[k]), signs.classes[k], counts[k], COLOURS[k % COLOURS.length]));
+    const said = wordsApart(signs.classes);
+    this.ticks = order.map((k) => this.tick(byId("classes"), this.classes, k, said[k], signs.classes[k], counts[k], COLOURS[k % COLOURS.length]));
     const drives = signs.drives.map((name, k) => this.tick(byId("drives"), this.drives, k, name, name));
     byId("drive-box").hidden = signs.drives.length < 2;
     byId("confidence").oninput = (e) => {

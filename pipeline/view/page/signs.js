@@ -126,3 +126,10 @@ export function words(name) {
   const parts = name.split("--").filter((part) => !/^g\d+$/.test(part));
   return (parts.length > 1 ? parts.slice(1) : parts).join(" ").replace(/-/g, " ") || "without class";
 }
+
+// the same of many, with the kind where two share them: a roundabout is warned of, and ordered
+export function wordsApart(names) {
+  const said = names.map(words);
+  const shared = (name, k) => said.some((one, i) => i !== k && one === said[k]) && name.includes("--");
+  return names.map((name, k) => (shared(name, k) ? `${said[k]} (${name.split("--")[0]})` : said[k]));
+}
