@@ -171,8 +171,6 @@ def _forms(factor: ast.expr, signals: Signals) -> list[str]:
     out = [inner, f"{inner}^2", f"{inner}^3", *(f"tanh({inner} / {a})" for a in sizes)]
     if value.min() < 0.0 < value.max():
         out += [f"abs({inner})", f"max({inner}, 0)", f"min({inner}, 0)"]
-        # a square that keeps its sign
-        out.append(f"({inner} * abs({inner}))")
         out += [f"({inner} - min(max({inner}, -{a}), {a}))" for a in sizes[:2]]
     elif value.min() >= 0.0:
         out += [f"sqrt({inner})", *(f"(1 / max({inner}, {a}))" for a in sizes)]
