@@ -157,13 +157,13 @@ def contradicted(
     may well be linked to signs, only elsewhere. Those ``out`` [n] say nothing."""
     judge = _judge(trajectory, found, camera, out)
     gains, tried = _gains(judge, Hypothesis("", found, as_unknown(camera)), [])
-    least = gate(limits.MISFIT_PROBABILITY / max(len(tried), 1), 4)
-    late_s = [np.abs(one.found.t_ns - found.t_ns).max() * 1e-9 for one in tried]
+    if not tried:
+        return False
+    best = int(np.argmax(gains))
+    late_s = float(np.abs(tried[best].found.t_ns - found.t_ns).max()) * 1e-9
     # what a time offset reaches is estimated in any case, and errors of the path look like it
-    return any(
-        gain > least and (late == 0.0 or late > limits.MOST_REACH_S)
-        for gain, late in zip(gains, late_s, strict=True)
-    )
+    beyond = late_s == 0.0 or late_s > limits.MOST_REACH_S
+    return beyond and gains[best] > gate(limits.MISFIT_PROBABILITY / len(tried), 4)
 
 
 def in_picture(
