@@ -9,7 +9,7 @@ import numpy as np
 
 from automap.geolocation import limits
 from automap.geolocation.camera_doubt import as_unknown, beyond_stated, doubtful, misfit
-from automap.geolocation.camera_hypotheses import Hypothesis, better_explanations, in_turned_picture
+from automap.geolocation.camera_hypotheses import Hypothesis, better_explanations, contradicted
 from automap.geolocation.left_out import Notes, no_signs
 from automap.geolocation.result import GeolocationResult
 from automap.geolocation.rules import GeolocationRules
@@ -63,7 +63,7 @@ def explain_doubted(
         and (
             beyond_stated(found.corrections[record.camera], stated.cameras[record.camera], focal_sd)
             or _unfit(found, stated.rows(record.camera))
-            or in_turned_picture(
+            or contradicted(
                 *(trajectory, record, stated.cameras[record.camera]), np.asarray(note != "")
             )
         )

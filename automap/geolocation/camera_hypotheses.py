@@ -104,9 +104,21 @@ def better_explanations(
     by more than chance, the best first; those ``out`` [n] say nothing."""
     judge = _judge(trajectory, found, camera, out)
     plain = Hypothesis("", found, as_unknown(camera))
+    others = [*_mountings(plain), *_calibrations(plain)]
+    gains, tried = _gains(judge, plain, others)
+    least = gate(limits.START_PROBABILITY / max(len(tried), 1), 4)
+    order = sorted(range(len(tried)), key=lambda k: -gains[k])
+    return [tried[k] for k in order if gains[k] > least]
+
+
+def _gains(
+    judge: _Judge, plain: Hypothesis, others: list[Hypothesis]
+) -> tuple[list[float], list[Hypothesis]]:
+    """By how much all of a picture, of stamps and ``others`` explain boxes better; none where
+    nothing tells."""
     start = judge.loss(plain)
     if not np.isfinite(start):
-        return []
+        return [], []
     geometry = judge.geometry(plain)
 
     def late(offset_s: float, scale: float) -> float:
@@ -116,19 +128,17 @@ def better_explanations(
         return mean_loss(geometry.paced(rate), np.zeros(4), scale)
 
     step_s = 2.0 * limits.START_STEP_S
-    length_s, seen_s = (float(np.ptp(t_ns)) * 1e-9 for t_ns in (trajectory.t_ns, found.t_ns))
+    length_s = float(np.ptp(judge.trajectory.t_ns)) * 1e-9
+    seen_s = float(np.ptp(plain.found.t_ns)) * 1e-9
     offset = _best_in_time(min(limits.MOST_SHIFT_S, 0.5 * length_s), step_s, late)
     # a step moves the last frame by two of offsets
     rate = _best_in_time(limits.MOST_RATE, 2.0 * step_s / max(seen_s, 1.0), fast)
     tried = [
-        *_pictures(plain), *_mountings(plain), *_calibrations(plain),
-        _shifted(plain, offset), _paced(plain, rate), *_strided(plain, length_s),
+        *_pictures(plain), _shifted(plain, offset), _paced(plain, rate),
+        *_strided(plain, length_s), *others,
     ]  # fmt: skip
     # a box has many pairs, which repeat its evidence
-    gains = [(start - judge.loss(one)) * geometry.n_boxes for one in tried]
-    least = gate(limits.START_PROBABILITY / len(tried), 4)
-    order = sorted(range(len(tried)), key=lambda k: -gains[k])
-    return [tried[k] for k in order if gains[k] > least]
+    return [(start - judge.loss(one)) * geometry.n_boxes for one in tried], tried
 
 
 def _judge(
@@ -139,20 +149,21 @@ def _judge(
     return _Judge(trajectory, origin, focal_length(camera), none if out is None else out)
 
 
-def in_turned_picture(
+def contradicted(
     trajectory: Trajectory, found: Detections, camera: Camera, out: BoolArray | None = None
 ) -> bool:
-    """Whether the boxes of a camera fit so much better in a mirrored or turned picture than in its
-    own as chance makes no more than once in a million cameras: such boxes may well be linked to
-    signs, only elsewhere and to more of them. Those ``out`` [n] say nothing."""
+    """Whether the boxes of a camera fit so much better in a mirrored or turned picture, or with
+    other stamps, than as stated as chance makes no more than once in a million cameras: such boxes
+    may well be linked to signs, only elsewhere. Those ``out`` [n] say nothing."""
     judge = _judge(trajectory, found, camera, out)
-    plain = Hypothesis("", found, as_unknown(camera))
-    start = judge.loss(plain)
-    if not np.isfinite(start):
+    gains, tried = _gains(judge, Hypothesis("", found, as_unknown(camera)), [])
+    if not tried:
         return False
-    boxes = judge.geometry(plain).n_boxes
-    gain = max(start - judge.loss(one) for one in _pictures(plain)) * boxes
-    return gain > gate(limits.MISFIT_PROBABILITY, 4)
+    best = int(np.argmax(gains))
+    late_s = float(np.abs(tried[best].found.t_ns - found.t_ns).max()) * 1e-9
+    # what a time offset reaches is estimated in any case, and errors of the path look like it
+    beyond = late_s == 0.0 or late_s > limits.MOST_REACH_S
+    return beyond and gains[best] > gate(limits.MISFIT_PROBABILITY / len(tried), 4)
 
 
 def in_picture(

@@ -14,7 +14,7 @@ from automap.geolocation.camera_hypotheses import (
     Hypothesis,
     _strided,
     better_explanations,
-    in_turned_picture,
+    contradicted,
 )
 from automap.geolocation.epipolar import _places_apart, first_correction
 from automap.geolocation.locate import locate_signs
@@ -175,8 +175,8 @@ def test_a_mirrored_picture_is_doubted_whatever_its_boxes_are_linked_to(winding)
     left, top, right, bottom = found.box.T
     wide = view.width - 1
     mirrored = replace(found, box=np.column_stack([wide - right, top, wide - left, bottom]))
-    assert in_turned_picture(winding, mirrored, view)
-    assert not in_turned_picture(winding, found, view)
+    assert contradicted(winding, mirrored, view)
+    assert not contradicted(winding, found, view)
 
 
 def test_rows_counted_from_the_bottom_show_where_the_road_is_not_level(winding) -> None:
@@ -189,12 +189,12 @@ def test_rows_counted_from_the_bottom_show_where_the_road_is_not_level(winding) 
         rpy=winding.rpy + slope[:, None] * [0.0, 1.0, 0.0],
     )
     view = camera(mount_sd=np.radians(0.5), time_offset_sd=0.02)
-    found, _ = boxes(hills, roadside(hills, every_s=20.0), view, np.random.default_rng(1))
+    found, _ = boxes(hills, roadside(hills, every_s=12.0), view, np.random.default_rng(1))
     left, top, right, bottom = found.box.T
     high = view.height - 1
     counted = replace(found, box=np.column_stack([left, high - bottom, right, high - top]))
-    assert in_turned_picture(hills, counted, view)
-    assert not in_turned_picture(hills, found, view)
+    assert contradicted(hills, counted, view)
+    assert not contradicted(hills, found, view)
 
 
 def test_what_is_of_no_sign_is_asked_anew_with_what_is_assumed(
