@@ -104,7 +104,7 @@ def better_explanations(
     by more than chance, the best first; those ``out`` [n] say nothing."""
     judge = _judge(trajectory, found, camera, out)
     plain = Hypothesis("", found, as_unknown(camera))
-    others = [*_mountings(plain), *_calibrations(plain)]
+    others = [*_mountings(plain), *_calibrations(plain), *_best_pace(judge, plain)]
     gains, tried = _gains(judge, plain, others)
     least = gate(limits.START_PROBABILITY / max(len(tried), 1), 4)
     order = sorted(range(len(tried)), key=lambda k: -gains[k])
@@ -114,8 +114,8 @@ def better_explanations(
 def _gains(
     judge: _Judge, plain: Hypothesis, others: list[Hypothesis]
 ) -> tuple[list[float], list[Hypothesis]]:
-    """By how much all of a picture, of stamps and ``others`` explain boxes better; none where
-    nothing tells."""
+    """By how much pictures, late and left out frames and ``others`` explain boxes better; none
+    where nothing tells."""
     start = judge.loss(plain)
     if not np.isfinite(start):
         return [], []
@@ -124,21 +124,29 @@ def _gains(
     def late(offset_s: float, scale: float) -> float:
         return mean_loss(geometry, np.array([0.0, 0.0, 0.0, offset_s]), scale)
 
-    def fast(rate: float, scale: float) -> float:
-        return mean_loss(geometry.paced(rate), np.zeros(4), scale)
-
-    step_s = 2.0 * limits.START_STEP_S
     length_s = float(np.ptp(judge.trajectory.t_ns)) * 1e-9
-    seen_s = float(np.ptp(plain.found.t_ns)) * 1e-9
-    offset = _best_in_time(min(limits.MOST_SHIFT_S, 0.5 * length_s), step_s, late)
-    # a step moves the last frame by two of offsets
-    rate = _best_in_time(limits.MOST_RATE, 2.0 * step_s / max(seen_s, 1.0), fast)
+    offset = _best_in_time(
+        min(limits.MOST_SHIFT_S, 0.5 * length_s), 2.0 * limits.START_STEP_S, late
+    )
     tried = [
-        *_pictures(plain), _shifted(plain, offset), _paced(plain, rate),
-        *_strided(plain, length_s), *others,
+        *_pictures(plain), _shifted(plain, offset), *_strided(plain, length_s), *others,
     ]  # fmt: skip
     # a box has many pairs, which repeat its evidence
     return [(start - judge.loss(one)) * geometry.n_boxes for one in tried], tried
+
+
+def _best_pace(judge: _Judge, plain: Hypothesis) -> Iterator[Hypothesis]:
+    """The boxes at the pace of stamps that fits best; the search takes as long as the drive."""
+    geometry = judge.geometry(plain)
+    if not geometry.n_boxes:
+        return
+
+    def fast(rate: float, scale: float) -> float:
+        return mean_loss(geometry.paced(rate), np.zeros(4), scale)
+
+    # a step moves the last frame by two of offsets
+    step = 4.0 * limits.START_STEP_S / max(float(np.ptp(plain.found.t_ns)) * 1e-9, 1.0)
+    yield _paced(plain, _best_in_time(limits.MOST_RATE, step, fast))
 
 
 def _judge(
@@ -153,7 +161,7 @@ def contradicted(
     trajectory: Trajectory, found: Detections, camera: Camera, out: BoolArray | None = None
 ) -> bool:
     """Whether the boxes of a camera fit so much better in a mirrored or turned picture, or with
-    other stamps, than as stated as chance makes no more than once in a million cameras: such boxes
+    late or left out frames, than as stated as chance makes no more than once in a million cameras: such boxes
     may well be linked to signs, only elsewhere. Those ``out`` [n] say nothing."""
     judge = _judge(trajectory, found, camera, out)
     gains, tried = _gains(judge, Hypothesis("", found, as_unknown(camera)), [])

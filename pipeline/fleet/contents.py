@@ -170,9 +170,9 @@ def check_whole(folder: Path, entry: Entry) -> None:
     was cut short, or a disk that was full."""
     published = mapping(entry.done.get("files"))
     sizes = {name: mapping(told).get("bytes") for name, told in published.items()}
-    for name in _READ:
-        # an export may write this one again
-        if name != names.SIGNS_GEOJSON and (told := unlike_record(folder, sizes, name)):
+    # an export may write the other two again
+    for name in set(_READ) - {names.SIGNS_GEOJSON, names.RUN}:
+        if told := unlike_record(folder, sizes, name):
             raise InputError(told)
 
 

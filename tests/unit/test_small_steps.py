@@ -165,13 +165,15 @@ def test_halts_are_looked_for_in_the_fixes_time_and_told_in_the_readings(
         seen["spans"] = spans
         raise ReachedError
 
-    monkeypatch.setattr(engine, "bridge_unusable", lambda imu: SimpleNamespace(imu=imu))
+    monkeypatch.setattr(
+        engine, "bridge_unusable", lambda imu: SimpleNamespace(imu=imu, stretch_s=np.zeros(1))
+    )
     monkeypatch.setattr(engine, "model_fixes", lambda *_: fixes)
     monkeypatch.setattr(engine, "screen_fixes", lambda *_: SimpleNamespace(fixes=fixes))
     monkeypatch.setattr(engine, "shown_speed", lambda model: (None, None, None))
     monkeypatch.setattr(engine, "find_standstill", halts)
     monkeypatch.setattr(engine, "unmoved", stop)
-    options: Any = SimpleNamespace(wander_tau_s=1.0, effects=())
+    options: Any = SimpleNamespace(wander_tau_s=1.0, effects=(), gap_force_sd=1.0, gap_rate_sd=0.1)
     delay: Any = SimpleNamespace(mean=delay_s, sd=0.1)
     with pytest.raises(ReachedError):
         engine.fuse_imu_gnss(imu, fixes, clock, options, delay)  # type: ignore[arg-type]
@@ -198,11 +200,13 @@ def test_fixes_count_up_to_a_second_beside_the_readings(
     t = np.append(np.full(LEAST_FIXES - 1, 2.0), at)
     fixes = SimpleNamespace(t=t, flags=np.full(len(t), HAS_POS_H), gps_s=t)
     clock: Any = SimpleNamespace(t_ns=lambda gps_s: gps_s * 1e9)
-    monkeypatch.setattr(engine, "bridge_unusable", lambda imu: SimpleNamespace(imu=imu))
+    monkeypatch.setattr(
+        engine, "bridge_unusable", lambda imu: SimpleNamespace(imu=imu, stretch_s=np.zeros(1))
+    )
     monkeypatch.setattr(engine, "model_fixes", lambda *_: fixes)
     monkeypatch.setattr(engine, "screen_fixes", lambda *_: SimpleNamespace(fixes=fixes))
     monkeypatch.setattr(engine, "shown_speed", reached)
-    options: Any = SimpleNamespace(wander_tau_s=1.0, effects=())
+    options: Any = SimpleNamespace(wander_tau_s=1.0, effects=(), gap_force_sd=1.0, gap_rate_sd=0.1)
     delay: Any = SimpleNamespace(mean=0.0, sd=0.1)
     with pytest.raises(ReachedError if inside else InputError):
         engine.fuse_imu_gnss(imu, fixes, clock, options, delay)  # type: ignore[arg-type]
