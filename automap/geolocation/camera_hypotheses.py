@@ -161,8 +161,8 @@ def contradicted(
     trajectory: Trajectory, found: Detections, camera: Camera, out: BoolArray | None = None
 ) -> bool:
     """Whether the boxes of a camera fit so much better in a mirrored or turned picture, or with
-    late or left out frames, than as stated as chance makes no more than once in a million cameras: such boxes
-    may well be linked to signs, only elsewhere. Those ``out`` [n] say nothing."""
+    late or left out frames, than as stated as chance makes no more than once in a million cameras:
+    such boxes may well be linked to signs, only elsewhere. Those ``out`` [n] say nothing."""
     judge = _judge(trajectory, found, camera, out)
     gains, tried = _gains(judge, Hypothesis("", found, as_unknown(camera)), [])
     if not tried:
