@@ -30,6 +30,7 @@ def test_outages_show_what_calibration_and_smoothing_bring(
     assert (tmp_path / f"{kind}.png").read_bytes().startswith(b"\x89PNG")
 
 
+@pytest.mark.slow
 def test_biases_and_nis_are_plotted(shared_data: Path, tmp_path: Path) -> None:
     drive = str(shared_data / DRIVE)
     assert run_command(["experiment", "biases", drive, "-o", str(tmp_path)]) == 0

@@ -26,9 +26,8 @@ def found_with(model: str, shared_data: Path, folder: Path) -> CameraGap:
     return gaps[0]
 
 
-@pytest.mark.parametrize(
-    "model", ["", pytest.param("[fuse]\nvelocity_wander_sd = 0.0\n", marks=pytest.mark.slow)]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("model", ["", "[fuse]\nvelocity_wander_sd = 0.0\n"])
 def test_a_camera_that_is_not_where_the_manifest_says(
     shared_data: Path, tmp_path: Path, model: str
 ) -> None:

@@ -20,6 +20,7 @@ from pipeline.run.registry import load_stages
 from pipeline.run.runner import Request, run_drive
 from pipeline.settings.load import load_settings
 from pipeline.shared.products import RunProducts, load_products
+from tests.recordings.test_kitti_signs import SHORT
 
 
 @dataclass
@@ -34,27 +35,24 @@ class Case:
     true: FloatArray
 
 
-_LONG = ("kitti-20110930-0033", "kitti-20110930-0034", "kitti-20111003-0034")
-"""Two thirds of the kilometres; left to the slow tests."""
-
-
 @pytest.fixture(scope="module")
 def cases(shared_data: Path, tmp_path_factory: pytest.TempPathFactory) -> list[Case]:
-    """The kitti drives but the long ones, their paths fused from their own recordings."""
-    folders = sorted((shared_data / "drives").glob("kitti-*"))
-    if not folders:
-        pytest.skip(f"no kitti-* drives in {shared_data / 'drives'}")
-    root = tmp_path_factory.mktemp("kitti")
-    return [ran(folder, root) for folder in folders if folder.name not in _LONG]
+    """Short kitti drives, their paths fused from their own recordings."""
+    return all_ran(shared_data, tmp_path_factory.mktemp("kitti"), short=True)
 
 
 @pytest.fixture(scope="module")
 def long_cases(shared_data: Path, tmp_path_factory: pytest.TempPathFactory) -> list[Case]:
-    """The long ones."""
-    folders = [shared_data / "drives" / name for name in _LONG]
-    if not all(folder.is_dir() for folder in folders):
-        pytest.skip(f"not all of {', '.join(_LONG)} are in {shared_data / 'drives'}")
-    root = tmp_path_factory.mktemp("kitti")
+    """The others."""
+    return all_ran(shared_data, tmp_path_factory.mktemp("kitti"), short=False)
+
+
+def all_ran(shared_data: Path, root: Path, short: bool) -> list[Case]:
+    """Runs of the short kitti drives or of all others."""
+    folders = sorted((shared_data / "drives").glob("kitti-*"))
+    folders = [folder for folder in folders if (folder.name in SHORT) is short]
+    if not folders:
+        pytest.skip(f"no kitti-* drives in {shared_data / 'drives'}")
     return [ran(folder, root) for folder in folders]
 
 

@@ -101,7 +101,7 @@ def test_a_hole_is_turned_through_as_the_fixes_are() -> None:
     assert abs(turned(left) - turned(imu)) > 1.0
 
 
-@pytest.mark.parametrize("hole", [(2.0, 60.0), (50.0, 178.0)])
+@pytest.mark.parametrize("hole", [(2.0, 60.0), pytest.param((50.0, 178.0), marks=pytest.mark.slow)])
 def test_a_few_readings_beside_a_long_hole_spoil_nothing(hole: tuple[float, float]) -> None:
     """Two seconds of readings, at rest or not, tell no heading."""
     _, weighed = fused(Receiver(lever=LEVER), CLOCK, read=without(hole))
