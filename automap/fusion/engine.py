@@ -71,7 +71,9 @@ def fuse_imu_gnss(
     each row of the output is the vehicle's state at its stamp's instant. ``lever_arm`` [3] IMU
     to antenna in body axes, None if unknown (it is then estimated). ``roll_sd`` rad how
     exactly axes that are known are so about the forward one, which no motion tells. ``odometer``
-    the speed of the wheels, stamped by the host clock without the IMU's own delay. Into the file
+    the speed of the wheels, stamped by the host clock without the IMU's own delay. In holes between
+    readings of more than three seconds the output has a row a second, by made-up readings
+    (``over_holes``); it begins where readings tell the heading. Into the file
     ``scratch`` goes what of a long drive is as large as its readings; it stays open while stretches
     of the result are asked for.
 

@@ -1,7 +1,9 @@
-"""The path where a vehicle drove without inertial readings: that of the fixes alone.
+"""The path where a vehicle drove without inertial readings: by the fixes alone.
 
 A logger that hung, started late or was full before the drive ended leaves out minutes of readings.
-The fixes of these minutes are as good as those of a drive without a sensor.
+The fixes of these minutes are as good as those of a drive without a sensor. Between readings the
+filter goes on with ones that are made up of them, before and behind all readings the path is that
+of the fixes.
 """
 
 from __future__ import annotations
