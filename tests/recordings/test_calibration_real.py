@@ -109,6 +109,7 @@ def test_figure_2_on_the_xsens(xsens: tuple[RawImu, StaticCalibration]) -> None:
     assert np.degrees(np.abs(attitude - attitude[0]).max()) < 0.3
 
 
+@pytest.mark.slow
 def test_the_rest_experiment_on_the_xsens(shared_data: Path, tmp_path: Path) -> None:
     """The same by the commands: the log in units, then its rests."""
     accel, gyro = xsens_files(shared_data)

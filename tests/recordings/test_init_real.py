@@ -78,6 +78,7 @@ def test_a_cars_log_beside_a_phones_is_its_wheel_speed(shared_data: Path, tmp_pa
     assert "ms early (sigma 69 ms), 1.0113 times as much" in text
 
 
+@pytest.mark.slow
 def test_a_phones_archive(shared_data: Path, tmp_path: Path) -> None:
     source = shared_data / "real/phone/sensor-logger-2025-07-08.zip"
     assert run_command(["init", str(source), "-o", str(tmp_path / "drive")]) == 0

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from automap.evaluation.trajectory_errors import trajectory_errors
 from automap.io import names
@@ -14,6 +15,7 @@ from tests.benchmarks.faults.judge import verdict_of
 from tests.benchmarks.faults.run import automap
 
 
+@pytest.mark.slow
 def test_a_phone_that_states_twenty_metres_keeps_its_nose_ahead(
     shared_data: Path, tmp_path: Path
 ) -> None:

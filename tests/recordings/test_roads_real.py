@@ -183,6 +183,7 @@ def score(case: Case, lines: list[FloatArray], base: int, file: Path) -> np.ndar
 LAYERS = ("true", "shifted", "parallel")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("layer", LAYERS)
 def test_chainage_and_side_on_layers_made_from_the_true_path(
     cases: list[Case], layer: str, tmp_path: Path

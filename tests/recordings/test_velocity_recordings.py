@@ -116,6 +116,7 @@ def test_a_jump_is_a_parting(shared_data: Path, name: str) -> None:
     assert not {reason.code for reason in found.reasons} - {"rows_frozen"}
 
 
+@pytest.mark.slow
 def test_captures_that_stand_or_walk(shared_data: Path) -> None:
     folder = shared_data / "gnss_logs"
     if not folder.is_dir():

@@ -229,6 +229,7 @@ def test_the_page_sets_given_and_unknown_axes_side_by_side() -> None:
     assert "| refused | - |" in page(both)
 
 
+@pytest.mark.slow
 def test_a_simulated_drive_runs_with_stated_and_with_unknown_axes(tmp_path: Path) -> None:
     simulate("town", tmp_path)
     for axes in AXES:

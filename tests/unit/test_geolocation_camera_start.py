@@ -244,6 +244,7 @@ def test_few_boxes_leave_the_camera_alone(winding) -> None:
     assert first_correction(winding, few, told, map_origin(winding), 0.0015) is None
 
 
+@pytest.mark.slow
 def test_boxes_that_are_not_seen_again_are_no_signs(winding) -> None:
     view = camera()
     rng = np.random.default_rng(3)

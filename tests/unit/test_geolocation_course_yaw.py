@@ -32,6 +32,7 @@ def test_a_heading_error_is_no_turn_of_the_camera() -> None:
     assert sd == pytest.approx(np.radians(NOSE_SLIP_DEG), rel=0.05)
 
 
+@pytest.mark.slow
 def test_without_straight_roads_the_course_says_nothing() -> None:
     true = drive_path(40.0, turn_rate=0.2)
     view = camera(mount_rpy=np.zeros(3), mount_sd=np.radians(3.0))

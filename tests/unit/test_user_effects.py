@@ -304,6 +304,7 @@ def test_a_unit_that_slips_in_its_mount_or_its_time_is_found(
     assert CATALOGUE["slips"].family == CATALOGUE[same].family
 
 
+@pytest.mark.slow
 def test_the_path_is_that_of_the_vehicle_whatever_the_unit_does_in_it() -> None:
     tables = {
         "slips": {"k": {"on": "imu_yaw", "formula": SLIPS, "prior_sd": 0.1}},
