@@ -5,11 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from automap.errors import InputError
-from automap.interpolation import poses_at, poses_at_gps
+from automap.interpolation import LONGEST_GAP_S, poses_at, poses_at_gps
 from automap.records import FloatArray, IntArray, Trajectory
-
-MAX_GAP_S = 3.0
-"""Between rows further apart nothing is interpolated."""
 
 
 def at_instants(
@@ -22,10 +19,10 @@ def at_instants(
     more than three seconds apart: nothing is extrapolated.
     """
     if t_ns is not None:
-        poses = poses_at(trajectory, t_ns, MAX_GAP_S)
+        poses = poses_at(trajectory, t_ns)
         wanted, own, unit = (t_ns * 1e-9), trajectory.t_ns * 1e-9, "t_ns (in seconds)"
     elif gps_s is not None:
-        poses = poses_at_gps(trajectory, gps_s, MAX_GAP_S)
+        poses = poses_at_gps(trajectory, gps_s)
         wanted, own, unit = gps_s, trajectory.gps_s, "gps_s"
     else:
         raise ValueError("either t_ns or gps_s is needed")
@@ -33,8 +30,8 @@ def at_instants(
     if len(lost):
         raise InputError(
             f"{len(lost)} of {len(wanted)} instants lie outside the trajectory, which has {unit} "
-            f"{own[0]:.3f} to {own[-1]:.3f}, or between rows more than {MAX_GAP_S:g} s apart; the "
-            f"first is {wanted[lost[0]]:.3f}, in row {lost[0] + 1}. Leave them out."
+            f"{own[0]:.3f} to {own[-1]:.3f}, or between rows more than {LONGEST_GAP_S:g} s apart; "
+            f"the first is {wanted[lost[0]]:.3f}, in row {lost[0] + 1}. Leave them out."
         )
     stamps, times = _both_clocks(trajectory, t_ns, gps_s)
     return Trajectory(

@@ -82,14 +82,16 @@ def fuse_imu_gnss(
     """
     if len(imu) < 10:
         raise InputError(f"the IMU recording has only {len(imu)} usable samples; record longer")
-    made_noise: FloatArray | float = 0.0
+    made_noise: FloatArray | None = None
     if np.diff(imu.t_ns).max() > LONGEST_GAP_S * 1e9:
         imu, made_noise = over_holes(imu, smooth_fixes(fixes, clock, options))
     base_ns = int(imu.t_ns[0])
     bridged = bridge_unusable(imu)
     imu = bridged.imu
-    gaps = options.gap_force_sd, options.gap_rate_sd
-    made_noise = made_noise + bridge_noise(bridged.stretch_s, *gaps)
+    if bridged.stretch_s.any():
+        gaps = options.gap_force_sd, options.gap_rate_sd
+        noise = bridge_noise(bridged.stretch_s, *gaps)
+        made_noise = noise if made_noise is None else made_noise + noise
     fix_t = (clock.t_ns(fixes.gps_s) - base_ns) * 1e-9
     model = model_fixes(fixes, np.asarray(fix_t), options)
     screened = screen_fixes(model, options.wander_tau_s)
@@ -131,7 +133,7 @@ def fuse_imu_gnss(
         effects = (*effects, *(e for e in _OF_WHEELS if e not in effects))
     options = replace(options, effects=effects)
     session = Session(imu, model, options, standstill, means, sds, span, readings)
-    session = replace(session, made_noise=made_noise if made_noise.any() else None)
+    session = replace(session, made_noise=made_noise)
     warnings = list(wheels.warnings) if wheels else []
     if screened.n_outliers:
         warnings.append(

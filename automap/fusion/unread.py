@@ -62,8 +62,10 @@ def _from_first_drive(imu: ImuData, alone: Trajectory) -> ImuData:
     moves = np.hypot(alone.vel_ned[:, 0], alone.vel_ned[:, 1]) > MOVING_SPEED
     driven = np.cumsum(np.where(moves, np.diff(alone.gps_s, prepend=alone.gps_s[0]), 0.0))
     at_first, at_last = (np.interp(imu.t_ns[k], alone.t_ns, driven) for k in (first, last))
-    trial = at_first[:, None], at_first[:, None] + TRIAL_MOVING_S
-    read = (np.clip(at_last, *trial) - np.clip(at_first, *trial)).sum(axis=1)
+    # seconds of driving that were read, before each end of a piece
+    ends = np.column_stack([at_first, at_last]).ravel()
+    before = np.cumsum(np.column_stack([np.zeros(len(first)), at_last - at_first]).ravel())
+    read = np.interp(at_first + TRIAL_MOVING_S, ends, before) - before[::2]
     return imu.at(slice(first[np.argmax(np.minimum(read, 0.5 * TRIAL_MOVING_S))], None))
 
 
