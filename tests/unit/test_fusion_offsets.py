@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from automap.earth import metres_per_radian
 from automap.fusion.doubts.alternation import alternation
@@ -74,6 +75,25 @@ def seen(fixes: Fixes) -> tuple[float, Offset | None, Offset | None]:
 @pytest.mark.parametrize("seed", [21, 22, 23])
 def test_a_sound_receiver_is_not_accused(receiver: Receiver, seed: int) -> None:
     assert seen(drive(receiver, seed)) == (0.0, None, None)
+
+
+def test_a_receiver_may_be_worse_at_every_second_fix_if_it_says_so() -> None:
+    """Ambiguities that are fixed at one and float at the next, by an error that lasts seconds."""
+    none = (0.0, 0.0, 0.0)
+    fixes = drive(Receiver(wander=none, white=(0.012, 0.012, 0.02), velocity=0.05), 27)
+    rows = np.arange(len(fixes)) % 2 == 1
+    error = np.random.default_rng(28).normal(0.0, 0.15, (len(fixes), 2))
+    error = lfilter([1.0], [1.0, -0.95], error, axis=0)
+    per_lat, per_lon = metres_per_radian(float(fixes.lat_rad[0]), 0.0)
+    fixes = replace(
+        fixes,
+        lat_rad=fixes.lat_rad + rows * error[:, 0] / per_lat,
+        lon_rad=fixes.lon_rad + rows * error[:, 1] / per_lon,
+        sd_pos_ned=np.where(rows, 1.5, 0.05)[:, None] + np.zeros(3),
+    )
+    assert seen(fixes)[0] == 0.0
+    silent = replace(fixes, sd_pos_ned=np.full((len(fixes), 3), 0.3))
+    assert seen(silent)[0] == pytest.approx(0.5 * np.sqrt((error**2).sum(axis=1).mean()), abs=0.1)
 
 
 @pytest.mark.parametrize("receiver", [PHONE, U_BLOX], ids=["phone", "u-blox"])
