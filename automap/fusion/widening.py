@@ -51,7 +51,8 @@ def _widened(
     error = np.interp(t, *missed) if len(missed[0]) else np.zeros(len(t))
     apart = no_difference(len(t)) if away is None else away(stretch.gps_s)
     factor, floor, high = np.ones(len(t)), np.zeros(len(t)), np.zeros(len(t))
-    doubted, late, only = np.zeros(len(t), np.bool_), np.zeros(len(t)), np.zeros(len(t))
+    doubted, turned = np.zeros(len(t), np.bool_), np.zeros(len(t))
+    late, only = np.zeros(len(t)), np.zeros(len(t))
     for reason in reasons:
         there = np.zeros(len(t), np.bool_)
         for a, b in reason.spans:
@@ -64,10 +65,11 @@ def _widened(
         high[there] = np.maximum(high[there], reason.height_m)
         late[there] = np.maximum(late[there], reason.late_s)
         only[there] = np.maximum(only[there], reason.moved_s)
+        turned[there] = np.maximum(turned[there], reason.heading)
     moved, motion = within(path, late, rows), within(path, np.maximum(late, only), rows)
     floor = np.max([floor, moved.position, doubted * np.maximum(error, apart.position)], axis=0)
     off = np.maximum(motion.velocity, doubted[:, None] * apart.velocity)
-    turned = np.maximum(motion.heading, doubted * apart.heading)
+    turned = np.max([turned, motion.heading, doubted * apart.heading], axis=0)
     sd = stretch.sd_pos_ned * factor[:, None]
     # per axis: an error of this length may have any direction
     sd[:, :2] = np.sqrt(sd[:, :2] ** 2 + 0.5 * floor[:, None] ** 2)

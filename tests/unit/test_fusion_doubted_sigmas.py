@@ -319,7 +319,9 @@ def test_a_heading_that_is_the_course_is_not_weak_however_the_start_was_found() 
     behind = replace(path, rpy=path.rpy + np.array([0.0, 0.0, np.pi]))
     assert [r.code for r in weak_heading(1.0, off_course(path, behind))] == ["heading_weak"]
     standing = replace(path, vel_ned=np.zeros_like(path.vel_ned))
-    assert [r.code for r in weak_heading(1.0, off_course(path, standing))] == ["heading_weak"]
+    reasons = weak_heading(1.0, off_course(path, standing))
+    assert [r.code for r in reasons] == ["heading_weak"]
+    assert (widen(standing, reasons, NONE, None).sd_rpy[:, 2] > np.radians(100.0)).all()
 
 
 def test_rows_that_say_again_what_was_said_before_tell_nothing() -> None:

@@ -14,6 +14,7 @@ from automap.fusion.limits import (
     N_HEADINGS,
     ROAD_ROLL_SD,
     SURE_MARGIN_NATS,
+    UNKNOWN_HEADING_SD,
 )
 from automap.fusion.output import Innovations
 from automap.gates import sigmas
@@ -41,6 +42,7 @@ def weak_heading(margin: float, off_course: float = math.inf) -> list[Reason]:
             f"the heading at the start is weakly determined (likelihood margin {margin:.1f} nats, "
             f"{SURE_MARGIN_NATS:g} are enough): headings and sideways positions of signs "
             "may be off; record with more change of speed and direction",
+            heading=min(off_course, UNKNOWN_HEADING_SD),
         )
     ]
 

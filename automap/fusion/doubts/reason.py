@@ -22,7 +22,8 @@ class Reason:
     ``spans`` the stretches it is about, none for the whole drive; ``error_m`` the error of
     position that shows there, horizontally, ``height_m`` that of the height, ``late_s`` by how
     much the whole state may be of another instant, ``moved_s`` the same of velocity and attitude
-    where the positions are of theirs; ``factor`` by how much the sigmas are too small.
+    where the positions are of theirs; ``heading`` rad that headings are off; ``factor`` by how much
+    the sigmas are too small.
     ``state`` what it alone makes of the path; ``inertial`` that it speaks against the IMU,
     ``handled`` that what is wrong was left out and the sigmas hold without it.
     """
@@ -35,6 +36,7 @@ class Reason:
     height_m: float = 0.0
     late_s: float = 0.0
     moved_s: float = 0.0
+    heading: float = 0.0
     state: State = "doubtful"
     inertial: bool = False
     handled: bool = False
