@@ -147,6 +147,12 @@ def rms(values: FloatArray) -> float | None:
     return float(np.sqrt(np.mean(finite**2))) if len(finite) else None
 
 
+def _mean(values: FloatArray) -> float | None:
+    """Mean of the finite values, None when there are none."""
+    finite = values[np.isfinite(values)]
+    return float(finite.mean()) if len(finite) else None
+
+
 def position_rms(error_ned: FloatArray) -> dict[str, float | None]:
     """RMS of position errors [n, 3] as n, e, d and horizontal (both components together)."""
     result = {name: rms(error_ned[:, k]) for k, name in enumerate("ned")}
@@ -159,7 +165,8 @@ def summarise_trajectory(errors: TrajectoryErrors) -> dict[str, Any]:
 
     ``nees_mean`` (Bar-Shalom, Li, Kirubarajan, section 5.4) is the mean of the sum of squared
     error-over-sd over the components that both sides have; its expectation is ``nees_dof`` where
-    the errors of the components are independent.
+    the errors of the components are independent. ``attitude_mean_deg`` is what a truth of a unit
+    that sits another way in the vehicle shows throughout.
     """
     degrees = np.degrees(errors.error[:, 6:9])
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -170,9 +177,8 @@ def summarise_trajectory(errors: TrajectoryErrors) -> dict[str, Any]:
     return {
         "position_rms_m": position_rms(errors.error[:, 0:3]),
         "velocity_rms": {name: rms(errors.error[:, 3 + k]) for k, name in enumerate("ned")},
-        "attitude_rms_deg": {
-            name: rms(degrees[:, k]) for k, name in enumerate(("roll", "pitch", "yaw"))
-        },
+        "attitude_rms_deg": {name: rms(degrees[:, k]) for k, name in enumerate(COMPONENTS[6:])},
+        "attitude_mean_deg": {name: _mean(degrees[:, k]) for k, name in enumerate(COMPONENTS[6:])},
         "sigma_ratio": {name: rms(normalised[:, k]) for k, name in enumerate(COMPONENTS)},
         "nees_mean": float(squares.mean()) if len(squares) and present.any() else None,
         "nees_dof": int(present.sum()),

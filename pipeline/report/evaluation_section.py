@@ -47,6 +47,7 @@ def _errors(content: dict[str, Any], section: Section) -> None:
         ("raw fixes, rms", "m", "raw_position_rms_m", ("n", "e", "d", "horizontal")),
         ("velocity, rms", "m/s", "velocity_rms", ("n", "e", "d")),
         ("attitude, rms", "deg", "attitude_rms_deg", ("roll", "pitch", "yaw")),
+        ("attitude, mean", "deg", "attitude_mean_deg", ("roll", "pitch", "yaw")),
     )
     for title, unit, key, parts in rows:
         values = mapping(content.get(key))

@@ -100,6 +100,7 @@ def test_known_shifts_come_out_as_rms() -> None:
     assert result["position_rms_m"]["horizontal"] == pytest.approx(0.0, abs=1e-6)
     assert result["velocity_rms"]["e"] == pytest.approx(0.2)
     assert result["attitude_rms_deg"]["yaw"] == pytest.approx(1.0, abs=1e-6)
+    assert result["attitude_mean_deg"]["yaw"] == pytest.approx(-1.0, abs=1e-6)
     assert result["sigma_ratio"]["d"] == pytest.approx(1.0, abs=1e-6)
     assert result["distance_m"] == pytest.approx(12.0 * 40.0, rel=1e-3)
     assert result["n_not_covered"] == 0
