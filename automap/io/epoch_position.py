@@ -137,8 +137,8 @@ def _position(source: Source, epochs: Epochs) -> Place:
     if name == "PUBX00":
         return Place(lat, lon, get("altRef"), None, get("hAcc") / np.sqrt(2.0), get("vAcc"))
     if name in ("GGA", "GNS"):
-        separation = get("sep")
-        return Place(lat, lon, get("alt") + _nearest_known(separation), separation)
+        separation = _nearest_known(get("sep"))
+        return Place(lat, lon, get("alt") + separation, separation)
     return Place(lat, lon)
 
 

@@ -180,7 +180,7 @@ def _fixes(
     lat, lon = get("lat"), get("lon")
     good = (np.abs(lat) <= np.pi / 2) & (np.abs(lon) <= 2 * np.pi) & ((lat != 0) | (lon != 0))
     lon = np.where(lon > np.pi, lon - 2 * np.pi, lon)
-    height, separation = _height(path, get("height"), get("msl"), get("geoid_sep"), said)
+    height, separation = _height(get("height"), get("msl"), get("geoid_sep"))
     fix = np.where(np.isfinite(height), FixType.THREE_D, FixType.TWO_D).astype(np.int64)
     if "quality" in table.columns:
         fix, unknown = _fix_types(get("quality"), table, fix)
@@ -231,18 +231,14 @@ def _fixes(
 
 
 def _height(
-    path: Path, height: FloatArray, msl: FloatArray, separation: FloatArray, said: list[str]
+    height: FloatArray, msl: FloatArray, separation: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Ellipsoidal heights [n], and the geoid's above the ellipsoid [n]."""
     if np.isfinite(height).any():
         apart = np.where(np.isfinite(separation), separation, height - msl)
         return height, apart
-    if np.isfinite(msl).any() and not np.isfinite(separation).any():
-        said.append(
-            f"{path}: heights are above sea level and no column gives the geoid separation; they "
-            "are taken as ellipsoidal"
-        )
-        return msl, separation
+    if not np.isfinite(separation).any():
+        separation = np.zeros_like(msl)
     return msl + separation, separation
 
 

@@ -99,14 +99,9 @@ def _unix_s(text: str | None) -> float:
 def _fixes(rows: FloatArray, warnings: list[str]) -> Fixes:
     unix_s, lat, lon, msl, geoid, speed, course, hdop, sats = rows.T
     good = (np.abs(lat) <= 90.0) & (np.abs(lon) <= 180.0) & ((lat != 0.0) | (lon != 0.0))
-    if np.isfinite(msl).any() and not np.isfinite(geoid).any():
-        warnings.append(
-            "heights are above sea level and no point gives the geoid separation; they are taken "
-            "as ellipsoidal"
-        )
-        height = msl
-    else:
-        height = msl + geoid
+    if not np.isfinite(geoid).any():
+        geoid = np.zeros_like(msl)
+    height = msl + geoid
     course = np.radians(np.where((speed == 0.0) & np.isnan(course), 0.0, course))
     level = np.stack([speed * np.cos(course), speed * np.sin(course)], axis=1)
     unknown = np.full((len(rows), 3), np.nan)

@@ -25,10 +25,10 @@ from automap.io.nmea import NmeaTable
 from automap.io.receiver_told import (
     cut_text,
     epoch_warnings,
-    height_warnings,
     join_warnings,
     manual_positions,
     message_counts,
+    quality_warnings,
     stream_warnings,
 )
 from automap.io.table_form import TableForm
@@ -239,7 +239,7 @@ def _read_stream(
     if again:
         warnings.append(f"{again} epochs tell time and place of the one before again; left out")
     warnings += epoch_warnings(fixes)
-    warnings += height_warnings(fixes, nmea)
+    warnings += quality_warnings(nmea)
     if accept_manual and manual.any():
         count = np.count_nonzero(manual)
         warnings.append(f"{count} GGA positions of quality 7 (typed in by hand) are used")

@@ -134,8 +134,8 @@ def epoch_warnings(fixes: Fixes) -> list[str]:
     return warnings
 
 
-def height_warnings(fixes: Fixes, nmea: dict[str, NmeaTable]) -> list[str]:
-    """On heights above sea level and on positions that are no fixes."""
+def quality_warnings(nmea: dict[str, NmeaTable]) -> list[str]:
+    """On positions that are no fixes."""
     warnings = []
     gga = nmea.get("GGA")
     if gga is not None:
@@ -155,13 +155,5 @@ def height_warnings(fixes: Fixes, nmea: dict[str, NmeaTable]) -> list[str]:
                 f"{manual} GGA positions were typed in by hand (quality 7) and are not used; where "
                 'they were measured all the same, write accept = ["gnss_quality"] at the top of '
                 "drive.toml"
-            )
-    heights = np.isfinite(fixes.height_m)
-    if gga is not None and heights.any() and not np.isfinite(fixes.geoid_sep_m).any():
-        known = np.isfinite(gga["sep"]).any() if len(gga["sep"]) else False
-        if not known and "PUBX00" not in nmea:
-            warnings.append(
-                "heights are above sea level and no sentence gives the geoid separation; "
-                "they are taken as ellipsoidal"
             )
     return warnings

@@ -182,11 +182,6 @@ def decode_pos(data: bytes, name: str) -> tuple[Fixes, list[str], str | None, in
         )
     values, offset = values[good], offset[good]
     fixes = _fixes(values, offset, time_tokens, position_tokens, form)
-    if form.geodetic:
-        warnings.append(
-            "heights are above the geoid and the separation is not given; they are taken as "
-            "ellipsoidal (write the solution with ellipsoidal heights instead)"
-        )
     return fixes, warnings, truncated, len(bad)
 
 
@@ -325,7 +320,7 @@ def _fixes(
         fix_type=fix.astype(np.int64),
         n_sats=n_sats,
         hdop=np.full(n, np.nan),
-        geoid_sep_m=np.full(n, np.nan),
+        geoid_sep_m=np.full(n, 0.0 if form.geodetic else np.nan),
         offset=offset,
         arrival_ns=np.full(n, NO_TIME, np.int64),
     )

@@ -93,10 +93,3 @@ AHEAD_S = 2 * 86400.0
 """A log cannot be of a time after it was written, but for time zones and a recorder's clock."""
 COPIED_S = 30 * 86400.0
 """A log is copied from its recorder within a month: one of 1024 weeks before is of another era."""
-LOWEST_LAND_M = -10.0
-"""Roads lie no lower but about a few inland seas; Dutch polders come to -7 m."""
-WRONG_GEOID_M, GEOID_OFF_M = 28.0, 12.0
-"""A separation of the geoid has the wrong sign where it is so far from the geoid and so near its
-opposite. The grid errs by 23 m at most anywhere on Earth and by 2 m in the root mean square,
-receivers with a grid of 10 degrees by 3.4 m: no right separation is 28 m off, and a turned one is
-within three times both of the opposite."""

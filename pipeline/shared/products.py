@@ -211,7 +211,8 @@ def geoid_separation(products: RunProducts, t_ns: np.ndarray) -> np.ndarray | No
     if fixes is None or clock is None:
         return None
     known = np.isfinite(fixes.geoid_sep_m) & np.isfinite(fixes.gps_s)
-    if not known.any():
+    # one of 0 throughout is none: nobody said above what the heights are
+    if not fixes.geoid_sep_m[known].any():
         return None
     order = np.argsort(fixes.gps_s[known], kind="stable")
     times, separation = fixes.gps_s[known][order], fixes.geoid_sep_m[known][order]

@@ -90,7 +90,7 @@ def load_scenario(path: Path, receiver: str = "", replay: Path | None = None) ->
 
 
 def _on_its_geoid(scenario: Scenario) -> Scenario:
-    from pipeline.check.geoid import geoid_height
+    from automap.geoid import geoid_height
 
     setup, start = scenario.gnss, scenario.start
     if setup is None or "geoid_separation_m" in setup.model_fields_set:

@@ -139,7 +139,7 @@ def receive(
         fix_type=np.full(n, FixType.THREE_D, np.int64),
         n_sats=np.full(n, 12, np.int64),
         hdop=np.ones(n),
-        geoid_sep_m=np.zeros(n),
+        geoid_sep_m=np.full(n, np.nan),
         offset=np.full(n, -1, np.int64),
         arrival_ns=np.full(n, NO_TIME, np.int64),
     )

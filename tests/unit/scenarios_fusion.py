@@ -81,7 +81,7 @@ def fixes_on(path: Trajectory, every: int, seed: int = 1, **changes: Any) -> Fix
         fix_type=kind,
         n_sats=np.full(n, 12, np.int64),
         hdop=hdop,
-        geoid_sep_m=np.zeros(n),
+        geoid_sep_m=np.full(n, np.nan),
         offset=np.full(n, -1, np.int64),
         arrival_ns=np.full(n, -1, np.int64),
     )

@@ -5,10 +5,12 @@ from __future__ import annotations
 import csv
 import json
 import shutil
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pyarrow.parquet as pq
 import pyogrio
 import pytest
@@ -153,6 +155,10 @@ def test_geoid_comes_from_the_fixes(out: Path) -> None:
     separation = geoid_separation(products, products.trajectory.t_ns[::100])
     assert separation is not None
     assert set(separation.tolist()) == {48.0}
+    assert products.fixes is not None
+    none = replace(products.fixes, geoid_sep_m=np.zeros(len(products.fixes)))
+    nothing = replace(products, fixes=none)
+    assert geoid_separation(nothing, products.trajectory.t_ns[:3]) is None
     (out / names.FIXES).unlink()
     assert geoid_separation(load_products(out), products.trajectory.t_ns[:3]) is None
 

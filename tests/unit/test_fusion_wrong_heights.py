@@ -11,6 +11,8 @@ from automap.fusion import limits
 from automap.fusion.doubts.heights import height_doubts, separation_doubts
 from automap.fusion.doubts.receiver import receiver_doubts, usable_fixes
 from automap.fusion.widening import widen
+from automap.geoid import geoid_height
+from automap.records import Fixes
 from automap.sync.velocity_consistency import velocity_consistency
 from pipeline.check.velocity import check
 from tests.unit.fusion_fixes import fixes_of, hilly, town_fixes
@@ -88,10 +90,11 @@ def test_vertical_velocities_tell_feet_from_metres(factor: float) -> None:
     assert separation_doubts(replace(log, geoid_sep_m=np.full(len(log), 157.0)), [reason]) == []
 
 
-@pytest.mark.parametrize(("separation", "unit"), [(48.0, ""), (-34.0, ""), (48.0, "feet")])
-def test_a_geoid_that_is_nowhere_on_earth_tells_feet(separation: float, unit: str) -> None:
+@pytest.mark.parametrize("unit", ["", "feet"])
+def test_a_geoid_that_is_nowhere_on_earth_tells_feet(unit: str) -> None:
     factor = 1.0 / 0.3048 if unit else 1.0
     fixes = fixes_of(hilly(60), 1.0, 0.5, 4)
+    separation = geoid_there(fixes) + 3.0
     height = (fixes.height_m + 100.0) * factor
     fixes = replace(fixes, height_m=height, geoid_sep_m=np.full(len(height), factor * separation))
     said = separation_doubts(fixes)
@@ -101,6 +104,27 @@ def test_a_geoid_that_is_nowhere_on_earth_tells_feet(separation: float, unit: st
         assert said[0].height_m == pytest.approx(np.abs(height).max() * (1.0 - 0.3048))
     unknown = replace(fixes, geoid_sep_m=np.full(len(height), np.nan))
     assert separation_doubts(unknown) == []
+
+
+def geoid_there(fixes: Fixes) -> float:
+    return geoid_height(*np.degrees([fixes.lat_rad[0], fixes.lon_rad[0]]))
+
+
+def test_heights_above_nobody_knows_what_are_as_unsure_as_the_geoid_is_far() -> None:
+    fixes = fixes_of(hilly(60), 1.0, 0.5, 4)
+    there = geoid_there(fixes)
+    assert abs(there) > 12.0
+    none = replace(fixes, height_m=fixes.height_m + 100.0, geoid_sep_m=np.zeros(len(fixes)))
+    (reason,) = separation_doubts(none)
+    assert (reason.code, reason.state) == ("height_surface", "good")
+    assert reason.height_m == pytest.approx(abs(there), abs=0.2)
+    # where they would be below the sea they are above the ellipsoid
+    low = replace(none, height_m=np.full(len(fixes), min(there, -there) - 20.0))
+    assert separation_doubts(low) == []
+    other = replace(none, geoid_sep_m=np.full(len(fixes), there - np.sign(there) * 70.0))
+    (reason,) = separation_doubts(other)
+    assert (reason.code, reason.state) == ("height_surface", "doubtful")
+    assert reason.height_m == pytest.approx(70.0, abs=0.1)
 
 
 def test_a_geoid_in_no_unit_leaves_heights_unknown() -> None:

@@ -20,7 +20,7 @@ ROOT = Path(__file__).resolve().parents[2]
 
 LAYERS = (
     # what everybody speaks of: plain data, pure functions
-    *("errors", "records", "earth", "frames", "timebase", "interpolation", "lever_arm"),
+    *("errors", "records", "earth", "geoid", "frames", "timebase", "interpolation", "lever_arm"),
     *("jit", "gates", "assignment", "robust", "sparse_normal"),
     # what signs look like, what sensors do wrong
     *("signs", "effects"),

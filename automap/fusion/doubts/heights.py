@@ -11,6 +11,15 @@ from automap.fusion.doubts import limits
 from automap.fusion.doubts.reason import Reason
 from automap.fusion.limits import DOUBT_PROBABILITY, UNKNOWN_HEIGHT_SD_M
 from automap.gates import OUTSIDE_95, exceeds_ratio, sigmas
+from automap.geoid import (
+    GEOID_OFF_M,
+    GEOID_SD_M,
+    MOST_GEOID_M,
+    WRONG_GEOID_M,
+    above_either,
+    separations,
+    sign_turned,
+)
 from automap.records import Fixes, FloatArray, Trajectory
 from automap.robust import cauchy_weight
 
@@ -59,26 +68,49 @@ def height_doubts(path: Trajectory, fixes: Fixes) -> Iterator[Reason]:
 
 
 def separation_doubts(fixes: Fixes, known: Iterable[Reason] = ()) -> list[Reason]:
-    """The reason that a geoid gives which is further from the ellipsoid than anywhere on Earth,
-    unless the unit of the heights is ``known`` to be wrong."""
-    if any(reason.code == "height_scale" for reason in known):
+    """The reason that heights give whose separation of the geoid is none, or one that the geoid has
+    not, unless their unit is ``known`` to be wrong."""
+    told = separations(fixes)
+    if told is None or any(reason.code == "height_scale" for reason in known):
         return []
-    told = fixes.geoid_sep_m[np.isfinite(fixes.geoid_sep_m + fixes.height_m)]
-    low, high = limits.GEOID_M
-    if not len(told) or low <= float(np.median(told)) <= high:
+    stated, there = told
+    if above_either(fixes, stated, there):
+        return [
+            Reason(
+                "height_surface",
+                "the log does not say whether its heights are above the ellipsoid or the sea, "
+                f"which is {there:+.0f} m there: they are taken as above the ellipsoid, and the "
+                "stated uncertainty includes that; log the separation of the geoid too",
+                height_m=float(np.hypot(there, GEOID_SD_M)),
+                state="good",
+            )
+        ]
+    # a sign that is turned stops a drive, unless somebody knows better
+    if stated == 0.0 or abs(stated - there) < WRONG_GEOID_M or sign_turned(stated, there):
         return []
-    separation = float(np.median(told))
+    text = (
+        f"the receiver's log has the geoid {stated:+.0f} m from the ellipsoid, and it is "
+        f"{there:+.0f} m there"
+    )
     feet = limits.HEIGHT_UNITS[0][0]
     unit, off = "another unit", UNKNOWN_HEIGHT_SD_M
-    if low <= separation / feet <= high:
+    if abs(stated / feet - there) < GEOID_OFF_M:
         unit = "feet"
         off = float(np.nanmax(np.abs(fixes.height_m))) * (1.0 - 1.0 / feet)
+    elif abs(stated) <= MOST_GEOID_M:
+        return [
+            Reason(
+                "height_surface",
+                f"{text}: the separation is another place's, and heights may be off by as much; "
+                "let the receiver's own stand in the log",
+                height_m=abs(stated - there),
+            )
+        ]
     return [
         Reason(
             "height_scale",
-            f"the receiver's log has the geoid {separation:+.0f} m from the ellipsoid, where it is "
-            f"{low:+.0f} to {high:+.0f} m on all the Earth: its heights seem to be in {unit}, and "
-            "those of the path and of the signs are as wrong; check the unit of the heights in it",
+            f"{text}: its heights seem to be in {unit}, and those of the path and of the signs are "
+            "as wrong; check the unit of the heights in it",
             height_m=off,
         )
     ]

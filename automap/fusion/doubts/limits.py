@@ -175,5 +175,3 @@ ARM_OFF_M = 0.5
 SMALLEST_SHARE = 1.0 / 16.0
 """Positions that scatter by less of what they state are not as they state: two sigmas of
 ``LEVEL_SPREAD``. Those of one recorded phone scatter by a third of it about their path."""
-GEOID_M = (-107.0, 86.0)
-"""The geoid lies nowhere further from the ellipsoid (EGM2008: south of Sri Lanka, New Guinea)."""
