@@ -8,13 +8,13 @@ than the fixes alone, the path is that of the fixes alone.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from automap.errors import InputError
-from automap.fusion.aside import Aside, whole_trajectory
+from automap.fusion.aside import Aside
 from automap.fusion.consistency import channel_consistency, innovation_doubts, slides
 from automap.fusion.delay_states import LATENCY_STATE, SKEW_STATE
 from automap.fusion.doubts import limits, outcome
@@ -45,7 +45,7 @@ from automap.fusion.doubts.position_jump import (
     position_jumps,
 )
 from automap.fusion.doubts.readings import reading_doubts
-from automap.fusion.doubts.reason import Reason, Verdict, verdict_of
+from automap.fusion.doubts.reason import Reason
 from automap.fusion.doubts.receiver import (
     accuracy_doubts,
     dated_velocities,
@@ -68,29 +68,11 @@ from automap.fusion.options import FusionOptions
 from automap.fusion.result import FusionResult, Prior
 from automap.fusion.unread import driven_m, joined, later, unread
 from automap.fusion.unusable_readings import Bridged, bridge_unusable
+from automap.fusion.verdict_alone import at_sensor
+from automap.fusion.weighed import Weighed, level_sd, weighed_path
 from automap.fusion.widening import widen, widening
-from automap.lever_arm import moved_to
 from automap.records import ClockModel, Fixes, FloatArray, ImuData, Trajectory
 from automap.sync.velocity_consistency import VelocityConsistency
-
-
-@dataclass(frozen=True)
-class Weighed:
-    """A path of ``rows`` rows with sigmas as the ``verdict`` wants them, made anew at each call of
-    ``run``, stretch by stretch; ``horizontal_sd`` m the median of its sigmas. With ``alone`` it is
-    that of the fixes without the IMU; ``unread_m`` were driven without readings, and are so too."""
-
-    verdict: Verdict
-    run: Callable[[], Iterator[Trajectory]]
-    rows: int
-    horizontal_sd: float
-    alone: bool = False
-    unread_m: float = 0.0
-
-    @property
-    def trajectory(self) -> Trajectory:
-        """The whole path."""
-        return whole_trajectory(self.run())
 
 
 def weigh(
@@ -161,13 +143,13 @@ def weigh(
         steps = _steps(result, path, free, found, fixes, options, arm)
         age = found.get(LATENCY_STATE, (0.0, 0.0))[0]
         places = beside_readings(places, free, path, arm, age)
-        of_receiver += hole_doubts(places, path, age, _level_sd(part for _, part in known()))
+        of_receiver += hole_doubts(places, path, age, level_sd(part for _, part in known()))
     drifts: list[Drift] = []
     try:
         dated = dated_velocities(fixes, receiver)
         levels = fix_levels(dated, options)
         alone = smooth_fixes(dated, clock, options, levels)
-        sd = _level_sd(stretch for _, stretch in known())
+        sd = level_sd(stretch for _, stretch in known())
         by_imu = (path, result.noise_factors) if believed else ()
         more, drifts = pattern_doubts(dated, alone, options, levels, sd, of_receiver, *by_imu)
         of_receiver += more
@@ -193,7 +175,7 @@ def weigh(
         *early_velocities(found),
         *(constancy_doubts(result.filtered_parameters, by_carrier(fixes)) if believed else ()),
         *(
-            _of_arm(found, lever_arm, bends, _level_sd(part for _, part in known()))
+            _of_arm(found, lever_arm, bends, level_sd(part for _, part in known()))
             if believed
             else ()
         ),
@@ -225,7 +207,8 @@ def weigh(
             rest = as_sure_as_fixes(alone, fixes, options, levels)
             rest = _off_nose(widen(rest, of_fixes, beside, None), sliding)
             reasons = later([outcome.inertial_worse(share), *reasons], earlier)
-            return _alone(_at_sensor(drifting(rest, drifts), lever_arm), reasons)
+            moved = at_sensor(drifting(rest, drifts), lever_arm)
+            return weighed_path(lambda: iter([moved]), reasons, alone=True)
     widened = widening(path, reasons, misses, alone)
 
     def run() -> Iterator[Trajectory]:
@@ -233,13 +216,13 @@ def weigh(
             yield drifting(widened(stretch, rows), drifts)
 
     if alone is None or not len(unread(alone, path.t_ns)):
-        return replace(_weighed(run, reasons, False), unread_m=unread_m)
+        return replace(weighed_path(run, reasons, False), unread_m=unread_m)
     earlier = float(path.gps_s[0] - alone.gps_s[0])
     rest = as_sure_as_fixes(alone, fixes, options, levels)
     rest = widen(rest, later(of_receiver, earlier), fix_misses(alone, model), None)
-    rest = unread(_at_sensor(drifting(rest, drifts), arm), path.t_ns)
+    rest = unread(at_sensor(drifting(rest, drifts), arm), path.t_ns)
     reasons = later(reasons, max(float(path.gps_s[0] - rest.gps_s[0]), 0.0))
-    weighed = _weighed(lambda: joined(run(), rest), reasons, False)
+    weighed = weighed_path(lambda: joined(run(), rest), reasons, False)
     return replace(weighed, unread_m=unread_m)
 
 
@@ -247,69 +230,6 @@ def _off_nose(path: Trajectory, sliding: Sequence[Reason]) -> Trajectory:
     """A path with courses for headings, which are no better than the nose of one that slides."""
     factor = max((reason.factor for reason in sliding), default=1.0)
     return replace(path, sd_rpy=np.minimum(path.sd_rpy * factor, UNKNOWN_HEADING_SD))
-
-
-def _weighed(
-    run: Callable[[], Iterator[Trajectory]], reasons: Sequence[Reason], alone: bool
-) -> Weighed:
-    level = np.concatenate([np.hypot(*stretch.sd_pos_ned[:, :2].T) for stretch in run()])
-    sd = float(np.median(level))
-    unsure = outcome.unsure_path(sd, any(r.code == "accuracy_overstated" for r in reasons))
-    return Weighed(verdict_of([*reasons, *unsure]), run, len(level), sd, alone)
-
-
-def _alone(path: Trajectory, reasons: Sequence[Reason]) -> Weighed:
-    return _weighed(lambda: iter([path]), reasons, alone=True)
-
-
-def _at_sensor(path: Trajectory, arm: FloatArray | None) -> Trajectory:
-    """The path of a sensor, by that of the antenna ``arm`` [3] m forward, right and down of it."""
-    if arm is None:
-        return path
-    moved = moved_to(path, -arm)
-    # courses one after the other tell a turn no better than that there is one
-    swing = moved.vel_ned - path.vel_ned
-    return replace(moved, sd_vel_ned=np.hypot(moved.sd_vel_ned, swing))
-
-
-def weigh_alone(
-    fixes: Fixes,
-    clock: ClockModel,
-    options: FusionOptions,
-    receiver: VelocityConsistency,
-    lever_arm: FloatArray | None = None,
-) -> Weighed:
-    """The path of ``fixes`` alone, judged; ``receiver`` and ``lever_arm`` as in ``weigh``. It is
-    that of the antenna where nobody stated an arm.
-
-    Raises:
-        InputError: fewer than two usable fixes.
-    """
-    dated = dated_velocities(fixes, receiver)
-    levels = fix_levels(dated, options)
-    alone = smooth_fixes(dated, clock, options, levels)
-    path = as_sure_as_fixes(alone, fixes, options, levels)
-    stated = model_fixes(fixes, fixes.gps_s, options)
-    misses = fix_misses(path, as_shown(stated, options, levels))
-    off, _ = off_the_fixes(misses, options.wander_tau_s)
-    off += overstated(fix_misses(path, stated))
-    reasons = [*receiver_doubts(receiver, float(path.gps_s[0])), *off]
-    reasons += accuracy_doubts(fixes, options)
-    reasons += separation_doubts(fixes, reasons)
-    reasons += jump_doubts(position_jumps(places_of(stated)), path)
-    reasons += jump_doubts(height_jumps(stated, path), path)
-    sd = _level_sd([path])
-    more, drifts = pattern_doubts(dated, alone, options, levels, sd, reasons)
-    reasons += more
-    path = drifting(widen(path, reasons, misses, None), drifts)
-    return _alone(_at_sensor(path, lever_arm), reasons)
-
-
-def _level_sd(stretches: Iterable[Trajectory]) -> float:
-    """Median one-sigma error of a path, m an axis of the level."""
-    return float(
-        np.sqrt(np.median(np.concatenate([(p.sd_pos_ned[:, :2] ** 2).mean(1) for p in stretches])))
-    )
 
 
 def _of_arm(found: Estimates, stated: FloatArray | None, speed: float, sd_m: float) -> list[Reason]:

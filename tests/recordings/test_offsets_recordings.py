@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from automap.fusion.verdict import weigh_alone
+from automap.fusion.verdict_alone import weigh_alone
 from automap.io.drive import load_drive
 from automap.io.receiver import read_receiver_log
 from automap.records import ClockModel, Fixes

@@ -143,7 +143,7 @@ def runs_carriers() -> Any:
 @scenario
 def runs_contradicted() -> Any:
     """Receivers that step, are elsewhere or state too much; fixes alone."""
-    from automap.fusion.verdict import weigh_alone
+    from automap.fusion.verdict_alone import weigh_alone
     from automap.sync.velocity_consistency import velocity_consistency
     from tests.unit.fusion_drive import CLOCK
 

@@ -20,7 +20,7 @@ from automap.fusion.fix_levels import fix_levels
 from automap.fusion.gnss_only import smooth_fixes, uncorrected
 from automap.fusion.options import FusionOptions
 from automap.fusion.output import ParameterHistory
-from automap.fusion.verdict import weigh_alone
+from automap.fusion.verdict_alone import weigh_alone
 from automap.fusion.widening import widen
 from automap.records import Fixes, FixType, FloatArray, Trajectory
 from automap.sync.velocity_consistency import velocity_consistency

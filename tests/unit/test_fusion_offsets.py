@@ -18,7 +18,8 @@ from automap.fusion.fix_levels import fix_levels
 from automap.fusion.gnss_only import smooth_fixes
 from automap.fusion.measurements.position import common_errors, position_errors
 from automap.fusion.options import FusionOptions
-from automap.fusion.verdict import Weighed, weigh_alone
+from automap.fusion.verdict_alone import weigh_alone
+from automap.fusion.weighed import Weighed
 from automap.interpolation import poses_at_gps
 from automap.records import BoolArray, Fixes, FixType, FloatArray
 from automap.sync.velocity_consistency import velocity_consistency

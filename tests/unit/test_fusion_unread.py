@@ -13,7 +13,8 @@ from automap.frames import wrap_pi
 from automap.fusion.gnss_only import smooth_fixes
 from automap.fusion.options import FusionOptions
 from automap.fusion.unread import over_holes
-from automap.fusion.verdict import Weighed, weigh_alone
+from automap.fusion.verdict_alone import weigh_alone
+from automap.fusion.weighed import Weighed
 from automap.records import FloatArray, ImuData, Trajectory
 from automap.sync.velocity_consistency import velocity_consistency
 from tests.unit.fusion_drive import CLOCK, Sensor, record

@@ -22,7 +22,8 @@ from automap.fusion.doubts.receiver import overstated, receiver_doubts, usable_f
 from automap.fusion.engine import fuse_imu_gnss
 from automap.fusion.options import FusionOptions
 from automap.fusion.result import FusionResult, Prior
-from automap.fusion.verdict import Weighed, weigh
+from automap.fusion.verdict import weigh
+from automap.fusion.weighed import Weighed
 from automap.gates import OUTSIDE_95, gate
 from automap.io.drive import load_drive
 from automap.io.recording import read_recording

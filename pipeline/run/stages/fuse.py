@@ -13,7 +13,7 @@ from pipeline.run.stage import Stage, StageContext
 
 if TYPE_CHECKING:
     from automap.fusion.result import FusionResult, WheelResult
-    from automap.fusion.verdict import Weighed
+    from automap.fusion.weighed import Weighed
     from automap.io.drive import Drive
     from automap.records import ClockModel, Trajectory
     from pipeline.settings.presets import Preset
@@ -79,7 +79,7 @@ def _take_finished(context: StageContext) -> None:
 
 
 def _smooth_fixes(context: StageContext, clock: ClockModel, reason: str) -> None:
-    from automap.fusion.verdict import weigh_alone
+    from automap.fusion.verdict_alone import weigh_alone
     from pipeline.run.fusion_inputs import read_usable_fixes, stated_arm
     from pipeline.settings.presets import fusion_options
 
