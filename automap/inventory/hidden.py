@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from automap.inventory.limits import STALE, STALE_WEIGHT
+from automap.inventory.limits import HIGHEST_RATE, STALE, STALE_WEIGHT
 from automap.records import FloatArray, IntArray
 
 _GRID = (np.arange(40) + 0.5) / 40.0
@@ -141,9 +141,11 @@ def gone_by_gaps(
     def gone(part: float) -> FloatArray:
         hidden = part * q
         unseen = (1.0 - hidden) * open_lost + hidden * (partly_lost + wholly)
-        unseen /= 1.0 + hidden * wholly
+        # a face that nothing hides may be overlooked all the same
+        unseen = np.maximum(unseen / (1.0 + hidden * wholly), 1.0 - HIGHEST_RATE)
         return np.asarray(stale / (stale + (1.0 - stale) * unseen))
 
     likely = prior * found.share[:, None] * beta.pdf(_GRID, *WHOLLY)
     likely = likely * binom.pmf(n_unseen, n_in_view, stale / gone(1.0))
-    return np.array([(likely * gone(s)).sum() for s in np.ravel(screened).tolist()]) / likely.sum()
+    told = [(likely * gone(s)).sum() / likely.sum() for s in np.ravel(screened).tolist()]
+    return np.array(told, np.float64)
