@@ -18,6 +18,7 @@ from automap.inventory.missing import standing
 from automap.mapping.sightings import DriveSigns
 from automap.records import Sign
 from pipeline.compare.doubts import doubts
+from tests.slow_cases import others_slow
 
 LISTED, LOOKED = 400, 15
 
@@ -116,7 +117,7 @@ def with_more(
     return more, compare_inventory(signs, more, drives)
 
 
-@pytest.mark.parametrize("times", [1, 3])
+@pytest.mark.parametrize("times", others_slow([3, 1], fast=1))
 def test_what_hides_no_face_of_a_post_hides_none_of_it(times: int) -> None:
     """One that stands by itself may be hidden for good; a face that is not there beside one that
     was in sight all along is gone, and surely so if three drives passed."""
@@ -129,7 +130,7 @@ def test_what_hides_no_face_of_a_post_hides_none_of_it(times: int) -> None:
         assert all(f.sure is (times == 3) for f in told)
 
 
-@pytest.mark.parametrize("name", ["", "information--hospital--g1"])
+@pytest.mark.parametrize("name", others_slow(["information--hospital--g1", ""], fast=1))
 def test_of_kinds_that_a_detector_does_not_know_nothing_is_missing(name: str) -> None:
     listed, result = with_more(3, name, 12.0)
     more = [f for f in result.findings if f.listed >= len(listed) - 8]
