@@ -26,7 +26,12 @@ SIGN_FIELDS: tuple[Field, ...] = (
     Field("id", "text", "", "name of the sign within this map"),
     Field("class", "text", "", "class of the sign face"),
     Field("name", "text", "", "the class in words"),
-    Field("code", "text", "", "number of the face in the code of the drive's country, after it"),
+    Field(
+        "code",
+        "text",
+        "",
+        "number of the face in the country's code, after it; else the Vienna Convention's",
+    ),
     Field("value", "real", "", "number that the face shows, in value_unit", 1),
     Field("value_unit", "text", "", "unit of value: km/h or mph"),
     Field("confidence", "real", "", "existence times class_probability, 0 to 1", 3),

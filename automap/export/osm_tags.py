@@ -27,7 +27,8 @@ DIRECTION_SD = 11.5
 def traffic_sign_tags(class_name: str, country: str | None = None) -> dict[str, str]:
     """Tags of a class, named as Mapillary names it, in a country (ISO 3166 alpha-2)."""
     entry, code = class_entry(class_name), national_code(class_name, country)
-    if code:
+    # the wiki knows codes of countries
+    if code and not code.startswith("VIENNA:"):
         tags = {"traffic_sign": code}
     elif entry is not None and entry.osm:
         tags = {"traffic_sign": entry.osm}

@@ -18,6 +18,9 @@ from automap.signs.classes import load_classes
 from automap.signs.codes import face_of
 from automap.signs.vocabulary import load_vocabulary
 
+_SHAPELESS = "other"
+"""The group of what has none of the shapes, as a cross: pictures of it look like any of them."""
+
 
 def same_face(a: str, b: str) -> bool | None:
     """Whether two classes are of one face; None where one tells no more than a look."""
@@ -26,7 +29,8 @@ def same_face(a: str, b: str) -> bool | None:
     if face_of(a) == face_of(b):
         return True
     generic = set(load_vocabulary().groups.values())
-    if (a in generic or b in generic) and groups_of(a) & groups_of(b):
+    one, other = groups_of(a), groups_of(b)
+    if (a in generic or b in generic) and (one & other or _SHAPELESS in one | other):
         return None
     return False
 
@@ -52,7 +56,7 @@ def of_another_class(shares: Mapping[str, float], listed: str, at_home: bool = T
 def class_ratio(shares: Mapping[str, float], listed: str) -> float:
     """Logarithm of what the views give to the best of the other classes, and in part to all of
     another shape or colour, over what they give to the class ``listed``."""
-    face, classes, groups = face_of(listed), load_classes(), groups_of(listed)
+    face, classes, groups = face_of(listed), load_classes(), groups_of(listed) - {_SHAPELESS}
     own = sum(share for name, share in shares.items() if face_of(name) == face)
     others = [s for name, s in shares.items() if name in classes and face_of(name) != face]
     looks = [s for name, s in shares.items() if groups_of(name) and not groups_of(name) & groups]

@@ -15,13 +15,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import expit, logit
 
+from automap.earth import ecef
 from automap.inventory import limits
+from automap.inventory.classes import groups_of
 from automap.inventory.hidden import gaps, gone_by_gaps, hidden_for_good
 from automap.inventory.missing import counts, standing
 from automap.mapping.limits import ALTERNATIVES, CLASS_RIGHT
 from automap.mapping.sightings import DriveSigns
 from automap.mapping.visibility import Opportunities, head_on, opportunities
-from automap.records import FloatArray, IntArray, Sign
+from automap.records import BoolArray, FloatArray, IntArray, Sign
+from automap.signs.codes import face_of
 
 _NODES = 8
 """Of the quadrature over how many signs something hides."""
@@ -93,6 +96,39 @@ def looks_at(inventory: Inventory, drives: Sequence[DriveSigns]) -> tuple[Opport
     return views, rows
 
 
+def seldom_found(inventory: Inventory, found: BoolArray, in_view: BoolArray) -> BoolArray:
+    """Which listed signs [m] are of a shape and colour, or without a class, of which less than half
+    of those ``in_view`` [m] were ``found`` [m], or of such a class of which there are several: a
+    detector may not know them. Of signs of unknown facing, of which half may look away, none was.
+    """
+    faces = [face_of(name) for name in inventory.class_name]
+    looks = ["|".join(sorted(groups_of(c))) or c for c in inventory.class_name]
+    away = np.isnan(np.asarray(inventory.facing_rad, np.float64))
+    seldom = np.zeros(len(inventory), np.bool_)
+    for names, least in ((looks, 1), (faces, limits.LEAST_TURNS)):
+        kind = 2 * np.unique(np.array([*names, ""]), return_inverse=True)[1][:-1] + away
+        number, good = np.bincount(kind, in_view)[kind], np.bincount(kind, in_view & found)[kind]
+        few = np.where(away, good == 0, good < limits.LIKELIER_THAN_NOT * number)
+        seldom |= few & (number >= least)
+    return seldom & in_view
+
+
+def screens(inventory: Inventory, partner: IntArray, seen_share: FloatArray) -> FloatArray:
+    """How much of what may hide a listed sign [m] is possible still, where a face beside it on its
+    post that looks the same way was found (``partner`` [m], -1 none), of which ``seen_share`` of
+    the map's signs [n] was in sight: what hides the one hides the other."""
+    from scipy.spatial import cKDTree
+
+    place = ecef(inventory.lat_rad, inventory.lon_rad, np.zeros(len(inventory)))
+    beside = cKDTree(place).query_pairs(limits.SAME_POST_M, output_type="ndarray")
+    i, j = np.vstack([beside, beside[:, ::-1]]).T
+    facing = np.asarray(inventory.facing_rad, np.float64)
+    alike = (partner[j] >= 0) & (np.cos(facing[i] - facing[j]) > limits.SAME_WAY)
+    left = np.ones(len(inventory))
+    np.minimum.at(left, i[alike], 1.0 - seen_share[partner[j[alike]]])
+    return left
+
+
 def not_found(
     inventory: Inventory,
     partner: IntArray,
@@ -108,7 +144,7 @@ def not_found(
 
     Signs of unknown facing may look away from every drive: those to the left and to the right of
     the path are found at rates of their own, as are those that were in view for less than half an
-    approach.
+    approach. Of kinds that are seldom found nothing is called missing.
     """
     group = np.zeros(len(inventory), np.int64)
     unknown = np.isnan(np.asarray(inventory.facing_rad, np.float64))
@@ -122,22 +158,31 @@ def not_found(
         # a map of one drive names it or not; where views of many are one, all saw it
         seen_by.append(all_of_them if named is not None and not named else named)
     tries, hits = counts(views, len(inventory), seen_by)
+    in_view = (tries > 0) | (partner >= 0)
+    unknown_kind = seldom_found(inventory, partner >= 0, in_view) & (tries > 0)
+    # they tell nothing of what is gone, nor of how often a drive finds what it knows
+    tries[unknown_kind] = 0
     looked = np.array([sign.n_looked for sign in signs], np.int64)
     share = np.nan_to_num([sign.seen_share for sign in signs])
     n_drives = np.array([len(sign.drives) for sign in signs], np.int64)
     found = gaps(np.rint(share * looked).astype(np.int64), looked, n_drives)
     priors = (*[limits.DETECTION_PRIOR] * 3, limits.GLIMPSE_PRIOR)
+    screened = screens(inventory, partner, share * (looked > 0))
     # without frames every share is as likely: that none saw a sign says little then
-    known = standing(tries, hits, group, priors, hidden_for_good(found, _NODES).tolist())
+    known = standing(tries, hits, group, priors, hidden_for_good(found, _NODES).tolist(), screened)
     if looked.any() and tries.max(initial=0) == 1:
         # counts of drives say nothing then, but frames do
         whole = (group == 0) & (tries == 1)
         unseen = whole & (hits == 0)
-        known.gone[unseen] = gone_by_gaps(found, int(whole.sum()), int(unseen.sum()))
+        known.gone[unseen] = gone_by_gaps(
+            found, int(whole.sum()), int(unseen.sum()), screened[unseen]
+        )
     result = []
     for j in np.flatnonzero(partner < 0).tolist():
         gone = float(known.gone[j])
-        if math.isnan(gone):
+        if unknown_kind[j]:
+            gone = limits.STALE
+        elif math.isnan(gone):
             result.append(Finding("not_seen", -1, j, 1.0))
             continue
         gone *= float(alone[j])

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from automap.inventory.limits import STALE, STALE_WEIGHT
+from automap.inventory.limits import HIGHEST_RATE, STALE, STALE_WEIGHT
 from automap.records import FloatArray, IntArray
 
 _GRID = (np.arange(40) + 0.5) / 40.0
@@ -122,23 +122,30 @@ def hidden_for_good(found: Gaps, nodes: int) -> FloatArray:
     return np.asarray(share[np.searchsorted(total, at)])
 
 
-def gone_by_gaps(found: Gaps, n_in_view: int, n_unseen: int) -> float:
-    """Probability that a listed sign which the drive had in view, and did not see, is gone: the
+def gone_by_gaps(
+    found: Gaps, n_in_view: int, n_unseen: int, screened: FloatArray | float = 1.0
+) -> FloatArray:
+    """Probability [k] that listed signs which the drive had in view, and did not see, are gone: the
     share of ``n_unseen`` of ``n_in_view`` is that of the gone ones and of those that stand unseen.
+    Of each sign the part ``screened`` [k] of what may hide it is still possible.
     """
     from scipy.stats import beta, binom
 
-    stale = np.linspace(0.0, 0.5, 101)[1:]
+    stale = np.linspace(0.0, 0.5, 101)[1:, None, None]
     prior = beta.pdf(stale, STALE * STALE_WEIGHT, (1.0 - STALE) * STALE_WEIGHT)
     # signs hidden wholly, to those hidden for a part
     wholly = _GRID / (1.0 - _GRID)
-    ratio = beta.pdf(_GRID, *WHOLLY)
     q = _HIDDEN[:, None]
-    partly_lost, open_lost = found.lost[:, 1:], found.lost[:, :1]
-    unseen = (1.0 - q) * open_lost + q * partly_lost + q * wholly
-    unseen /= 1.0 + q * wholly
-    chance = stale[:, None, None] + (1.0 - stale[:, None, None]) * unseen
-    likely = (
-        binom.pmf(n_unseen, n_in_view, chance) * prior[:, None, None] * found.share[:, None] * ratio
-    )
-    return float((likely * stale[:, None, None] / chance).sum() / likely.sum())
+    open_lost, partly_lost = found.lost[:, :1], found.lost[:, 1:]
+
+    def gone(part: float) -> FloatArray:
+        hidden = part * q
+        unseen = (1.0 - hidden) * open_lost + hidden * (partly_lost + wholly)
+        # a face that nothing hides may be overlooked all the same
+        unseen = np.maximum(unseen / (1.0 + hidden * wholly), 1.0 - HIGHEST_RATE)
+        return np.asarray(stale / (stale + (1.0 - stale) * unseen))
+
+    likely = prior * found.share[:, None] * beta.pdf(_GRID, *WHOLLY)
+    likely = likely * binom.pmf(n_unseen, n_in_view, stale / gone(1.0))
+    told = [(likely * gone(s)).sum() / likely.sum() for s in np.ravel(screened).tolist()]
+    return np.array(told, np.float64)

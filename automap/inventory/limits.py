@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 STALE = 0.05
 """Of an inventory's signs, those that are gone, that stand elsewhere by now, and that are of
 another class, before the data: chosen, as registers that are looked after are right in 19 of 20."""
@@ -55,11 +57,14 @@ DETECTION_PRIOR = (8.0, 1.5)
 USUAL_SD_M, USUAL_PAIRS = 2.0, 0.5
 """Error of an inventory's position per axis, before the data: chosen, about what aerial
 pictures are digitised to. It counts as half a sign, so that the first signs outweigh it."""
+CIRCLE_95 = 2.45
+"""Of a normal error in a plane 95 % lie within so many sigmas per axis."""
 LEAST_SD_M = 0.15
 """What a post and a face on it, or the two ends of a face, differ by."""
+SAME_POST_M, SAME_WAY = CIRCLE_95 * math.sqrt(2.0) * LEAST_SD_M, math.cos(math.radians(45.0))
+"""Entries so near one another, of 19 of 20 posts, are of one post: what both are off against it;
+and the cosine between faces that are for the same road."""
 LARGEST_SD_M = 6.0
 """Where signs stand some ten metres apart, worse positions cannot be told from moved ones."""
 ROUNDS = 40
 """Of the expectation maximisation; the sd settles to a centimetre in some twenty."""
-CIRCLE_95 = 2.45
-"""Of a normal error in a plane 95 % lie within so many sigmas per axis."""

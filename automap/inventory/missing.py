@@ -6,7 +6,8 @@ are beta-binomial (J. G. Skellam, Journal of the Royal Statistical Society B 10,
 gone ones, rate and spread come from the counts of all by expectation maximisation (Dempster, Laird,
 Rubin, Journal of the Royal Statistical Society B 39, 1977). With one drive share and rate cannot be
 told apart, and priors decide; with several, one that each of them missed is gone, or something
-that stays there hides it from all of them: the counts do not tell the one from the other.
+that stays there hides it from all of them: the counts do not tell the one from the other. Nor do
+they tell a sign that is gone from one of a kind that a detector was never taught.
 """
 
 from __future__ import annotations
@@ -40,9 +41,11 @@ def standing(
     group: IntArray,
     priors: Sequence[tuple[float, float]] = (),
     hidden: Sequence[float] = (0.0,),
+    screened: FloatArray | float = 1.0,
 ) -> Standing:
     """Listed signs [m] that ``tries`` drives had in view and ``hits`` of them saw; ``hidden``
-    shares, each as probable, of those that stand that no drive can see.
+    shares, each as probable, of those that stand that no drive can see, of each sign the part
+    ``screened`` [m] of it.
 
     Each ``group`` [m] has a rate of its own, with its beta parameters of ``priors`` (default: the
     usual ones): signs of unknown facing may look away from every drive. How alike the signs of a
@@ -55,7 +58,9 @@ def standing(
     spreads = SPREADS if (tries > 1).any() else (SPREAD,)
     misses = np.maximum(tries - hits, 0)
     fits = [
-        _fitted(hits, misses, group, seen, prior, spread, share)
+        _fitted(
+            hits, misses, group, seen, prior, spread, share * np.broadcast_to(screened, tries.shape)
+        )
         for spread in spreads
         for share in hidden
     ]
@@ -77,7 +82,7 @@ def standing(
 
 def _fitted(
     hits: IntArray, misses: IntArray, group: IntArray, seen: BoolArray, prior: FloatArray,
-    spread: float, hidden: float,
+    spread: float, hidden: FloatArray,
 ) -> tuple[FloatArray, float, float]:  # fmt: skip
     """Share of gone signs and the groups' rates, ``prior`` [g, 2], by expectation maximisation:
     how probably each is gone after so many more drives, and after any number, [2 + more drives, m],

@@ -1,7 +1,7 @@
 """Which class a sign of somebody's list is: by our name, a national code or OpenStreetMap's word.
 
-Codes are those of the table of classes (VzKat for DE, AS 1742 for AU), and the few of the MUTCD
-and the Vienna Convention whose faces the table has.
+Codes are those of the table of classes (VzKat for DE, AS 1742 for AU), and those of the MUTCD and
+the Vienna Convention whose faces the table has.
 """
 
 from __future__ import annotations
@@ -13,30 +13,93 @@ from functools import cache
 from automap.signs.classes import load_classes
 from automap.signs.vocabulary import load_vocabulary
 
-_OTHER_CODES = {
+OTHER_CODES = {
     "US": {
         "R1-1": "regulatory--stop--g1",
         "R1-2": "regulatory--yield--g1",
+        "R3-1": "regulatory--no-right-turn--g1",
+        "R3-2": "regulatory--no-left-turn--g1",
+        "R3-4": "regulatory--no-u-turn--g1",
+        "R4-7": "regulatory--keep-right--g9",
+        "R4-8": "regulatory--keep-left--g7",
         "R5-1": "regulatory--no-entry--g1",
         "R5-1A": "regulatory--wrong-way--g1",
+        "W1-1L": "warning--turn-left--g1",
+        "W1-1R": "warning--turn-right--g1",
+        "W1-2L": "warning--curve-left--g2",
+        "W1-2R": "warning--curve-right--g2",
+        "W2-1": "warning--crossroads--g3",
+        "W2-4": "warning--t-roads--g2",
+        "W2-6": "warning--roundabout--g2",
         "W3-1": "warning--stop-ahead--g1",
         "W3-2": "warning--yield-ahead--g1",
         "W3-3": "warning--traffic-signals--g2",
+        "W6-1": "warning--divided-highway--g1",
+        "W6-2": "warning--divided-highway-ends--g1",
         "W6-3": "warning--two-way-traffic--g2",
+        "W7-1": "warning--steep-descent--g2",
+        "W8-5": "warning--slippery-road-surface--g2",
+        "W11-1": "warning--bicycles-crossing--g3",
+        "W11-2": "warning--pedestrians-crossing--g4",
+        "W11-10": "warning--trucks-crossing--g1",
     },
     "VIENNA": {
+        "A1A": "warning--curve-left--g1",
+        "A1B": "warning--curve-right--g1",
+        "A1C": "warning--double-curve-first-left--g1",
+        "A4A": "warning--road-narrows--g1",
+        "A7A": "warning--uneven-road--g1",
+        "A9": "warning--slippery-road-surface--g1",
+        "A12": "warning--pedestrians-crossing--g1",
+        "A13": "warning--children--g1",
+        "A14": "warning--bicycles-crossing--g1",
+        "A15B": "warning--wild-animals--g1",
+        "A16": "warning--roadworks--g3",
+        "A17": "warning--traffic-signals--g1",
+        "A22": "warning--roundabout--g1",
+        "A23": "warning--two-way-traffic--g1",
+        "A32": "warning--other-danger--g1",
         "B1": "regulatory--yield--g1",
         "B2": "regulatory--stop--g1",
         "B3": "regulatory--priority-road--g1",
         "C1": "regulatory--no-entry--g1",
         "C2": "regulatory--road-closed-to-vehicles--g3",
+        "C3E": "regulatory--no-heavy-goods-vehicles--g1",
+        "C11A": "regulatory--no-left-turn--g1",
+        "C11B": "regulatory--no-right-turn--g1",
+        "C12": "regulatory--no-u-turn--g1",
         "C13AA": "regulatory--no-overtaking--g1",
         "C13BA": "regulatory--no-overtaking-by-heavy-goods-vehicles--g1",
+        "C17A": "regulatory--end-of-prohibition--g1",
+        "C17B": "regulatory--end-of-maximum-speed-limit--g1",
+        "C17C": "regulatory--end-of-no-overtaking--g1",
+        "C17D": "regulatory--end-of-no-overtaking-by-heavy-goods-vehicles--g1",
         "C18": "regulatory--no-parking--g1",
         "C19": "regulatory--no-stopping--g1",
+        "D3": "regulatory--roundabout--g1",
+        "D4": "regulatory--bicycles-only--g1",
+        "D5": "regulatory--pedestrians-only--g1",
+        "E12A": "information--pedestrians-crossing--g1",
+        "E13A": "information--hospital--g1",
+        "E14A": "information--parking--g1",
     },
 }
 """MUTCD 2023, chapters 2B and 2C; Convention on Road Signs and Signals, 1968, annex 1."""
+
+LIMITS = {"US": "R2-1", "VIENNA": "C14"}
+"""Codes of the speed limits, whose number is written after them."""
+SIDES = {
+    "regulatory--keep-right--g1": "D2",
+    "regulatory--keep-left--g1": "D2",
+    **{
+        f"regulatory--{way}--g1": "D1A"
+        for way in (
+            *("go-straight", "turn-left", "turn-right", "turn-left-ahead", "turn-right-ahead"),
+            *("go-straight-or-turn-left", "go-straight-or-turn-right"),
+        )
+    },
+}
+"""Codes of the Convention that several faces share, one for each way that the arrow points."""
 
 _OLD_VZKAT = {f"274-{50 + k}": f"274-{10 * k}" for k in range(1, 14)} | {"274-50": "274-5"}
 """The VzKat numbered speed limits from 274-50 up before 2017, by their value since."""
@@ -83,15 +146,15 @@ def _class(text: str, where: str, code: str, old: bool) -> str | None:
         return bare
     if where in ("", "DE") and code in _OLD_VZKAT and (old or not code.endswith("0")):
         code = _OLD_VZKAT[code]
-    limit = re.fullmatch(r"R2-1\[?-?(\d+)\]?", code) if where == "US" else None
+    limit = where in LIMITS and re.fullmatch(rf"{LIMITS[where]}\[?-?(\d+)\]?", code)
     if limit:
         name = f"regulatory--maximum-speed-limit-{limit[1]}--g1"
         return name if name in load_classes() else None
     table = _by_code()
     if where:
+        # who follows the Convention has numbers of their own: the French B1 is no entry
         found = table.get((where, code)) or table.get((where, code.rstrip("ABC")))
-        # who follows the Convention numbers as the Convention, if by no table of its own
-        return found or _by_word().get(bare.lower()) or table.get(("VIENNA", code.replace(",", "")))
+        return found or _by_word().get(bare.lower())
     found_in = {table[c, code] for c in ("DE", "AU", "US", "VIENNA") if (c, code) in table}
     # a code that two catalogues give to different signs is neither's
     return found_in.pop() if len(found_in) == 1 else _by_word().get(bare.lower())
@@ -103,7 +166,7 @@ def _by_code() -> dict[tuple[str, str], str]:
     for entry in load_classes().values():
         for country, code in entry.codes.items():
             table.setdefault((country, code.upper()), entry.name)
-    for country, codes in _OTHER_CODES.items():
+    for country, codes in OTHER_CODES.items():
         table |= {(country, code): name for code, name in codes.items()}
     return table
 

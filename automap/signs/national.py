@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 
 from automap.signs.classes import ClassEntry, load_classes
+from automap.signs.codes import LIMITS, OTHER_CODES, SIDES
 from automap.signs.vocabulary import load_vocabulary
 
 _LIMIT = re.compile(r"(?:regulatory--)?(?:end-of-)?(?:maximum-)?speed-limit-(\d{1,3})(?:--\w+)?")
@@ -39,10 +40,22 @@ def bare_name(class_name: str) -> str:
 
 
 def national_code(class_name: str, country: str | None) -> str | None:
-    """The code of a class in a country after the country's, ``AU:R4-1[60]``; None without one."""
+    """The code of a class in a country after the country's, ``AU:R4-1[60]``; where the country has
+    none that is known, that of the Vienna Convention, ``VIENNA:C14[60]``; None without one."""
     place, entry = country_code(country), class_entry(class_name)
-    code = entry.codes.get(place) if entry is not None else None
-    return f"{place}:{code}" if code else None
+    if entry is None or not place:
+        return None
+    if place in entry.codes:
+        return f"{place}:{entry.codes[place]}"
+    limit = _LIMIT.fullmatch(entry.name)
+    for where in (place, "VIENNA"):
+        if where in LIMITS and limit and "end-of-" not in entry.name:
+            return f"{where}:{LIMITS[where]}[{limit[1]}]"
+        own = (code for code, name in OTHER_CODES.get(where, {}).items() if name == entry.name)
+        code = next(own, SIDES.get(entry.name) if where == "VIENNA" else None)
+        if code:
+            return f"{where}:{code}"
+    return None
 
 
 def shown_value(class_name: str, country: str | None) -> tuple[float, str] | None:

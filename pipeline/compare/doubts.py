@@ -19,7 +19,7 @@ from automap.earth import metres_per_radian
 from automap.export.inventory import WORK
 from automap.inventory.classes import same_face
 from automap.inventory.comparison import InventoryComparison, compare_inventory
-from automap.inventory.findings import Finding, Inventory
+from automap.inventory.findings import Finding, Inventory, seldom_found
 from automap.inventory.limits import (
     LARGEST_SD_M,
     LEAST_TURNS,
@@ -57,6 +57,7 @@ def doubts(
         *_classes(result, signs, listed),
         *_posts(result, signs),
         *_without_place(result, signs, elsewhere),
+        *_kinds(result, listed),
     ):
         told.append(f"{path}: {sentence}")
         withheld |= set(rows)
@@ -272,6 +273,23 @@ def _without_place(
         f"{len(rows)} new signs are of a class that entries without a position have; they may be "
         "these, and are not for work.",
         rows,
+    )]  # fmt: skip
+
+
+def _kinds(result: InventoryComparison, listed: Inventory) -> _Doubts:
+    """Which kinds of signs were seldom found."""
+    found, in_view = np.zeros((2, len(listed)), np.bool_)
+    found[[result.findings[k].listed for k in _rows(result, *PAIRED)]] = True
+    in_view[[result.findings[k].listed for k in _rows(result, "missing", "unconfirmed")]] = True
+    seldom = np.flatnonzero(seldom_found(listed, found, in_view | found) & ~found).tolist()
+    if len(seldom) < LEAST_TURNS:
+        return []
+    most = Counter(listed.class_name[k] or "no known class" for k in seldom).most_common(3)
+    return [(
+        f"{len(seldom)} entries are of kinds of which the drives found less than half of those in "
+        f"view, such as {', '.join(f'{name} ({n})' for name, n in most)}: the detector may not "
+        "know them, so they are not called missing.",
+        (),
     )]  # fmt: skip
 
 

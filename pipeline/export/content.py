@@ -137,9 +137,9 @@ def set_pictures(content: MapContent, pictures: list[Picture]) -> None:
     folder = names.PICTURES
     best = {name: own[0] for name, own in pictures_by_sign(pictures).items()}
     own = [best.get(name) for name in content.signs.values["id"]]
-    content.signs.values["picture_file"] = [p and f"{folder}{p.view.file}" for p in own]
+    content.signs.values["picture_file"] = [p and f"{folder}{p.lies_at.file}" for p in own]
     content.signs.values["street_file"] = [
-        f"{folder}{p.view.context_file}" if p and p.context is not None else None for p in own
+        f"{folder}{p.lies_at.context_file}" if p and p.context is not None else None for p in own
     ]
 
 

@@ -28,12 +28,19 @@ if TYPE_CHECKING:
 @dataclass(frozen=True)
 class Picture:
     """One view of a sign with its JPEG, and with that of the street around it for the nearest,
-    which is ``hidden`` where nobody can be recognised in it."""
+    which is ``hidden`` where nobody can be recognised in it. ``stored`` is the view whose names its
+    files beside the map have, where a review called it otherwise since."""
 
     view: SignView
     jpeg: bytes
     context: bytes | None = None
     hidden: bool = True
+    stored: SignView | None = None
+
+    @property
+    def lies_at(self) -> SignView:
+        """The view that its files beside the map are named after."""
+        return self.stored or self.view
 
 
 @dataclass(frozen=True)
@@ -70,7 +77,7 @@ def take_pictures(
     wanted = Wanted() if wanted is None else wanted
     kept = {_identity(p.view): p for p in read_pictures(products)}
     kept = {key: p for key, p in kept.items() if key in {_identity(view) for view in views}}
-    pictures = [p for p in kept.values() if wanted.satisfied_by(p)]
+    pictures = [replace(p, stored=None) for p in kept.values() if wanted.satisfied_by(p)]
     done = {_identity(p.view) for p in pictures}
     missing = [view for view in views if _identity(view) not in done]
     for camera in dict.fromkeys(view.camera for view in missing):
@@ -79,7 +86,7 @@ def take_pictures(
         if video is None or not video.chapters:
             # the sign itself is the same in any case
             old = [kept[_identity(view)] for view in own if _identity(view) in kept]
-            pictures += [replace(picture, context=None) for picture in old]
+            pictures += [replace(picture, context=None, stored=None) for picture in old]
             continue
         try:
             pictures += _from_video(video, own, wanted, progress)
@@ -169,7 +176,8 @@ def read_pictures(products: RunProducts) -> list[Picture]:
     for picture in sorted((_renamed(p, products.renamed) for p in pictures), key=_rank):
         name = picture.view.sign_id
         rank[name] += 1
-        ranked.append(Picture(replace(picture.view, rank=rank[name]), picture.jpeg))
+        view = replace(picture.view, rank=rank[name])
+        ranked.append(replace(picture, view=view, stored=picture.lies_at))
     return ranked
 
 
@@ -185,7 +193,7 @@ def _renamed(picture: Picture, renamed: Renamed) -> Picture:
         # in a merged map the drive stands before the camera
         drive, _, camera = view.camera.rpartition(" ")
         name = renamed.name_of(view.sign_id, camera, view.frame, drive)
-    return picture if name == view.sign_id else Picture(replace(view, sign_id=name), picture.jpeg)
+    return replace(picture, view=replace(view, sign_id=name), stored=view)
 
 
 def _read_index(index: Path) -> list[Picture]:

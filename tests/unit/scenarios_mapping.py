@@ -412,7 +412,9 @@ def compare_lists() -> Any:
             "counts": missing.counts(views, m, seen_by),
             "gaps": gaps,
             "for good": [hidden.hidden_for_good(g, 4) for g in gaps],
-            "gone": [hidden.gone_by_gaps(g, a, b) for g in gaps for a, b in ((20, 2), (9, 5))],
+            "gone": [
+                float(hidden.gone_by_gaps(g, a, b)[0]) for g in gaps for a, b in ((20, 2), (9, 5))
+            ],
             "whole": (table(whole.findings), whole.shift_m, whole.sd_m, whole.detection),
         }
     )

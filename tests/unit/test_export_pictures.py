@@ -12,6 +12,8 @@ from export_inputs import HOSTILE, sign, write_run
 
 from automap.export.pictures import choose_views, safe_name, sign_picture
 from automap.io import names
+from automap.io.review_json import action_of, append_action
+from pipeline.export.content import map_content
 from pipeline.shared.pictures import (
     Picture,
     Wanted,
@@ -174,3 +176,39 @@ def test_the_street_around_a_sign_is_kept_with_whether_it_is_hidden(tmp_path: Pa
     assert [p.context for p in again] == [None, None]
     assert len(take_pictures(products, {}, Wanted(hide=False))[0].context or b"") > 0
     assert all(p.context is None for p in take_pictures(products, {}, Wanted(context=False)))
+
+
+def test_after_a_review_each_sign_still_has_its_street_and_names_files_that_are_there(
+    tmp_path: Path,
+) -> None:
+    out = write_run(tmp_path / "out")
+    ids = [f"s{k:04d}" for k in (1, 2, 3)]
+    seen = [observations([30.0 + k, 60.0 + k], sign_id=name) for k, name in enumerate(ids)]
+    pictures = [
+        Picture(view, small_picture(), street_picture(90) if view.rank == 1 else None)
+        for view in choose_views(pa.concat_tables(seen), ids)
+    ]
+    write_pictures(out, pictures)
+    views = [["", "front", p.view.frame] for p in pictures if p.view.sign_id == "s0001"][:1]
+    place = {"lon_deg": 8.47, "lat_deg": 48.98, "cov_m2": [0.3, 0.1, 0.2, None]}
+    act = {
+        "id": "a1", "time": "2026-03-14T09:20:00Z", "sign": "s0001", "kind": "split",
+        "seen_class": sign(1).class_name, "place": place, "other": "r1", "other_place": place,
+        "other_seen_class": "yield", "views": views,
+        "seen_lon_deg": float(np.degrees(sign(1).lon_rad)),
+        "seen_lat_deg": float(np.degrees(sign(1).lat_rad)),
+        "other_seen_lon_deg": 8.47, "other_seen_lat_deg": 48.98,
+    }  # fmt: skip
+    append_action(out / names.REVIEW, action_of(act))
+    values = map_content(out, "demo").signs.values
+    named = {
+        name: [best, street]
+        for name, best, street in zip(
+            *(values[k] for k in ("id", "picture_file", "street_file")), strict=True
+        )
+    }
+    assert named["s0003"] == ["pictures/s0003-1.jpg", "pictures/s0003-context.jpg"]
+    for name in ("s0001", "r1"):
+        assert named[name][0] is not None
+    told = [file for pair in named.values() for file in pair if file]
+    assert all((out / file).is_file() for file in told), told

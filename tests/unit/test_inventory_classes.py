@@ -157,6 +157,15 @@ def test_views_of_another_shape_contradict_a_list_though_no_class_is_seen() -> N
     assert listed_wrong(circle, "other--thing--g1") < 0.5
 
 
+def test_no_shape_contradicts_a_face_that_has_none() -> None:
+    """A cross at a railway looks like a square of any colour."""
+    cross = "regulatory--railroad-crossing--au"
+    squares = {"regulatory--unknown-white-square": 0.3, "warning--unknown-yellow-square": 0.3}
+    assert of_another_class(squares, cross, at_home=False) < 0.5
+    assert same_face("warning--unknown-yellow-square", cross) is None
+    assert of_another_class({**squares, CHILDREN: 0.3}, cross, at_home=False) > 0.9
+
+
 def test_a_face_has_the_shape_of_each_country_that_draws_it() -> None:
     """Words in a list are the first drawing of a class, whichever stands there."""
     assert same_face(UNKNOWN, "warning--children--g1") is None

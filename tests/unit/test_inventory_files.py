@@ -41,7 +41,10 @@ from pipeline.compare.report import _entry
         ("R4-1 (60)", "AU", "regulatory--maximum-speed-limit-60--g1"),
         ("R2-1[50]", "US", "regulatory--maximum-speed-limit-50--g1"),
         ("R5-1", "US", "regulatory--no-entry--g1"),
-        ("B2", "FR", "regulatory--stop--g1"),
+        ("VIENNA:B2", "FR", "regulatory--stop--g1"),
+        ("VIENNA:C14[60]", "FR", "regulatory--maximum-speed-limit-60--g1"),
+        # there it forbids a turn
+        ("B2", "FR", None),
         ("give_way", None, "regulatory--yield--g1"),
         ("regulatory--stop--g1", "DE", "regulatory--stop--g1"),
         ("", "DE", ""),

@@ -1,12 +1,24 @@
-"""Whether one drive's missed signs are gone, by the gaps in the views of those it found."""
+"""Whether missed signs are gone: by the gaps in the views of those that were found, by the faces
+beside them, and by what a detector knows."""
 
 from __future__ import annotations
 
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
 import numpy as np
 import pytest
+from inventory_case import faulty, town_and_drive
 
+from automap.inventory.comparison import InventoryComparison, compare_inventory
+from automap.inventory.findings import Inventory
 from automap.inventory.hidden import gaps, gone_by_gaps, hidden_for_good
 from automap.inventory.missing import standing
+from automap.mapping.sightings import DriveSigns
+from automap.records import Sign
+from pipeline.compare.doubts import doubts
+from tests.slow_cases import others_slow
 
 LISTED, LOOKED = 400, 15
 
@@ -67,3 +79,61 @@ def test_a_sign_that_no_drive_saw_is_surely_gone_only_where_nothing_stays_before
         assert told.more_drives[0] == 0
     assert gone[0] > 0.9
     assert gone[1] < 0.6
+
+
+@cache
+def passed(times: int) -> tuple[list[Sign], Inventory, list[DriveSigns]]:
+    """A street that so many drives passed, of whose signs each drive saw every fifth in half of
+    its frames, and a list of it."""
+    rng, town, (drive,), _, signs = town_and_drive(21, 2500.0)
+    names = [f"pass-{k}" for k in range(times)]
+    signs = [
+        replace(s, drives=tuple(names), n_looked=20 * times, seen_share=0.5 if k % 5 == 0 else 0.95)
+        for k, s in enumerate(signs)
+    ]
+    return signs, faulty(rng, town).inventory, [replace(drive, name=name) for name in names]
+
+
+def with_more(
+    times: int, class_name: str | None, on_metres: float
+) -> tuple[Inventory, InventoryComparison]:
+    """Compared with a list that has eight more entries: of a class (None: of another one of the
+    list), so far behind others, which look the same way."""
+    signs, one, drives = passed(times)
+    found = [
+        f.listed for f in compare_inventory(signs, one, drives).findings if f.kind == "matched"
+    ]
+    at = np.array(found[:80:10])
+    facing = one.facing_rad[at]
+    names = [one.class_name[(k + 1) % len(one)] if class_name is None else class_name for k in at]
+    more = Inventory(
+        [*one.ids, *(f"more-{k}" for k in at)],
+        [*one.class_name, *names],
+        np.append(one.lat_rad, one.lat_rad[at] + on_metres * np.cos(facing) / 6.37e6),
+        np.append(one.lon_rad, one.lon_rad[at]),
+        np.append(one.facing_rad, facing),
+        np.append(one.sd_m, np.full(8, np.nan)),
+    )
+    return more, compare_inventory(signs, more, drives)
+
+
+@pytest.mark.parametrize("times", others_slow([3, 1], fast=1))
+def test_what_hides_no_face_of_a_post_hides_none_of_it(times: int) -> None:
+    """One that stands by itself may be hidden for good; a face that is not there beside one that
+    was in sight all along is gone, and surely so if three drives passed."""
+    for metres, gone in ((0.0, 5), (12.0, 0)):
+        listed, result = with_more(times, None, metres)
+        more = [f for f in result.findings if f.listed >= len(listed) - 8]
+        assert len(more) == 8
+        told = [f for f in more if f.kind == "missing"]
+        assert len(told) >= gone > 0 or len(told) == gone
+        assert all(f.sure is (times == 3) for f in told)
+
+
+@pytest.mark.parametrize("name", others_slow(["information--hospital--g1", ""], fast=1))
+def test_of_kinds_that_a_detector_does_not_know_nothing_is_missing(name: str) -> None:
+    listed, result = with_more(3, name, 12.0)
+    more = [f for f in result.findings if f.listed >= len(listed) - 8]
+    assert {f.kind for f in more} == {"unconfirmed"}
+    told, _ = doubts(result, passed(3)[0], listed, Path("list.csv"))
+    assert "8 entries are of kinds of which the drives found less than half" in " ".join(told)

@@ -6,6 +6,8 @@ import pytest
 
 from automap.export.osm_tags import traffic_sign_tags
 from automap.export.sign_columns import sign_columns
+from automap.signs.classes import load_classes
+from automap.signs.codes import classes_of, face_of
 from automap.signs.national import national_code, shown_value
 from tests.unit.export_inputs import sign
 
@@ -17,7 +19,13 @@ from tests.unit.export_inputs import sign
         ("regulatory--maximum-speed-limit-50--g1", "de", "DE:274-50"),
         # another variant of the same face
         ("regulatory--maximum-speed-limit-50--g3", "DE", "DE:274-50"),
-        ("regulatory--maximum-speed-limit-50--g1", "FR", None),
+        ("regulatory--maximum-speed-limit-50--g1", "US", "US:R2-1[50]"),
+        ("warning--curve-left--g2", "US", "US:W1-2L"),
+        # of the Vienna Convention where the country's is not known, and of its faces abroad
+        ("regulatory--maximum-speed-limit-50--g1", "FR", "VIENNA:C14[50]"),
+        ("information--hospital--g1", "AU", "VIENNA:E13A"),
+        ("regulatory--keep-left--g1", "PL", "VIENNA:D2"),
+        ("warning--curve-left--g2", "PL", None),
         ("regulatory--maximum-speed-limit-50--g1", None, None),
         ("regulatory--maximum-speed-limit-50--g1", "no country", None),
         ("somebody's own class", "AU", None),
@@ -49,6 +57,23 @@ def test_the_end_of_a_limit_is_none_on_the_map_of_roads() -> None:
         "regulatory--end-of-maximum-speed-limit-60--au", "AU"
     )
     assert traffic_sign_tags("regulatory--maximum-speed-limit-60--g1", "AU")["maxspeed"] == "60"
+
+
+def test_each_code_that_is_written_is_read_as_the_same_sign() -> None:
+    for where in ("DE", "AU", "US", "FR"):
+        told = {name: national_code(name, where) for name in load_classes()}
+        codes = {
+            name: code for name, code in told.items() if code and not code.endswith(("D1A", "D2"))
+        }
+        read = classes_of(list(codes.values()))
+        same = [face_of(a) == face_of(b or "") for a, b in zip(codes, read, strict=True)]
+        assert all(same), [c for c, ok in zip(codes.items(), same, strict=True) if not ok]
+    assert len(codes) > 40
+
+
+def test_the_map_of_roads_has_codes_of_countries_only() -> None:
+    assert traffic_sign_tags("regulatory--keep-left--g1", "AU") == {"traffic_sign": "yes"}
+    assert traffic_sign_tags("regulatory--stop--g1", "US")["traffic_sign"] == "US:R1-1"
 
 
 def test_columns_of_a_map_have_them() -> None:

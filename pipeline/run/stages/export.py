@@ -83,7 +83,7 @@ def _roads_file(drive: Drive, stated: str) -> Path | None:
 
 STAGE = Stage(
     name="export",
-    version=8,
+    version=9,
     run=run,
     inputs=_inputs,
     needs=(
