@@ -78,7 +78,7 @@ def antenna_position(
         out[a] = cl[a] + moving[a] * room[LATE, 0] + room[ADDED, a]
         h[a, P_ID + a] = 1.0
     attitude_columns(h, cl)
-    point_columns(h, codes, weights, now, room, c, 3)
+    point_columns(h, codes, weights, now, room, c)
     plain_columns(h, codes, weights, now, moving, out)
 
 
@@ -101,9 +101,6 @@ def antenna_velocity(
     S (v + C (omega x W' l)) + (a + C (omega x (omega x W' l))) d + b, with ``acc`` [3] m/s^2 NED
     over ground and S the factors on the components; what changes the course alone also acts with
     the delay of that. That a turn begins or ends within d is left out. Groves, section 14.3.
-
-    No row tells how high the antenna is: that moves as the body rolls and pitches on its springs,
-    which receivers' filters smooth away, and velocities without it would tell an arm of none.
     """
     work, matrix, g = room[WORK:], room[MATRIX : MATRIX + 3], room[SLOPE : SLOPE + 3]
     arm, swing, cv = work[0], work[1], work[2]
@@ -124,7 +121,7 @@ def antenna_velocity(
         g[a, 1] = c[a, 2] * rate[0] - c[a, 0] * rate[2]
         g[a, 2] = c[a, 0] * rate[1] - c[a, 1] * rate[0]
     attitude_columns(h, cv)
-    point_columns(h, codes, weights, now, room, g, 2)
+    point_columns(h, codes, weights, now, room, g)
     lengthen(h, room[LONGER])
     _across(whole, late, aside)
     for a in range(3):
@@ -191,7 +188,7 @@ def vehicle_velocity(
         h[i, PHI_ID] = b1 * vel[2] - b2 * vel[1]
         h[i, PHI_ID + 1] = b2 * vel[0] - b0 * vel[2]
         h[i, PHI_ID + 2] = b0 * vel[1] - b1 * vel[0]
-    point_columns(h, codes, weights, now, room, g, 3)
+    point_columns(h, codes, weights, now, room, g)
     turn_columns(h, codes, weights, now, room[AXES : AXES + 3], y)
     lengthen(h, room[LONGER])
     cross(room[SLIDE], y, slipped)

@@ -41,16 +41,14 @@ def point_columns(
     now: FloatArray,
     room: FloatArray,
     g: FloatArray,
-    told: int,
 ) -> None:
-    """Columns of what moves the measured point along the first ``told`` of the vehicle's axes, and
-    of the mounting that turns its arm, where ``g`` [3, 3] is the derivative by the arm along the
-    sensor's axes."""
+    """Columns of what moves the measured point, and of the mounting that turns its arm, where
+    ``g`` [3, 3] is the derivative by the arm along the sensor's axes."""
     seen, moved = room[WORK + 6], room[WORK + 7]
     swings = room[ARM, 0] != 0.0 or room[ARM, 1] != 0.0 or room[ARM, 2] != 0.0
     for m in range(codes.shape[0]):
         kind, a, j = codes[m, 1], codes[m, 2], N_NAV + codes[m, 0]
-        if kind == POINT and a < told:
+        if kind == POINT:
             for i in range(3):
                 moved[i] = room[MATRIX + a, i]
         elif kind == TURN and swings:

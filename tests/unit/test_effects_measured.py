@@ -214,17 +214,6 @@ def test_the_antenna_stays_on_the_vehicle_when_the_imu_is_turned(model: StateMod
         assert numeric == pytest.approx(row, abs=1e-6)
 
 
-def test_velocities_tell_an_arm_in_bends_and_never_its_height(model: StateModel) -> None:
-    """A receiver smooths the sway away by which they would; in the prediction it stays."""
-    errors: Values = {"gnss_lever_arm": {"x": 1.2, "y": 0.4, "z": -1.1}}
-    seen = _seen(errors, model, told=errors)
-    assert np.abs(seen.z[:, 3:6]).max() < 1e-3
-    forward, right, down = (seen.h[:, :6, model.index(f"gnss_lever_arm_{a}")] for a in "xyz")
-    assert np.abs(forward[:, 3:]).max() > 0.1 < np.abs(right[:, 3:]).max()
-    assert np.abs(down[:, 2]).min() > 0.9
-    assert not down[:, 3:].any()
-
-
 def test_data_are_older_than_their_tag() -> None:
     errors = {"gnss_latency": {"s": 0.1}, "gnss_velocity_latency": {"s": 0.05}}
     late = [distortion(errors, on, 2, lambda name: np.ones(2)).late for on in (POSITION, VELOCITY)]
