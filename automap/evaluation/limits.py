@@ -26,6 +26,12 @@ GATES_M = (1.0, 2.0, 3.0, 5.0, 6.0, 10.0)
 PAIR_GATE_M = 15.0
 """Errors, coverage and class accuracy are taken over the pairs within this distance."""
 
+# truths
+
+FAR_M = 30.0
+"""Where path and fixes are both this far off a truth it is rather another drive's or of another
+time. Chosen: half the distance of two crossings in a town, as for a path that is of no use."""
+
 # a receiver's delays
 
 GREATEST_DELAY_S, DELAY_STEP_S = 1.5, 0.02

@@ -26,7 +26,7 @@ from automap.fusion.nodes import FixModel, Shift, model_fixes
 from automap.fusion.options import FusionOptions
 from automap.fusion.passes import Basis, Pass, Session, basis_of, run_passes, without_readings
 from automap.fusion.problem import stored
-from automap.fusion.result import FusionResult, Prior, WheelResult, assemble, collect
+from automap.fusion.result import ARM_UP, FusionResult, Prior, WheelResult, assemble, collect
 from automap.fusion.screening import screen_fixes
 from automap.fusion.standstill import find_standstill, rest_gyro_bias, shown_speed, unmoved
 from automap.fusion.unread import over_holes
@@ -112,10 +112,15 @@ def fuse_imu_gnss(
     means = {DELAY_STATE: delay.mean}
     sds = {DELAY_STATE: delay.sd}
     effects = tuple(options.effects)
-    # a metre-grade receiver's own filter errs with every turn like an arm of its own
-    tells_arm = "gnss_lever_arm" in effects or _median_sd(model) < limits.ARM_TOLD_SD_M
-    if (tells_arm or lever_arm is not None) and "gnss_lever_arm" not in effects:
-        effects = (*effects, "gnss_lever_arm")
+    # a metre-grade receiver's own filter errs with every turn like an arm of its own, and all
+    # filters smooth the sway away by which velocities would tell how high the antenna is
+    arm_sd = np.zeros(3)
+    if "gnss_lever_arm" not in effects:
+        tells_arm = lever_arm is not None or _median_sd(model) < limits.ARM_TOLD_SD_M
+        arm_sd[2 if tells_arm else 0 :] = (
+            limits.UNKNOWN_ARM_SD_M if lever_arm is None else lever_arm_sd
+        )
+        effects = (*effects, "gnss_lever_arm") if tells_arm else effects
     age_sd = 0.0 if delay_is_clock else age_sd_of(fixes, clock, options)
     if delay.sd < limits.BETTER_KNOWN * age_sd and "gnss_latency" not in effects:
         # the stamps are known better than the age of the fixes, which looks like their delay
@@ -153,6 +158,8 @@ def fuse_imu_gnss(
             f"gnss_lever_arm_{a}": float(v) for a, v in zip("xyz", lever_arm, strict=True)
         }
         known_sds |= dict.fromkeys(known_means, lever_arm_sd)
+    if arm_sd[2]:
+        known_sds[ARM_UP] = limits.HELD_ARM_SD_M
     if not imu.axes_known:
         free = replace(options, effects=tuple(e for e in effects if e not in _NO_NHC))
         loose = replace(session, options=free)
@@ -199,7 +206,7 @@ def fuse_imu_gnss(
         warnings,
         axes_known,
         delay_is_clock,
-        lever_arm is None and not tells_arm,
+        arm_sd,
         age_sd,
     )
     return replace(result, wheels=_wheels_of(wheels, result, delay_is_clock))

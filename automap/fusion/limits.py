@@ -94,6 +94,8 @@ BETTER_KNOWN = 0.5
 most. Else it may be either's: readings of recorded cars are 0.05 and 0.16 s late, too."""
 STATED_ARM_SD_M = 0.05
 """An arm to the antenna that was measured with a tape, m."""
+HELD_ARM_SD_M = 1e-3
+"""Of what is not to be told, in the filter, m: a fiftieth of that."""
 MOST_ARM_M = 25.25
 """The longest road train that Directive 96/53/EC lets drive: a longer arm is in another unit."""
 

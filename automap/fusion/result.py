@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 
 import numpy as np
@@ -33,6 +33,8 @@ from automap.fusion.problem import Problem
 from automap.fusion.tuning import shown_at_least
 from automap.fusion.wheels import Wheels
 from automap.records import ClockModel, FloatArray, IntArray, Trajectory
+
+ARM_UP = "gnss_lever_arm_z"
 
 
 @dataclass(frozen=True)
@@ -137,6 +139,11 @@ def moved_imu(problem: Problem, final: Mapping[str, float]) -> FloatArray:
     return moved
 
 
+def _beside(history: ParameterHistory, up_sd: float) -> ParameterHistory:
+    """Parameters with the height of the antenna as unsure as it was before, ``up_sd`` m."""
+    return replace(history, sd=np.hypot(history.sd, up_sd * (np.array(history.names) == ARM_UP)))
+
+
 def assemble(
     session: Session,
     outcome: Outcome,
@@ -146,10 +153,10 @@ def assemble(
     warnings: list[str],
     axes_known: bool,
     delay_is_clock: bool,
-    unknown_arm: bool,
+    arm_sd: FloatArray,
     age_sd: float,
 ) -> FusionResult:
-    """The result of a drive's last pass; ``unknown_arm`` nobody knows where the antenna sits,
+    """The result of a drive's last pass; ``arm_sd`` [3] m what of the antenna's arm was not told,
     ``age_sd`` s what dates all fixes wrong, the rest as in ``fuse_imu_gnss``."""
     history = outcome.parameters
     final = dict(zip(history.names, history.values[-1], strict=True))
@@ -165,8 +172,7 @@ def assemble(
     total = turn @ mounting.matrix
 
     unseen = unseen_errors(outcome.nodes.stated_sd, session.options, outcome.shown)
-    if unknown_arm:
-        unseen = np.hypot(unseen, limits.UNKNOWN_ARM_SD_M)
+    unseen = np.hypot(unseen, arm_sd)
 
     make = partial(
         node_trajectory, outcome.problem, outcome.nodes,
@@ -180,8 +186,8 @@ def assemble(
         session.imu.t_ns,
         partial(make, states=outcome.smoothed, blend=True),
         partial(make, states=outcome.filtered, blend=False),
-        history,
-        outcome.filtered_parameters,
+        _beside(history, arm_sd[2]),
+        _beside(outcome.filtered_parameters, arm_sd[2]),
         outcome.innovations,
         delay,
         Mounting(total, matrix_to_rpy(total), sd),

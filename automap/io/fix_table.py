@@ -269,7 +269,9 @@ def _velocity(get: Callable[..., FloatArray]) -> tuple[FloatArray, FloatArray]:
     speed, course = get("speed", 0.0), get("course")
     if not np.nanmin(course, initial=0.0) < _UNKNOWN_COURSE:
         course = get("course", 0.0)
-    course = np.where(np.isnan(course) & (speed < STANDSTILL_SPEED), 0.0, course)
+    if np.isfinite(course).any():
+        # without any the velocities known would be those at rest, which look like a slow vehicle's
+        course = np.where(np.isnan(course) & (speed < STANDSTILL_SPEED), 0.0, course)
     north = np.where(np.isfinite(north), north, speed * np.cos(course))
     east = np.where(np.isfinite(east), east, speed * np.sin(course))
     along = get("speed_acc", 0.0)

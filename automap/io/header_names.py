@@ -166,6 +166,9 @@ def role_named(name: HeaderName, kind: TableKind) -> tuple[str, tuple[int, int]]
 def triad_axis(name: HeaderName) -> tuple[str, int, tuple[str, ...]] | None:
     """Of an inertial column: "g" or "a", axis 0 to 2, and the words that its triad shares."""
     words = [word for word in name.words if word not in words_of.NEUTRAL or word == "motion"]
+    if "force" in words:
+        # GForceX: no gyro's g, but the unit
+        words = [word for word in words if word != "g"]
     said = meaning(tuple(words), "imu").ideas
     for axis, turn in enumerate(("roll", "pitch", "yaw")):
         if turn in said:

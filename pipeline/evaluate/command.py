@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -9,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from automap.errors import AutoMapError, InputError
+from automap.evaluation import limits
 from automap.evaluation.reference import contradiction
 from automap.evaluation.sign_matching import points_of, summarise_signs
 from automap.evaluation.trajectory_errors import (
@@ -91,13 +93,28 @@ def _evaluate_trajectory(out: Path, truth_path: Path, drive_dir: Path) -> dict[s
     result = summarise_trajectory(errors)
     if told := contradiction(truth, errors):
         warnings.append(f"{truth_path}: {told}.")
-    if warnings:
-        result["warnings"] = warnings
     if (out / names.FIXES).is_file():
         raw = _raw_errors(read_fixes(out / names.FIXES), truth, estimate, drive_dir)
         if len(raw):
             result["raw_position_rms_m"] = position_rms(raw)
+            if far := _far_off(result):
+                warnings.append(f"{truth_path}: {far}.")
+    if warnings:
+        result["warnings"] = warnings
     return result
+
+
+def _far_off(result: Mapping[str, Any]) -> str | None:
+    """A sentence where path and fixes agree, and not with the truth."""
+    told = ("position_rms_m", "raw_position_rms_m")
+    path, fixes = (result[name]["horizontal"] or 0.0 for name in told)
+    if min(path, fixes) < limits.FAR_M:
+        return None
+    return (
+        f"path and fixes both lie far off the truth, {path:.0f} and {fixes:.0f} m: check that it "
+        "is of this drive, that its gps_s are GPS seconds (18 s more than those of UTC), and its "
+        "columns lat_deg and lon_deg"
+    )
 
 
 def _raw_errors(

@@ -30,13 +30,13 @@ def is_slow(fixes: Fixes) -> bool:
     t, speed = fixes.gps_s[good], np.hypot(fixes.vel_ned[good, 0], fixes.vel_ned[good, 1])
     if len(t) < 2:
         return True
-    if not np.isfinite(speed).any():
-        last = np.minimum(np.searchsorted(t, t + _WINDOW_S), len(t) - 1)
-        lat, lon = fixes.lat_rad[good], fixes.lon_rad[good]
-        north, east = lat[last] - lat, (lon[last] - lon) * np.cos(lat)
-        away = MEAN_RADIUS * np.hypot(north, east)
-        with np.errstate(invalid="ignore", divide="ignore"):
-            speed = away / (t[last] - t)
+    last = np.minimum(np.searchsorted(t, t + _WINDOW_S), len(t) - 1)
+    lat, lon = fixes.lat_rad[good], fixes.lon_rad[good]
+    north, east = lat[last] - lat, (lon[last] - lon) * np.cos(lat)
+    away = MEAN_RADIUS * np.hypot(north, east)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        # of speeds without a course velocities are known at rest alone
+        speed = np.where(np.isfinite(speed), speed, away / (t[last] - t))
     fast = float(np.count_nonzero(speed > MOUNTING_SPEED)) * float(np.median(np.diff(t)))
     return fast < _ENOUGH * MOUNTING_MOVING_S
 

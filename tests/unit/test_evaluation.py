@@ -13,7 +13,7 @@ from geolocation_scene import ORIGIN, drive_path
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from automap.earth import from_local_ned
+from automap.earth import from_local_ned, local_ned
 from automap.errors import ConfigError, InputError
 from automap.evaluation.sign_matching import match, summarise_signs
 from automap.evaluation.trajectory_errors import (
@@ -22,8 +22,10 @@ from automap.evaluation.trajectory_errors import (
     summarise_trajectory,
     trajectory_errors,
 )
+from automap.frames import rpy_to_matrix
 from automap.interpolation import poses_at
 from automap.io import names
+from automap.io.tables import write_fixes
 from automap.io.trajectory_table import to_columns, write_trajectory
 from automap.records import NO_TIME, Fixes, SignPoints, Trajectory
 from pipeline.evaluate.command import evaluate_run
@@ -146,19 +148,13 @@ def test_epochs_without_an_estimate_are_counted() -> None:
     assert errors.span_s == pytest.approx(19.99)
 
 
-def test_raw_fixes_are_reduced_by_the_lever_arm() -> None:
-    path = drive_path()
-    rows = np.arange(0, 4000, 100)
-    arm = np.array([2.0, 0.0, 0.0])
-    from automap.frames import rpy_to_matrix
-
+def fixes_of(path: Trajectory, rows: np.ndarray, arm: np.ndarray) -> Fixes:
+    """Fixes of an antenna ``arm`` [3] m from the path, the first of which is none."""
     offset = rpy_to_matrix(path.rpy[rows]) @ arm
-    from automap.earth import local_ned
-
     place = local_ned(path.lat_rad[rows], path.lon_rad[rows], path.height_m[rows], ORIGIN)
     lat, lon, height = from_local_ned(place + offset, ORIGIN)
     n = len(rows)
-    fixes = Fixes(
+    return Fixes(
         gps_s=path.gps_s[rows],
         lat_rad=lat,
         lon_rad=lon,
@@ -173,6 +169,13 @@ def test_raw_fixes_are_reduced_by_the_lever_arm() -> None:
         offset=np.zeros(n, np.int64),
         arrival_ns=np.full(n, NO_TIME),
     )
+
+
+def test_raw_fixes_are_reduced_by_the_lever_arm() -> None:
+    path = drive_path()
+    rows = np.arange(0, 4000, 100)
+    arm = np.array([2.0, 0.0, 0.0])
+    n, fixes = len(rows), fixes_of(path, rows, arm)
     error = raw_fix_errors(fixes, path, arm)
     assert len(error) == n - 1  # the epoch without a fix is not one
     assert np.abs(error).max() < 1e-3
@@ -325,6 +328,19 @@ def test_evaluate_writes_what_it_returns(run_folder: Path) -> None:
     assert result["signs"]["gates"]["2"] == {"recall": 0.5, "precision": 0.5}
     assert result["signs"]["coverage95"] == 0.5
     assert evaluate_run(run_folder, truth_sd=3.0)["signs"]["coverage95"] == 1.0
+
+
+def test_a_truth_of_another_place_is_told(run_folder: Path) -> None:
+    fixes = fixes_of(drive_path(), np.arange(0, 4000, 100), np.zeros(3))
+    write_fixes(run_folder / names.FIXES, fixes)
+    assert "warnings" not in evaluate_run(run_folder)
+    truth = run_folder.parent / names.TRUTH_DIR / names.TRUTH_TRAJECTORY
+    header, *lines = truth.read_text().splitlines()
+    moved = [line.split(",") for line in lines]
+    moved = [[t, str(float(lat) + 1e-3), lon, height] for t, lat, lon, height in moved]
+    truth.write_text("\n".join([header, *(",".join(cells) for cells in moved)]) + "\n")
+    (told,) = evaluate_run(run_folder)["warnings"]
+    assert "path and fixes both lie far off the truth, 111 and 111 m: check that it is" in told
 
 
 def test_evaluate_finds_the_drive_by_the_run_record(run_folder: Path, tmp_path: Path) -> None:

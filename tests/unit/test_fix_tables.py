@@ -190,6 +190,19 @@ def test_speeds_without_a_unit_are_those_of_the_positions(
     np.testing.assert_allclose(stated.fixes.vel_ned[:, 0], 12.0 * factor, rtol=1e-3)
 
 
+@pytest.mark.parametrize(("courses", "known"), [(False, 0), (True, 20)])
+def test_rests_alone_tell_no_velocity(tmp_path: Path, courses: bool, known: int) -> None:
+    """Of speeds without a course those at rest would be the only ones known."""
+    lines = [
+        f"{UNIX_S + k},{48.0 + 1e-4 * max(k - 9, 0):.7f},11.0,{0.0 if k < 10 else 11.1}"
+        + (f",{'' if k < 10 else 0}" if courses else "")
+        for k in range(20)
+    ]
+    header = "time,lat,lon,speed" + (",course" if courses else "")
+    found = read_fix_table(_write(tmp_path, header + "\n" + "\n".join(lines) + "\n"))
+    assert np.count_nonzero(np.isfinite(found.fixes.vel_ned[:, 0])) == known
+
+
 @pytest.mark.parametrize("swapped", [False, True])
 @pytest.mark.parametrize("place", [(-35.0, 149.0), (48.0, 11.0)])
 def test_latitudes_and_longitudes_in_each_other_s_columns(

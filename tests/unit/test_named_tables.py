@@ -189,6 +189,7 @@ def test_other_columns_are_no_fixes(name: str) -> None:
         ("UncalAccelXMps2", "a"),
         ("linear_acceleration.y", "a"),
         ("acc_x_g", "a"),
+        ("GForceX", "a"),
         ("motionUserAccelerationX(G)", None),
         ("motionGravityX(G)", None),
         ("angular_acceleration_x", None),
