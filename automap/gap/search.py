@@ -218,7 +218,7 @@ class Search:
         for name in chosen.names:
             best, instead = limits.CLOSE_NATS, None
             for form in self.screening.forms(here, selection, chosen, name):
-                self.screening.refinements, selection.candidates = map(dict, known)
+                self.screening.refinements, selection.candidates = dict(known[0]), dict(known[1])
                 its = self.screening.in_form(here, selection, chosen, name, *form)
                 fitted = self.screening.states(here, selection, its)
                 of_vehicle = selection.of_vehicle(chosen, {name})
