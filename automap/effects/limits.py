@@ -12,6 +12,9 @@ own 0.1; drives of two other days have 0.17 and 0.40. A camber of 2 % alone make
 MOVING_SPEED = 0.5
 """m/s; a vehicle that stands has no direction of travel: an offset of speeds has half of its size
 at half of this. Chosen: below a walking pace, ten times what phones tell of a car that stands."""
+AROUND_S = 0.3
+"""s; for so long before and after a fix others tell where it travels: both sides of a turn err
+alike, and what the quickest begins to turn within is hundredths of a rad (0.5 rad/s^2)."""
 REFERENCE_C = 25.0
 """A temperature that nobody measured: data sheets state their figures at it."""
 FORCE_S = 0.05

@@ -11,6 +11,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from automap.effects.limits import (
+    AROUND_S,
     BLEND_S,
     COURSE_SPEED,
     FORCE_S,
@@ -169,7 +170,16 @@ def _shown(
     if len(fix_time) < 2:
         fix_time, fix_vel = time[[0, -1]], np.zeros((2, 3))
     speed = np.interp(time, fix_time, np.linalg.norm(fix_vel, axis=1))
-    return speed, np.interp(time, fix_time, _course(fix_vel))
+    return speed, np.interp(time, fix_time, _course(_around(fix_time, fix_vel)))
+
+
+def _around(time: FloatArray, vel: FloatArray) -> FloatArray:
+    """Mean velocity [m, 3] of the fixes for ``AROUND_S`` before and after each, of one at least,
+    without its own: along a direction that its noise had a say in a velocity is too long."""
+    count = max(round(AROUND_S / max(float(np.median(np.diff(time))), LEAST_STEP_S)), 1)
+    at, sums = np.arange(len(vel)), np.concatenate([np.zeros((1, 3)), np.cumsum(vel, axis=0)])
+    first, last = np.maximum(at - count, 0), np.minimum(at + count, len(vel) - 1)
+    return np.asarray((sums[last + 1] - sums[first] - vel) / (last - first)[:, None])
 
 
 def _travel(speed: FloatArray, heading: FloatArray) -> FloatArray:

@@ -27,6 +27,8 @@ from automap.gap.result import equation
 Terms = tuple[tuple[str, str], ...]
 STEPS = 3
 """So many steps a formula may be away from the one that was found; bounds the time."""
+FORMS = 3
+"""So many of the likeliest at a step are asked of the filter; bounds the time."""
 
 
 @dataclass(frozen=True)
@@ -40,31 +42,35 @@ class About:
     of: Callable[[Sequence[Terms]], ColumnsOf]
 
 
-def nearby(about: About, signals: Signals, terms: Terms) -> tuple[Terms, int]:
-    """The likeliest of the formulas near one of a single term, step by step, and out of how many.
-    Another form pays for all that are tried, an amount that moves does not: those near it say much
-    the same."""
+def nearby(about: About, signals: Signals, terms: Terms) -> list[tuple[Terms, int]]:
+    """Formulas near one of a single term, and out of how many each is the likeliest: those that are
+    reached step by step, and at each step the likeliest. Another form pays for all that are tried,
+    an amount that moves does not: those near it say much the same."""
     ((on, text),) = terms
+    found: dict[str, int] = {}
     count = 1
 
-    def best(others: Sequence[str], price: float) -> str:
-        every: list[Terms] = [((on, t),) for t in (text, *others)]
-        return likeliest(about, every, price)[0][1] if others else text
+    def single(texts: Sequence[str], price: float) -> list[str]:
+        return [t for ((_, t),) in ranked(about, [((on, t),) for t in texts], price)]
 
     for _ in range(STEPS):
-        text = best(amounts(text), 0.0)
+        text = single([text, *amounts(text)], 0.0)[0]
         forms = neighbours(text, signals)
-        other = best(forms, math.log(len(forms)))
-        if other == text:
+        every = single([text, *forms], math.log(len(forms)))
+        found[text] = count
+        count += len(forms)
+        for other in every[:FORMS]:
+            found.setdefault(other, count)
+        if every[0] == text:
             break
-        text, count = other, count + len(forms)
-    return ((on, text),), count
+        text = every[0]
+    return [(((on, t),), choices) for t, choices in found.items() if t != terms[0][1]]
 
 
-def likeliest(about: About, tried: Sequence[Terms], price: float = 0.0) -> Terms:
-    """The formula that explains most: the first that is ``tried``, but where another is likelier.
-    Where there is a ``price`` that one must be likelier by so many nats, both beside the same
-    scatter, and told apart."""
+def ranked(about: About, tried: Sequence[Terms], price: float = 0.0) -> list[Terms]:
+    """Formulas, the likeliest first. Where there is a ``price`` that is the first that is
+    ``tried``, but where another is likelier by so many nats, both beside the same scatter, and told
+    apart."""
     linear = linearised(about.fits, about.of(tried), about.known)
     asked = {equation(terms) for terms in tried}
     parts: dict[str, list[int]] = {}
@@ -76,19 +82,16 @@ def likeliest(about: About, tried: Sequence[Terms], price: float = 0.0) -> Terms
             parts.setdefault(column.effect, []).append(i)
     known = conditional(linear, given)
     every = [tuple(part) for part in parts.values()]
-    if not every:
-        return tried[0]
-    nats = nats_of_parts(known, every)
-    best = int(np.argmax(nats))
-    its = {tuple(linear.layout[i].term for i in part): part for part in every}
-    first = its.get(tried[0], every[best])
-    if price > 0.0 and first != every[best]:
-        mine, other = evidence(known, first), evidence(known, every[best])
+    order = np.argsort(-nats_of_parts(known, every), kind="stable")
+    its = {tuple(linear.layout[i].term for i in every[k]): every[k] for k in order}
+    out = list(its) or [tried[0]]
+    if price > 0.0 and tried[0] in its and out[0] != tried[0]:
+        mine, other = evidence(known, its[tried[0]]), evidence(known, its[out[0]])
         ratio = min(mine.overdispersion, other.overdispersion)
         gain = other.corrected(ratio) - mine.corrected(ratio)
-        if gain <= price or apart(known, every[best], first) <= limits.APART:
-            return tried[0]
-    return tuple(linear.layout[i].term for i in every[best])
+        if gain <= price or apart(known, its[out[0]], its[tried[0]]) <= limits.APART:
+            out = [tried[0], *(t for t in out if t != tried[0])]
+    return out
 
 
 WIDER = 4.0
@@ -170,7 +173,12 @@ def _forms(factor: ast.expr, signals: Signals) -> list[str]:
     sizes = [float(f"{b * size:.2g}") for b in BENDS]
     out = [inner, f"{inner}^2", f"{inner}^3", *(f"tanh({inner} / {a})" for a in sizes)]
     if value.min() < 0.0 < value.max():
-        out += [f"abs({inner})", f"max({inner}, 0)", f"min({inner}, 0)"]
+        out += [
+            f"abs({inner})",
+            f"({inner} * abs({inner}))",
+            f"max({inner}, 0)",
+            f"min({inner}, 0)",
+        ]
         out += [f"({inner} - min(max({inner}, -{a}), {a}))" for a in sizes[:2]]
     elif value.min() >= 0.0:
         out += [f"sqrt({inner})", *(f"(1 / max({inner}, {a}))" for a in sizes)]

@@ -33,7 +33,7 @@ from automap.gap.dictionary import (
     warm,
 )
 from automap.gap.fit import CONSTANTS, ORIGIN, SKEW, Fit, fit_drive
-from automap.gap.forms import About, Terms, likeliest, nearby
+from automap.gap.forms import About, Terms, nearby, ranked
 from automap.gap.linear import (
     Column,
     ColumnsOf,
@@ -133,33 +133,33 @@ class Screening:
                 continue
             self.log(f"refining {name}")
             about = self._about(here, [n for n in chosen.names if n != name])
-            best = likeliest(about, [candidate.terms, *finer])
+            best = ranked(about, [candidate.terms, *finer])[0]
             if lasts(best, length):
-                chosen = self._in_form(here, selection, chosen, name, best, 1.0)
+                chosen = self.in_form(here, selection, chosen, name, best, 1.0)
             else:
                 brief += [selection.key(n, part) for n, part, _ in chosen.parts if n == name]
                 chosen = chosen.without(name)
         return chosen, brief
 
-    def formed(self, here: Fitted, selection: Selection, chosen: Chosen) -> Chosen:
-        """The choice with each other formula in the form near it that fits best. Asked where
+    def forms(
+        self, here: Fitted, selection: Selection, chosen: Chosen, name: str
+    ) -> list[tuple[Terms, float]]:
+        """The likeliest forms near a formula of the choice, and out of how many each. Asked where
         nothing can be added any more: before, it follows what else is missing."""
-        for name in chosen.names:
-            candidate = selection.candidates[name]
-            seed = self.seed(name)
-            if len(candidate.terms) != 1 or self.asked[seed] >= limits.TRIALS:
-                continue
-            ((on, _),) = candidate.terms
-            if left_out_effect(on) is not None or follows_time(candidate.terms):
-                continue
-            self.log(f"looking for the form of {name}")
-            self.asked[seed] += 1
-            about = self._about(here, [n for n in chosen.names if n != name])
-            best, tried = nearby(about, self.signals, candidate.terms)
-            if best != candidate.terms:
-                choices = candidate.choices * tried
-                chosen = self._in_form(here, selection, chosen, name, best, choices)
-        return chosen
+        candidate, seed = selection.candidates[name], self.seed(name)
+        if len(candidate.terms) != 1 or self.asked[seed] >= limits.TRIALS:
+            return []
+        if left_out_effect(candidate.terms[0][0]) or follows_time(candidate.terms):
+            return []
+        self.log(f"looking for the form of {name}")
+        self.asked[seed] += 1
+        about = self._about(here, [n for n in chosen.names if n != name])
+        near = nearby(about, self.signals, candidate.terms)
+        return [
+            (terms, candidate.choices * tried)
+            for terms, tried in near
+            if equation(terms) not in chosen.names
+        ]
 
     def seed(self, name: str) -> str:
         """The formula that a candidate is another form of, itself where it is none."""
@@ -184,7 +184,7 @@ class Screening:
 
         return About(fits, known, rest, of)
 
-    def _in_form(
+    def in_form(
         self,
         here: Fitted,
         selection: Selection,

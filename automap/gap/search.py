@@ -184,8 +184,8 @@ class Search:
             idle = Chosen(tuple(p for p in found.parts if p not in fewer.parts))
             self._bar(selection.alike(idle))
             return fewer
-        formed = found if ending else self.screening.formed(here, selection, found)
-        if formed != found:
+        formed = None if ending else self._formed(here, selection, found)
+        if formed is not None:
             return formed
         rival = None if ending else self._decided(here, selection, found)
         if rival is not None:
@@ -210,6 +210,26 @@ class Search:
             self._bar(selection.key(name, part) for part in selection.candidates[name].parts)
             found = found.without(name)
         return found
+
+    def _formed(self, here: Fitted, selection: Selection, chosen: Chosen) -> Chosen | None:
+        """The choice with a formula in the form near it with which all drives are likeliest by the
+        filter itself: where a linear model says nearly the same of two, it is off by more."""
+        known = self.screening.refinements, selection.candidates
+        for name in chosen.names:
+            best, instead = limits.CLOSE_NATS, None
+            for form in self.screening.forms(here, selection, chosen, name):
+                self.screening.refinements, selection.candidates = dict(known[0]), dict(known[1])
+                its = self.screening.in_form(here, selection, chosen, name, *form)
+                fitted = self.screening.states(here, selection, its)
+                of_vehicle = selection.of_vehicle(chosen, {name})
+                ahead, _ = self.judge.ahead(fitted, here, of_vehicle)
+                ahead += selection.log_prior(its) - selection.log_prior(chosen)
+                if ahead > best:
+                    best, instead = ahead, form
+            self.screening.refinements, selection.candidates = known
+            if instead is not None:
+                return self.screening.in_form(here, selection, chosen, name, *instead)
+        return None
 
     def _beyond_drift(self, here: Fitted, selection: Selection, found: Chosen) -> Chosen:
         """The set less what acts on a sensor and is worth less than a name beyond what drift says:

@@ -154,6 +154,55 @@ def _speed_bias(rng: Rng, seconds: float) -> Outside:
     )  # fmt: skip
 
 
+def _scale_warm(rng: Rng, seconds: float) -> Outside:
+    return Outside(
+        "gyro_scale_warm", "gyro_z", "its scale grows by {} for each kelvin since the start",
+        INERTIAL, ("turn", "time"), 1e-6, 1e-2, "1/K",
+        on("gyro_z", lambda s: s.rate[:, 2] * (s.temp_c - s.temp_c[0])),
+    )  # fmt: skip
+
+
+def _starter(rng: Rng, seconds: float) -> Outside:
+    axis, tau = any_axis(rng, "accel", "xy"), float(rng.uniform(4.0, 12.0))
+
+    def since_halt(s: Signals) -> Array:
+        stands = s.state.speed < DEAD_SPEED
+        last = np.maximum.accumulate(np.where(stands, s.t, s.t[0] - 1e3))
+        return np.exp(-(s.t - last) / tau)
+
+    return Outside(
+        "accel_sags_at_halts", axis, f"errs by {{}} at halts, which fades within {tau:.0f} s",
+        INERTIAL, ("time", "speed", "acceleration"), 5e-4, 0.5, "m/s^2", on(axis, since_halt),
+    )  # fmt: skip
+
+
+def _stretched(rng: Rng, seconds: float) -> Outside:
+    def position(motion: Motion, t: Array) -> Array:
+        def moved(state: State, step_s: float) -> Array:
+            # what the velocity sums up to, near enough to the way from the start
+            way = np.cumsum(state.vel_ned, axis=0) * step_s
+            way[:, 2] = 0.0
+            return np.asarray(way)
+
+        return over_drive(motion, t, moved)
+
+    return Outside(
+        "position_stretched", "position", "is off by {} of the way from the start",
+        POSITION[:2] + VELOCITY[:2], ("time", "speed"), 1e-5, 0.02, "of it",
+        fixes(position=position),
+    )  # fmt: skip
+
+
+def _cross_lagged(rng: Rng, seconds: float) -> Outside:
+    axis, tau = any_axis(rng, "accel", "xy"), float(rng.uniform(0.5, 3.0))
+    other = 1 - "xyz".index(axis[-1])
+    return Outside(
+        "accel_cross_lagged", axis, f"takes in {{}} of the force beside it, {tau:.1f} s late",
+        INERTIAL, ("acceleration", "turn"), 1e-4, 0.5, "of the force",
+        on(axis, lambda s: lagged(s.force[:, other], tau, STEP_S)),
+    )  # fmt: skip
+
+
 SLOW: Mapping[str, Maker] = {
     "antenna_creeps": _antenna_creeps,
     "mount_sags_warm": _sags_warm,
@@ -165,4 +214,8 @@ SLOW: Mapping[str, Maker] = {
     "course_of_compass": _compass,
     "accel_engine_orders": _engine_orders,
     "gyro_bias_with_speed": _speed_bias,
+    "gyro_scale_warm": _scale_warm,
+    "accel_sags_at_halts": _starter,
+    "position_stretched": _stretched,
+    "accel_cross_lagged": _cross_lagged,
 }

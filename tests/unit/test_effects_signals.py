@@ -24,6 +24,7 @@ from automap.effects.camera_kernels import (
 )
 from automap.effects.camera_user import depends_on_the_drive, drift, user_columns
 from automap.effects.path_signals import PathSignals, path_signals
+from automap.effects.signals import travel_of_fixes
 from automap.effects.term_sums import AXES, MATRIX, SIGNAL_ONE, new_room, sum_terms
 from automap.effects.term_sums import TURN as TERM_TURN
 from automap.effects.user import set_user_effects
@@ -264,3 +265,13 @@ def test_a_matrix_follows_every_angle_that_changes() -> None:
             )
             turned = Rotation.from_rotvec(1e-6 * axis).as_matrix() @ matrix
             np.testing.assert_allclose(turned, moved.as_matrix(), atol=1e-11)
+
+
+def test_the_noise_of_a_velocity_has_no_say_in_the_direction_that_it_is_asked_along() -> None:
+    rng, t = np.random.default_rng(23), 0.1 * np.arange(20_000)
+    noise = np.column_stack([rng.normal(0.0, 0.3, (len(t), 2)), np.zeros(len(t))])
+    direction = travel_of_fixes(t, t, np.array([2.0, 1.0, 0.0]) + noise)
+    np.testing.assert_allclose(direction.mean(axis=1), [0.89, 0.45], atol=0.02)
+    # else 0.04 m/s, half of the square of the noise over the speed and more
+    along = np.sum(noise[:, :2] * direction.T, axis=1)
+    assert abs(along.mean()) < 3.0 * along.std() / np.sqrt(len(t))

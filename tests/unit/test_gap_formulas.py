@@ -87,8 +87,8 @@ def test_an_axis_that_hangs_behind_is_told_with_its_play() -> None:
     chosen = select(selection, Chosen(), 1)
     assert chosen.names == ("accel_y += k * (force_y - play(force_y, 0.5))",)
     assert search.refined(search.base, selection, chosen) == (chosen, [])
-    (name,) = search.formed(search.base, selection, chosen).names
-    (width,) = re.findall(r", ([\d.]+)\)", name)
+    ((_, text),), _ = search.forms(search.base, selection, chosen, *chosen.names)[0]
+    (width,) = re.findall(r", ([\d.]+)\)", text)
     assert float(width) == pytest.approx(0.8, rel=0.2)
 
 
@@ -105,8 +105,8 @@ def test_a_course_that_hangs_behind_is_told_with_its_play() -> None:
     selection = search.selection(search.base, False)
     chosen = select(selection, Chosen(), 1)
     assert chosen.names == ("velocity_across += k * (speed * (heading - play(heading, 0.01)))",)
-    finer = search.formed(search.base, selection, chosen)
-    (width,) = re.findall(r", ([\d.]+)\)", finer.names[0])
+    ((_, text),), _ = search.forms(search.base, selection, chosen, *chosen.names)[0]
+    (width,) = re.findall(r", ([\d.]+)\)", text)
     # the noise of fixes, 3 mrad at 15 m/s, moves a held course on before the car has turned so far
     assert float(width) == pytest.approx(0.02, rel=0.5)
 

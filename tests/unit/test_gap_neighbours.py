@@ -32,6 +32,7 @@ def test_a_factor_is_bent_remembered_one_sided_and_left_out(signals: Signals) ->
         assert text in near
     # a speed has one sign
     assert not any("abs(speed)" in text for text in near)
+    assert "(rate_z * abs(rate_z))" in neighbours("rate_z^3", signals)
     assert "abs(rate_z) * speed" in neighbours("abs(rate_z)", signals)
 
 

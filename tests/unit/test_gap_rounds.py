@@ -189,3 +189,30 @@ def test_of_two_that_do_the_same_one_is_borne_out_where_either_would_do(strength
     out = screening.not_borne_out(cast("Fitted", here), selection, chosen)
     assert len(out) == (1 if strength > 4.0 else 2)
     assert "formula_accel_z" in out
+
+
+@pytest.mark.parametrize(
+    ("ahead", "told"),
+    [({"cubed": -18.0, "squared": 12.0}, "squared"), ({"cubed": 2.0, "squared": 1.0}, None)],
+)
+def test_of_forms_that_say_much_the_same_the_filter_tells_one(
+    ahead: dict[str, float], told: str | None
+) -> None:
+    asked = Asked()
+    # the linear model has them the other way round
+    asked.screening = cast(
+        "Screening",
+        SimpleNamespace(
+            refinements={},
+            forms=lambda here, selection, chosen, name: [((("gyro_z", f),), 1.0) for f in ahead],
+            in_form=lambda here, selection, chosen, name, terms, choices: Chosen(
+                ((terms[0][1], (0,), 1.0),)
+            ),
+            states=lambda here, selection, chosen: chosen.names[0],
+        ),
+    )
+    asked.judge = cast(
+        "Judge", SimpleNamespace(ahead=lambda one, other, of_vehicle: (ahead[one], 1.0))
+    )
+    formed = asked._formed(HERE, SELECTION, Chosen((("linear", (0,), 1.0),)))
+    assert (formed and formed.names[0]) == told
