@@ -61,7 +61,8 @@ def offset_doubts(
         return Reason(code, text, error_m=size, state=state)
 
     apart = 2.0 * alternation(at, options, levels)
-    if apart:
+    # no two antennas are nearer: what is, a receiver that moves its fixes on between some makes
+    if apart > limits.STATED_ARM_SD_M:
         # two receivers tell little of how far their mean is off; and beside what goes to and fro,
         # which no white noise is, a drive shows too little of what lasts
         yield Reason(
@@ -216,16 +217,16 @@ def linear_fit(y: FloatArray, design: FloatArray, p: int) -> tuple[FloatArray, F
     covariance, robustly; None of what is not finite."""
     if not (np.isfinite(y).all() and np.isfinite(design).all()):
         return None
-    scale = np.sqrt((design**2).sum(axis=0)) + 1e-9
-    scaled = np.asarray(design / scale)
-    weight, value = np.ones(len(y)), np.zeros(scaled.shape[1])
+    # a long drive's columns are large: none is copied but for its weights
+    scale = np.sqrt(np.einsum("ij,ij->j", design, design)) + 1e-9
+    weight, value = np.ones(len(y)), np.zeros(len(scale))
     rest: FloatArray = y
-    normal: FloatArray = np.eye(scaled.shape[1])
+    normal: FloatArray = np.eye(len(scale))
     for _ in range(SLOPE_ROUNDS):
-        weighed = scaled * weight[:, None]
-        normal = np.linalg.pinv(weighed.T @ scaled)
-        value = normal @ (weighed.T @ y)
-        rest = y - scaled @ value
+        weighed = design * weight[:, None]
+        normal = np.linalg.pinv(weighed.T @ design / np.outer(scale, scale))
+        value = normal @ ((weighed.T @ y) / scale)
+        rest = y - design @ (value / scale)
         weight = cauchy_weight((rest / max(sd_by_median(rest), 1e-9)) ** 2)
     # a filter that is less sure than it might be proves nothing
     spread = max(float((weight * rest**2).sum() / weight.sum()), 1.0)

@@ -157,9 +157,7 @@ def _beside_witness(seen: Places) -> _Found:
     """By a parabola, of attitudes and starts that nobody knows, through the differences between
     positions and witness some seconds before and after."""
     before, half = _between(seen)
-    parts = np.array_split(before, len(before) // limits.STEP_BATCH + 1)
-    found = [_jumps(seen, part, half, 2) for part in parts]
-    jump, least, sd = (np.concatenate(values) for values in zip(*found, strict=True))
+    jump, least, sd = _jumps(seen, before, half, 2)
     usual = sd_by_median(jump.ravel()) if len(jump) else 0.0
     return before, jump, least, seen.slack[before], np.hypot(usual, sd)
 
@@ -189,6 +187,16 @@ def _jumps(
     """Jumps [k, 2] m behind the fixes ``before`` [k] in a curve of ``power`` through ``half`` fixes
     before and after, how much of each is left at least without any one fix [k], and the sigma of
     either side against the other, by the worst fix [k]."""
+    parts = np.array_split(before, len(before) // limits.STEP_BATCH + 1)
+    found = [_jumps_of(seen, part, half, power) for part in parts]
+    jump, least, sd = (np.concatenate(values) for values in zip(*found, strict=True))
+    return jump, least, sd
+
+
+def _jumps_of(
+    seen: Places, before: IntArray, half: int, power: int
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """As ``_jumps``, of all at once."""
     rows = before[:, None] + np.arange(1 - half, half + 1)
     t = seen.t[rows] - 0.5 * (seen.t[before] + seen.t[before + 1])[:, None]
     felt = seen.felt[rows] - seen.felt[before, None]
