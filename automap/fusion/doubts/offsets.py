@@ -224,7 +224,7 @@ def linear_fit(y: FloatArray, design: FloatArray, p: int) -> tuple[FloatArray, F
     normal: FloatArray = np.eye(len(scale))
     for _ in range(SLOPE_ROUNDS):
         weighed = design * weight[:, None]
-        normal = np.linalg.pinv(weighed.T @ design / np.outer(scale, scale))
+        normal = np.asarray(np.linalg.pinv(weighed.T @ design / np.outer(scale, scale)))
         value = normal @ ((weighed.T @ y) / scale)
         rest = y - design @ (value / scale)
         weight = cauchy_weight((rest / max(sd_by_median(rest), 1e-9)) ** 2)
