@@ -158,8 +158,9 @@ def fuse_imu_gnss(
             f"gnss_lever_arm_{a}": float(v) for a, v in zip("xyz", lever_arm, strict=True)
         }
         known_sds |= dict.fromkeys(known_means, lever_arm_sd)
-    if arm_sd[2]:
-        known_sds[ARM_UP] = limits.HELD_ARM_SD_M
+        # one that is held at what is wrong by half a metre would bend delays and the arm's others
+        if arm_sd[2]:
+            known_sds[ARM_UP] = limits.HELD_ARM_SD_M
     if not imu.axes_known:
         free = replace(options, effects=tuple(e for e in effects if e not in _NO_NHC))
         loose = replace(session, options=free)

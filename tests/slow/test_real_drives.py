@@ -123,7 +123,9 @@ def test_the_antenna_is_where_it_was_mounted(rtk: Path) -> None:
     table = read_table(rtk / "imu_errors.parquet", COLUMNS)
     arm = np.array([floats(table, name)[-1] for name in COLUMNS])
     sd = np.array([floats(table, f"sd_{name}")[-1] for name in COLUMNS])
-    assert np.all(sd < 0.05)
+    # how high it is velocities do not tell, from which the sway of the body is smoothed away
+    assert np.all(sd[:2] < 0.05)
+    assert sd[2] == pytest.approx(0.5, abs=0.01)
     assert np.all(np.abs(arm - [0.0, -0.05, 0.0]) < 3.0 * sd)
 
 
@@ -135,8 +137,11 @@ def test_its_twins_tell_delay_and_antenna_as_well_as_they_say(rtk: Path, tmp_pat
     assert np.count_nonzero(np.abs(sigmas) > 3.0) <= 2
     # a mean square of twenty: once in a thousand times beyond either bound
     sizes = np.mean(sigmas**2, axis=0)
-    assert np.all((sizes > 0.3) & (sizes < 2.27))
-    assert 5.0 < np.mean([score.nees for score in scores]) < 13.0
+    assert np.all((sizes[:3] > 0.3) & (sizes[:3] < 2.27))
+    # half a metre is added to what an antenna's height seems to be
+    assert sizes[3] < 0.3
+    # of nine errors eight: the height's sigma holds an antenna that is anywhere
+    assert 5.0 * 8.0 / 9.0 < np.mean([score.nees for score in scores]) < 13.0
 
 
 def test_the_track_lies_on_the_carrier_phase_fixes(rtk: Path) -> None:
