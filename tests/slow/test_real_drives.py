@@ -140,8 +140,8 @@ def test_its_twins_tell_delay_and_antenna_as_well_as_they_say(rtk: Path, tmp_pat
     assert np.all((sizes[:3] > 0.3) & (sizes[:3] < 2.27))
     # half a metre is added to what an antenna's height seems to be
     assert sizes[3] < 0.3
-    # of nine errors eight, as the height's sigma holds an antenna that is anywhere; their sigmas are
-    # no more than half too large
+    # of nine errors eight, as the height's sigma holds an antenna that is anywhere; sigmas of these
+    # are no more than half too large
     assert 8.0 / 1.5**2 < np.mean([score.nees for score in scores]) < 13.0
 
 
