@@ -54,11 +54,11 @@ def separations(fixes: Fixes) -> tuple[float, float] | None:
     return float(np.median(stated)) if stated.any() else 0.0, geoid_height(float(lat), float(lon))
 
 
-def above_either(fixes: Fixes, stated_m: float, there_m: float) -> bool:
-    """Whether heights of ``fixes`` may be above the ellipsoid or above the sea: no separation is
-    ``stated_m``, and the place is land either way."""
+def maybe_above_sea(fixes: Fixes, stated_m: float) -> bool:
+    """Whether heights of ``fixes``, which are taken as above the ellipsoid, may be above the sea:
+    no separation is ``stated_m``, and the place would be land."""
     height = float(np.nanmedian(fixes.height_m)) if np.isfinite(fixes.height_m).any() else np.nan
-    return stated_m == 0.0 and min(height, height - there_m) > LOWEST_LAND_M
+    return stated_m == 0.0 and height > LOWEST_LAND_M
 
 
 def sign_turned(stated_m: float, there_m: float) -> bool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from automap.evaluation.plausibility import Finding
-from automap.geoid import GEOID_OFF_M, above_either, separations, sign_turned
+from automap.geoid import GEOID_OFF_M, maybe_above_sea, separations, sign_turned
 from automap.records import Fixes
 
 
@@ -23,7 +23,7 @@ def check(fixes: Fixes) -> list[Finding]:
             "turn the sign of the separation in what wrote the log: ellipsoid to geoid, up positive"
         )
         return [Finding("error", text, advice, "geoid_sign")]
-    if abs(there) < GEOID_OFF_M or not above_either(fixes, stated, there):
+    if abs(there) < GEOID_OFF_M or not maybe_above_sea(fixes, stated):
         return []
     return [
         Finding(

@@ -96,6 +96,9 @@ def test_heights_of_which_nothing_tells_above_what_they_are_are_told() -> None:
     high = replace(europe, height_m=np.full(len(europe), 120.0))
     (finding,) = geoid.check(high)
     assert (finding.severity, finding.code) == ("warning", "height_surface")
+    # above the ellipsoid this is under water, so that it is not
+    low = replace(europe, height_m=np.full(len(europe), 5.0))
+    assert [finding.code for finding in geoid.check(low)] == ["height_surface"]
     assert geoid.check(replace(high, geoid_sep_m=np.full(len(high), 48.0))) == []
     assert geoid.check(replace(high, geoid_sep_m=np.full(len(high), np.nan))) == []
     coast = at(37.4, -122.1, 0.0)

@@ -16,7 +16,7 @@ from automap.geoid import (
     GEOID_SD_M,
     MOST_GEOID_M,
     WRONG_GEOID_M,
-    above_either,
+    maybe_above_sea,
     separations,
     sign_turned,
 )
@@ -74,7 +74,7 @@ def separation_doubts(fixes: Fixes, known: Iterable[Reason] = ()) -> list[Reason
     if told is None or any(reason.code == "height_scale" for reason in known):
         return []
     stated, there = told
-    if above_either(fixes, stated, there):
+    if maybe_above_sea(fixes, stated):
         return [
             Reason(
                 "height_surface",
