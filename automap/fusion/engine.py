@@ -41,7 +41,7 @@ from automap.records import (
     WheelSpeed,
 )
 
-_NO_NHC = ("imu_mounting", "nhc_lever_arm")
+_NO_NHC = ("imu_mounting", "nhc_lever_arm", "vehicle_pitch")
 """What nothing shows before the constraint acts in the vehicle's axes."""
 _OF_WHEELS = ("odometer_scale", "odometer_time_offset")
 """What is estimated where a drive has wheel speed."""

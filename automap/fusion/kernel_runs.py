@@ -128,14 +128,7 @@ def filter_into(
     score = kernels.run_forward(
         samples,
         problem.arrays,
-        NodeArrays(
-            nodes.t,
-            nodes.flags,
-            nodes.values,
-            nodes.var,
-            node_signals(problem, nodes),
-            nodes.wander_keep,
-        ),
+        _arrays_of(problem, nodes),
         state.nominal,
         state.params,
         state.cov,
@@ -147,6 +140,27 @@ def filter_into(
         store,
     )
     return float(score)
+
+
+def _arrays_of(problem: Problem, nodes: Nodes) -> NodeArrays:
+    return NodeArrays(
+        nodes.t,
+        nodes.flags,
+        nodes.values,
+        nodes.var,
+        node_signals(problem, nodes),
+        nodes.wander_keep,
+    )
+
+
+def speed_downwards(problem: Problem, nodes: Nodes, path: PathStates, legs: Legs) -> FloatArray:
+    """Speed [k], m/s down in the vehicle's axes, with which a path and the ``legs`` about it have
+    the point that does not slide at the nodes where the constraint acts; 0 at the others."""
+    samples = problem.samples_between(nodes.t[0], nodes.t[-1])
+    out = np.empty(len(nodes.t))
+    at = problem.arrays, _arrays_of(problem, nodes), path.nominal, path.params
+    kernels.speed_downwards(samples, *at, legs, out)
+    return out
 
 
 def legs_about(problem: Problem, nodes: Nodes, path: PathStates) -> Legs:

@@ -15,9 +15,10 @@ STANDSTILL, NHC, ODOMETER = 16, 32, 64
 UNSIGNED = 128
 """A wheel speed that does not tell whether the vehicle reverses."""
 
-# columns of a node's values: latitude, longitude, height, velocity NED, wheel speed
-WHEEL_SPEED = 6
-N_VALUES = 7
+# columns of a node's values: latitude, longitude, height, velocity NED, wheel speed, and the speed
+# downwards of the body on its springs
+WHEEL_SPEED, ON_SPRINGS = 6, 7
+N_VALUES = 8
 
 # channels in innovation tables, by code
 CHANNELS = (
@@ -70,6 +71,7 @@ __all__ = [
     "N_NAV",
     "N_VALUES",
     "ODOMETER",
+    "ON_SPRINGS",
     "PHI_ID",
     "P_ID",
     "ROWS_OF_FLAG",

@@ -29,6 +29,7 @@ DEFAULT_EFFECTS = (
     "gnss_multipath",
     "imu_mounting",
     "nhc_lever_arm",
+    "vehicle_pitch",
 )
 
 
@@ -93,6 +94,8 @@ class FusionOptions:
     """deg, by which a nose is off its course for minutes: camber, side wind, axles out of line"""
     nhc_min_speed: PositiveFloat = 3.0
     """m/s, the vehicle constraint holds above this speed"""
+    nhc_mean_s: NonNegativeFloat = 4.0
+    """s, over which a body on its springs goes as far up as down; 0: it does so at every instant"""
     odometer_sd: PositiveFloat = 0.05
     """m/s, wheel speed over one second, where the drive has it"""
     zero_velocity_sd: PositiveFloat = 0.03

@@ -26,11 +26,15 @@ from automap.fusion.kernel_runs import (
     empty_store,
     filter_into,
     first_state,
+    legs_about,
     no_adjoint,
     run_forward,
     run_smoother,
+    speed_downwards,
 )
-from automap.fusion.kernels import ForwardStore
+from automap.fusion.kernels import ForwardStore, Legs
+from automap.fusion.layout import ON_SPRINGS
+from automap.fusion.measurements.constraint import on_springs
 from automap.fusion.nodes import Nodes, Shift
 from automap.fusion.problem import Problem
 from automap.fusion.stamp_error import reported_rows
@@ -51,9 +55,13 @@ def filter_and_smooth(
 ) -> tuple[ForwardRun, SmoothRun]:
     """Filter forward and smooth back over all nodes (see ``run_forward``, ``run_smoother``)."""
     bounds = _bounds(nodes, section_nodes)
+    legs: Legs | None = None
+    if linearised_at is not None and problem.options.nhc_mean_s > 0.0:
+        nodes, legs = _on_springs(problem, nodes, linearised_at, bounds)
     if len(bounds) == 2:
-        forward = run_forward(problem, nodes, start, shift, linearised_at=linearised_at)
+        forward = run_forward(problem, nodes, start, shift, linearised_at=linearised_at, legs=legs)
         return forward, run_smoother(problem, forward, with_cov=with_cov)
+    del legs
     room = _room_for_cov(problem, len(nodes.t)) if with_cov else None
     state = first_state(problem, start, shift)
     states: list[FilterState] = []
@@ -85,6 +93,30 @@ def filter_and_smooth(
         return forward, whole
     filtered, known = (Matrices(room, name, len(nodes.t)) for name in ("filter", "smoother"))
     return replace(forward, cov=filtered), replace(whole, cov=known)
+
+
+def _on_springs(
+    problem: Problem, nodes: Nodes, path: PathStates, bounds: list[int]
+) -> tuple[Nodes, Legs]:
+    """The nodes with what the body does on its springs along a path, and the legs about it in the
+    last section."""
+    down = np.zeros(len(nodes.t))
+    legs: Legs | None = None
+    for a, b in pairwise(bounds):
+        legs = None
+        part, about = nodes.between(a, b + 1), _of_nodes(path, a, b)
+        legs = legs_about(problem, part, about)
+        down[a : b + 1] = speed_downwards(problem, part, about, legs)
+    assert legs is not None
+    values = nodes.values.copy()
+    mean_s = problem.options.nhc_mean_s
+    values[:, ON_SPRINGS] = on_springs(nodes.t, nodes.flags, nodes.var, down, mean_s)
+    return replace(nodes, values=values), legs
+
+
+def _of_nodes(path: PathStates, a: int, b: int) -> PathStates:
+    """The path at the nodes from ``a`` to ``b``."""
+    return PathStates(path.nominal[a : b + 1], path.params[a : b + 1])
 
 
 def _room_for_cov(problem: Problem, n: int) -> Columns | None:
@@ -136,9 +168,7 @@ def _filter_section(
         flags[0] = 0
         part = replace(part, flags=flags)
     store = empty_store(part, problem.model.size)
-    path = None
-    if linearised_at is not None:
-        path = PathStates(linearised_at.nominal[a : b + 1], linearised_at.params[a : b + 1])
+    path = None if linearised_at is None else _of_nodes(linearised_at, a, b)
     return ForwardRun(part, store, filter_into(store, problem, part, state, path))
 
 

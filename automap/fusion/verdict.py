@@ -134,6 +134,7 @@ def weigh(
     arm = arm_by_drive(found, lever_arm, STATED_ARM_SD_M, bends)
     arm = _of_axes(found, "gnss_lever_arm") if arm is None else arm
     axle = _of_axes(found, "nhc_lever_arm")
+    lifts = found.get("vehicle_pitch_coefficient", (0.0, 0.0))[0]
     steps: list[Reason] = []
     stated = model_fixes(fixes, fixes.gps_s, options)
     places = places_of(stated)
@@ -179,7 +180,7 @@ def weigh(
             if believed
             else ()
         ),
-        *(height_doubts(path, fixes) if believed and not scaled else ()),
+        *(height_doubts(path, fixes, lifts) if believed and not scaled else ()),
         *askew,
         *outcome.weak_heading(result.align_margin, off),
         *at_bound,

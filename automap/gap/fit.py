@@ -98,7 +98,7 @@ def without(model: GapModel, effect: str) -> GapModel:
 
 def plain_options(options: FusionOptions) -> FusionOptions:
     """The options for passes whose noise is given, not adapted."""
-    return replace(options, adapt=False, tune=False, fixed={}, retime=False)
+    return replace(options, adapt=False, tune=False, fixed={}, retime=False, nhc_mean_s=0.0)
 
 
 def prior_sd(options: FusionOptions, effect: str, parameter: str) -> float:

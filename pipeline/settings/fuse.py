@@ -8,7 +8,7 @@ from automap.fusion.options import FusionOptions
 from pipeline.settings.section import Section, of_options
 
 _OF_THE_LIBRARY = (
-    *("retime", "min_position_sd_m", "min_velocity_sd"),
+    *("retime", "min_position_sd_m", "min_velocity_sd", "nhc_mean_s"),
     *("gap_factor", "gap_force_sd", "gap_rate_sd"),
 )
 """Options that are no settings of a run."""

@@ -55,6 +55,8 @@ EFFECTS = (
 )
 OPTIONS = FusionOptions(
     effects=EFFECTS,
+    # the formulas have the constraint at every instant
+    nhc_mean_s=0.0,
     # small, so that the filter's first order and the exact formulas are the same
     prior_sd={
         "accel_bias": {"*": 0.03},

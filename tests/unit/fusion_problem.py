@@ -6,7 +6,7 @@ import numpy as np
 
 from automap.frames import matrix_to_quat
 from automap.fusion.kernel_runs import Start
-from automap.fusion.layout import MAX_SCALARS
+from automap.fusion.layout import MAX_SCALARS, N_VALUES
 from automap.fusion.nodes import Nodes
 from automap.records import FloatArray, IntArray
 from tests.unit.fusion_motion import Motion, Truth
@@ -19,12 +19,15 @@ def make_nodes(
     var: FloatArray | None = None,
     stated_sd: FloatArray | None = None,
 ) -> Nodes:
-    """Nodes at ``t`` [k]; by default nothing is measured."""
+    """Nodes at ``t`` [k]; by default nothing is measured. ``values`` as far as they are given."""
     k = len(t)
+    of_nodes = np.zeros((k, N_VALUES))
+    if values is not None:
+        of_nodes[:, : values.shape[1]] = values
     return Nodes(
         np.asarray(t, np.float64),
         np.zeros(k, np.int64) if flags is None else flags.astype(np.int64),
-        np.zeros((k, 7)) if values is None else values,
+        of_nodes,
         np.ones((k, MAX_SCALARS)) if var is None else var,
         np.ones((k, 3)) if stated_sd is None else stated_sd,
         np.full(k, -1, np.int64),

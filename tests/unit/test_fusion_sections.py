@@ -18,7 +18,7 @@ from automap.fusion.nodes import Shift
 from automap.fusion.options import FusionOptions
 from automap.fusion.problem import stored
 from automap.fusion.result import Prior
-from automap.fusion.sections import _bounds, filter_and_smooth
+from automap.fusion.sections import _bounds, _on_springs, filter_and_smooth
 from tests.unit.fusion_drive import CLOCK, Sensor, record
 from tests.unit.fusion_motion import city_drive
 from tests.unit.fusion_receiver import Receiver, receive
@@ -32,7 +32,8 @@ def test_sections_change_nothing(section: int, relinearise: bool) -> None:
     nodes = forward.nodes
     whole = run_smoother(problem, forward)
     about = PathStates(whole.nominal, whole.params) if relinearise else None
-    one = run_forward(problem, nodes, start, Shift(), linearised_at=about)
+    held = nodes if about is None else _on_springs(problem, nodes, about, [0, len(nodes.t) - 1])[0]
+    one = run_forward(problem, held, start, Shift(), linearised_at=about)
     whole = run_smoother(problem, one)
     run, smooth = filter_and_smooth(
         problem, nodes, start, Shift(), linearised_at=about, section_nodes=section

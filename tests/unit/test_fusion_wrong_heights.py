@@ -46,6 +46,18 @@ def test_heights_by_the_pressure_in_a_car_are_told(seed: int) -> None:
     assert reason.height_m == pytest.approx(off.max(), rel=0.3)
 
 
+def test_a_nose_that_rises_on_its_springs_is_no_hill() -> None:
+    path = hilly(climb=1e-3, seconds=1200)
+    t = path.gps_s - path.gps_s[0]
+    speed, gain = 12.0 + 8.0 * np.sin(t / 9.0), 8.0 / 9.0 * np.cos(t / 9.0)
+    velocity = np.stack([speed, 0.0 * t, 0.0 * t], axis=1)
+    rises = np.outer(0.007 * gain, [0.0, 1.0, 0.0])
+    path = replace(path, vel_ned=velocity, height_m=0.0 * t + 500.0, rpy=rises)
+    fixes = fixes_of(path, 1.0, 0.3, 1)
+    assert list(height_doubts(path, fixes)) != []
+    assert list(height_doubts(path, fixes, lifts=0.007)) == []
+
+
 @pytest.mark.parametrize(
     ("factor", "text"), [(1.0 / 0.3048, "as feet where metres"), (0.3048, "as if they were")]
 )

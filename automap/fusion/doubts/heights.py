@@ -27,9 +27,10 @@ _EVEN = 1e-12
 """Squares of hills over those of the way: a fifth of a millimetre in 200 m."""
 
 
-def height_doubts(path: Trajectory, fixes: Fixes) -> Iterator[Reason]:
+def height_doubts(path: Trajectory, fixes: Fixes, lifts: float = 0.0) -> Iterator[Reason]:
     """Whether the heights of ``fixes`` rise as the vehicle climbs, by its pitch on the ``path``.
 
+    ``lifts`` rad/(m/s^2) is by how much the nose is known to rise as the vehicle gathers speed.
     The slope of the heights' changes on the climbs is one for metres. The pitch of the body against
     the road is the same all the way, and is estimated with it. A height by the pressure inside a
     vehicle, which falls with the square of its speed, falls as well.
@@ -39,7 +40,7 @@ def height_doubts(path: Trajectory, fixes: Fixes) -> Iterator[Reason]:
     order = np.argsort(t, kind="stable")
     height, t = fixes.height_m[told][order], t[order]
     keep = np.diff(t, prepend=-np.inf) > limits.SAME_FIX_S
-    changes = _changes(path, t[keep], height[keep])
+    changes = _changes(path, t[keep], height[keep], lifts)
     if changes is None:
         return
     found = _slope(changes)
@@ -185,14 +186,17 @@ class _Changes:
     square: FloatArray
 
 
-def _changes(path: Trajectory, t: FloatArray, height: FloatArray) -> _Changes | None:
+def _changes(
+    path: Trajectory, t: FloatArray, height: FloatArray, lifts: float = 0.0
+) -> _Changes | None:
     """Changes beside the ``height`` [m] m at ``t`` [m] s from the path's first row; None where too
     few windows are driven."""
     at = path.gps_s - path.gps_s[0]
     step = np.diff(at, prepend=at[0])
     speed = np.hypot(path.vel_ned[:, 0], path.vel_ned[:, 1])
     way = np.cumsum(speed * step)
-    climb = np.cumsum(speed * np.tan(path.rpy[:, 1]) * step)
+    # the acceleration's part of the pitch: int k a v dt = k v^2 / 2
+    climb = np.cumsum(speed * np.tan(path.rpy[:, 1]) * step) - 0.5 * lifts * speed**2
     far = np.interp(t, at, way)
     # windows of as much road, end to end: heights of a receiver err for as long as it stands, too
     edges = np.arange(0.0, way[-1], limits.CLIMB_WAY_M)

@@ -16,6 +16,7 @@ from automap.fusion.arrays import ForwardStore, Legs, ModelArrays, NodeArrays, S
 from automap.fusion.kernels.dense import run_dense
 from automap.fusion.kernels.forward import run_forward
 from automap.fusion.kernels.integrate import walk_path
+from automap.fusion.kernels.on_springs import speed_downwards
 from automap.fusion.kernels.smoother import run_smoother
 from automap.fusion.kernels.state import apply_correction
 
@@ -29,5 +30,6 @@ __all__ = [
     "run_dense",
     "run_forward",
     "run_smoother",
+    "speed_downwards",
     "walk_path",
 ]
