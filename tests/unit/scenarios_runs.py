@@ -254,6 +254,7 @@ def kernels_measurements() -> Any:
             rng.normal(90.0, 9.0, 7),
             rng.normal(0.0, 9.0, (7, 3)),
             [4.0, 0.3, 9.0, 6.0, 1.0, 2.0, 0.9],
+            np.linspace(-0.3, 0.3, 7),
         ]
     )
     nodes = NodeArrays(
