@@ -32,7 +32,7 @@ def filtered_states(
     return nominal, params, reported_cov(problem, forward)
 
 
-def filtered_variances(problem: Problem, forward: ForwardRun) -> FloatArray:
+def filtered_variances(problem: Problem, forward: ForwardRun) -> AnyFloats:
     """The filter's variances [k, n - 9] of the parameters after each update."""
     if forward.param_var is not None:
         return forward.param_var

@@ -46,7 +46,7 @@ class ForwardRun:
     store: ForwardStore
     score: float
     cov: AnyFloats | Matrices | None = None
-    param_var: FloatArray | None = None
+    param_var: AnyFloats | None = None
 
 
 @dataclass(frozen=True)
@@ -67,7 +67,7 @@ class SmoothRun(PathStates):
 
     nodes: Nodes
     cov: AnyFloats | Matrices
-    param_var: FloatArray
+    param_var: AnyFloats
 
 
 def run_forward(

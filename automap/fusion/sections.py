@@ -39,9 +39,9 @@ from automap.fusion.nodes import Nodes, Shift
 from automap.fusion.problem import Problem
 from automap.fusion.stamp_error import reported_rows
 
-SECTION_NODES = 8_000
-"""Longest stretch whose details are kept at once: half an hour of fixes five times a second, and
-150 MB."""
+SECTION_NODES = 4_000
+"""Longest stretch whose details are kept at once: a quarter of an hour of fixes five times a
+second, and 75 MB."""
 
 
 def filter_and_smooth(
@@ -85,6 +85,7 @@ def filter_and_smooth(
             run = _filter_section(problem, nodes, a, b, states[number], linearised_at)
         smooth = run_smoother(problem, run, adjoint, with_cov)
         cov = np.asarray(smooth.cov[:]).astype(np.float32)
+        smooth = replace(smooth, param_var=smooth.param_var.astype(np.float32))
         smoothed.append(replace(smooth, cov=_moved(room, "smoother", a, cov) if room else cov))
         run = None
     smoothed.reverse()
@@ -181,7 +182,7 @@ def _state_after(problem: Problem, run: ForwardRun) -> FilterState:
 
 
 def _light(problem: Problem, run: ForwardRun, with_cov: bool) -> ForwardRun:
-    """The run without what only the smoother needs; covariances are kept to seven digits."""
+    """The run without what only the smoother needs; variances are kept to seven digits."""
     n = problem.model.size
     store = run.store._replace(
         trans=np.zeros((0, 9, n)),
@@ -189,7 +190,7 @@ def _light(problem: Problem, run: ForwardRun, with_cov: bool) -> ForwardRun:
         h=np.zeros((0, n)),
         gain=np.zeros((0, n)),
     )
-    variances = filtered_variances(problem, run)
+    variances = filtered_variances(problem, run).astype(np.float32)
     cov = np.asarray(reported_cov(problem, run)[: None if with_cov else 0]).astype(np.float32)
     return ForwardRun(run.nodes, store, run.score, cov, variances)
 
