@@ -6,6 +6,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 from automap.effects import CATALOGUE
+from automap.gap.elsewhere import elsewhere
 
 LEAST_SHOWN_P = 1e-12
 
@@ -67,6 +68,11 @@ class Finding:
     advice: str = ""
     resembles: str = ""
     drift: Drift | None = None
+
+    @property
+    def same_as(self) -> str:
+        """What makes the same of all data in another channel, nothing for most."""
+        return elsewhere(self.effect)
 
 
 @dataclass(frozen=True)
@@ -147,6 +153,11 @@ class Unexplained:
     gap_before: float | None = None
     gap_after: float | None = None
     terms: tuple[Term, ...] = ()
+
+    @property
+    def same_as(self) -> str:
+        """What makes the same of all data in another channel, nothing for most."""
+        return elsewhere("", [(term.channel, term.text) for term in self.terms])
 
     @property
     def numbers(self) -> str:

@@ -13,6 +13,7 @@ from automap.gap import limits
 from automap.gap.candidates import candidates_of
 from automap.gap.confirm import Confirmed
 from automap.gap.doubt import doubts
+from automap.gap.elsewhere import BODY, STRETCHED
 from automap.gap.evidence import shown_by
 from automap.gap.fit import Values, base_model
 from automap.gap.found import Found
@@ -200,6 +201,15 @@ def test_the_verdict_says_all_that_is_missing() -> None:
     assert "resembles" not in text
     named = Unexplained(*("accel_x", "f", 0.2, 0.01, 40.0, 1e-8), resembles="accel_scale")
     assert "which resembles accel_scale" in verdict([], [named], [], 1.0, 0.2)
+
+
+def test_the_verdict_says_what_is_the_same_in_another_channel() -> None:
+    long = Finding("gnss_velocity_scale", {}, 50.0, 1e-9, 1.0, 0.2)
+    text = verdict([long, FINDING], [SPEED], [], 1.0, 0.2)
+    assert f"gnss_velocity_scale (or {STRETCHED}), gyro_scale;" in text
+    leans = (Term("imu_pitch", "speed^2", 1e-4, 1e-5),)
+    lifts = Unexplained(*("imu_pitch", "f", 1e-4, 1e-5, 40.0, 1e-8), terms=leans)
+    assert f"(40 nats), or {BODY}" in verdict([], [lifts], [], 1.0, 0.2)
 
 
 def test_what_only_fitted_data_show_is_no_silence() -> None:
