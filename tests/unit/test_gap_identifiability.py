@@ -10,11 +10,11 @@ from automap.fusion.layout import CH_POS, MAX_SCALARS
 from automap.gap import base_model
 from automap.gap.candidates import library, named_columns, term_columns
 from automap.gap.drive import open_drive
-from automap.gap.elsewhere import BODY, MOUNT, STRETCHED, TURNED, elsewhere
 from automap.gap.fit import Fit, fit_drive
 from automap.gap.forms import Terms
 from automap.gap.linear import Column, Direct, NodeMotion, linearised
 from automap.gap.naming import identifiability
+from automap.gap.result import BODY, MOUNT, STRETCHED, TURNED, elsewhere
 from automap.records import FloatArray, IntArray
 from tests.unit.test_gap import simulated
 

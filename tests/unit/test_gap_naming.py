@@ -13,7 +13,6 @@ from automap.gap import limits
 from automap.gap.candidates import candidates_of
 from automap.gap.confirm import Confirmed
 from automap.gap.doubt import doubts
-from automap.gap.elsewhere import BODY, STRETCHED
 from automap.gap.evidence import shown_by
 from automap.gap.fit import Values, base_model
 from automap.gap.found import Found
@@ -21,7 +20,16 @@ from automap.gap.linear import Column, Given, conditional
 from automap.gap.misfit import Misfit
 from automap.gap.naming import chance, describe, strongest_refused, suspected, verdict
 from automap.gap.noise import Fitted, Joint
-from automap.gap.result import Finding, KeptOut, NoiseClaim, Refused, Term, Unexplained
+from automap.gap.result import (
+    BODY,
+    STRETCHED,
+    Finding,
+    KeptOut,
+    NoiseClaim,
+    Refused,
+    Term,
+    Unexplained,
+)
 from automap.gap.selection import Chosen, Selection
 from automap.gap.stepwise import select
 from automap.records import FloatArray

@@ -9,9 +9,9 @@ import pytest
 
 from automap.effects import CATALOGUE
 from automap.gap import Finding, GapResult, Unexplained, base_model
-from automap.gap.elsewhere import STRETCHED
 from automap.gap.misfit import Misfit
 from automap.gap.result import (
+    STRETCHED,
     Cost,
     Drift,
     Extent,
