@@ -226,8 +226,8 @@ class Screening:
         return out
 
     def states(self, here: Fitted, selection: Selection, chosen: Chosen) -> Fitted:
-        """The chosen set as states under the noise as it is, begun about the path as it is and about
-        the first, the likelier of the two; parameters of its effects that do not act are held at
+        """The chosen set as states under the noise as it is, begun about the path as it is or about
+        the first, the likelier of the two. Parameters of its effects that do not act are held at
         nothing."""
         estimate = self.estimate(selection, chosen)
         held: dict[str, dict[str, float]] = {}

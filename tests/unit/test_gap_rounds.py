@@ -10,7 +10,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from automap.gap import confirm, search
+from automap.gap import base_model, confirm, screening, search
 from automap.gap.candidates import Candidate
 from automap.gap.confirm import Judge
 from automap.gap.linear import Column
@@ -170,6 +170,24 @@ def test_where_constraint_and_receiver_differ_no_sensor_is_told_apart(
     assert Asked().judge.ahead(HERE, HERE, of_vehicle)[1] == 4.0
 
 
+@pytest.mark.parametrize(("first", "bent", "taken"), [(12345.0, 11654.0, 0), (11654.0, 12345.0, 1)])
+def test_a_fit_does_not_stay_where_the_set_before_has_bent_the_path(
+    monkeypatch: pytest.MonkeyPatch, first: float, bent: float, taken: int
+) -> None:
+    scores = {"first": first, "bent": bent}
+
+    def about(model: Any, estimate: Any, fits: tuple[str, ...]) -> Any:
+        return SimpleNamespace(fits=tuple(SimpleNamespace(score=scores[f]) for f in fits))
+
+    monkeypatch.setattr(screening, "fitted_about", about)
+    asked = object.__new__(Screening)
+    asked.effects, asked.options = {}, base_model().options
+    asked.base = cast("Fitted", SimpleNamespace(fits=("first",)))
+    here: Any = SimpleNamespace(model=base_model(), fits=("bent",))
+    (fit,) = asked.states(here, SELECTION, Chosen()).fits
+    assert fit.score == (first, bent)[taken]
+
+
 @pytest.mark.parametrize("strength", [8.0, 1.0])
 def test_of_two_that_do_the_same_one_is_borne_out_where_either_would_do(strength: float) -> None:
     names = (("accel_misalignment", "zx"), ("formula_accel_z", "k"))
@@ -183,10 +201,10 @@ def test_of_two_that_do_the_same_one_is_borne_out_where_either_would_do(strength
     linear = SimpleNamespace(layout=columns, prior_sd=sds)
     selection: Any = SimpleNamespace(linear=linear, candidates=candidates)
     chosen = Chosen(tuple((e, (i,), 1.0) for i, (e, _) in enumerate(names)))
-    screening = object.__new__(Screening)
-    screening.effects = {e: e for e, _ in names}
-    screening.refinements = {}
-    out = screening.not_borne_out(cast("Fitted", here), selection, chosen)
+    asked = object.__new__(Screening)
+    asked.effects = {e: e for e, _ in names}
+    asked.refinements = {}
+    out = asked.not_borne_out(cast("Fitted", here), selection, chosen)
     assert len(out) == (1 if strength > 4.0 else 2)
     assert "formula_accel_z" in out
 
