@@ -5,6 +5,9 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
+import numpy as np
+
+from automap.effects import CATALOGUE
 from automap.errors import InputError
 from automap.fusion.delay_states import COURSE_DISTANCE_STATE
 from automap.fusion.options import FusionOptions
@@ -123,8 +126,11 @@ def find_gaps(
     kept = [open_drive(d, model.options) for d in held]
     forget_formulas(())
     base = open_fits(opened, model, log)
-    if sum(fit.last.totals().get(COURSE_DISTANCE_STATE, 0.0) for fit in base.fits) < 0.0:
-        # no course is that of a place ahead: the antenna is
+    (behind,) = CATALOGUE[BEHIND].parameters
+    metres = [fit.last.totals().get(COURSE_DISTANCE_STATE, 0.0) for fit in base.fits]
+    if not 0.0 <= np.mean(metres) <= limits.ONE_IN_A_THOUSAND * behind.prior_sd:
+        # no course is that of a place ahead: the antenna is; and what is further behind than with
+        # any receiver is a delay, which everything else bends to where this takes it up
         base = open_fits(opened, without(model, BEHIND), log)
     search = Search(base, kept, model.factors, exclude, log)
     found = search.run()
