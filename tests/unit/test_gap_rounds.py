@@ -10,7 +10,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from automap.gap import base_model, confirm, screening, search
+from automap.gap import base_model, confirm, finder, screening, search
 from automap.gap.candidates import Candidate
 from automap.gap.confirm import Judge
 from automap.gap.linear import Column
@@ -234,3 +234,19 @@ def test_of_forms_that_say_much_the_same_the_filter_tells_one(
     )
     formed = asked._formed(HERE, SELECTION, Chosen((("linear", (0,), 1.0),)))
     assert (formed and formed.names[0]) == told
+
+
+@pytest.mark.parametrize(("metres", "stays"), [(1.3, True), (-0.1, False), (4.4, False)])
+def test_courses_from_further_behind_than_with_any_receiver_are_no_part_of_every_model(
+    monkeypatch: pytest.MonkeyPatch, metres: float, stays: bool
+) -> None:
+    asked: list[tuple[str, ...]] = []
+
+    def fits(opened: Any, model: Any, log: Any) -> Any:
+        asked.append(model.options.effects)
+        last = SimpleNamespace(totals=lambda: {"gnss_course_distance_m": metres})
+        return SimpleNamespace(fits=(SimpleNamespace(last=last),))
+
+    monkeypatch.setattr(finder, "open_fits", fits)
+    finder.first_fit((), base_model(), print)
+    assert ("gnss_course_distance" in asked[-1]) == stays
