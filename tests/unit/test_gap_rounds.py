@@ -250,3 +250,23 @@ def test_courses_from_further_behind_than_with_any_receiver_are_no_part_of_every
     monkeypatch.setattr(finder, "open_fits", fits)
     finder.first_fit((), base_model(), print)
     assert ("gnss_course_distance" in asked[-1]) == stays
+
+
+@pytest.mark.parametrize(
+    ("estimate", "names", "free"),
+    [
+        ((LATE,), ("gnss_latency",), True),
+        ((LOW_PASSED,), ("gnss_latency",), True),
+        ((LATE, "imu_time_offset"), ("gnss_latency",), False),
+        # the delay between clocks is free in this model
+        ((LATE,), (), False),
+        (("gyro_scale",), ("gnss_latency",), False),
+    ],
+)
+def test_velocities_are_as_much_older_than_positions_as_the_age_of_these_lets_be_known(
+    estimate: tuple[str, ...], names: tuple[str, ...], free: bool
+) -> None:
+    asked = Asked()
+    asked.screening = cast("Screening", SimpleNamespace(names=list(names)))
+    told = asked._with_age(dict.fromkeys(estimate, 1.0))
+    assert set(told) == {*estimate, *(["gnss_latency"] if free else [])}
