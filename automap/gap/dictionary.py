@@ -112,7 +112,6 @@ ON_VEHICLE = (
     # a slip that does not grow with the force alone, a wind, an axle that bends under load
     ("nhc_y", "speed * lateral_acceleration^3"),
     ("nhc_y", "speed^2 * lateral_acceleration"),
-    ("nhc_y", "speed * acceleration"),
     ("nhc_y", "speed * sin(heading)"),
     ("nhc_y", "speed * cos(heading)"),
 )

@@ -5,6 +5,9 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
+import numpy as np
+
+from automap.effects import CATALOGUE
 from automap.errors import InputError
 from automap.fusion.delay_states import COURSE_DISTANCE_STATE
 from automap.fusion.options import FusionOptions
@@ -30,7 +33,7 @@ from automap.gap.naming import (
     suspected,
     verdict,
 )
-from automap.gap.noise import Log, open_fits
+from automap.gap.noise import Fitted, Log, open_fits
 from automap.gap.reading_steps import coarse_readings
 from automap.gap.receivers import BEHIND, outliers_finding, usual_findings, values_for_runs
 from automap.gap.responses import responses
@@ -122,15 +125,24 @@ def find_gaps(
     opened = [open_drive(d, model.options) for d in turned]
     kept = [open_drive(d, model.options) for d in held]
     forget_formulas(())
-    base = open_fits(opened, model, log)
-    if sum(fit.last.totals().get(COURSE_DISTANCE_STATE, 0.0) for fit in base.fits) < 0.0:
-        # no course is that of a place ahead: the antenna is
-        base = open_fits(opened, without(model, BEHIND), log)
+    base = first_fit(opened, model, log)
     search = Search(base, kept, model.factors, exclude, log)
     found = search.run()
     log("measuring the gap on held-out data")
     forget_formulas(found.fitted.estimate)
     return _result(found, search.screening, kept, model, exclude)
+
+
+def first_fit(opened: Sequence[OpenDrive], model: GapModel, log: Log) -> Fitted:
+    """A model fitted, its noise first, but for courses of a place behind where that is ahead, or
+    further behind than with any receiver: then an antenna is there, or a course's delay, to which
+    all else is bent where the model takes it up so."""
+    base = open_fits(opened, model, log)
+    (usual,) = CATALOGUE[BEHIND].parameters
+    metres = np.mean([fit.last.totals().get(COURSE_DISTANCE_STATE, 0.0) for fit in base.fits])
+    if 0.0 <= metres <= limits.ONE_IN_A_THOUSAND * usual.prior_sd:
+        return base
+    return open_fits(opened, without(model, BEHIND), log)
 
 
 def _head(drive: GapDrive, seconds: float) -> GapDrive:

@@ -209,14 +209,19 @@ def verdict(
     noise beyond what is stated."""
     parts = []
     if findings:
-        names = [f.effect + (f" (or {f.resembles})" if f.resembles else "") for f in findings]
+        others = [" or ".join(filter(None, (f.resembles, f.same_as))) for f in findings]
+        names = [
+            f.effect + (f" (or {other})" if other else "")
+            for f, other in zip(findings, others, strict=True)
+        ]
         parts.append(f"missing from the model: {', '.join(names)}")
     for one in formulas:
         like = f", which resembles {one.resembles}" if one.resembles else ""
+        same = f", or {one.same_as}" if one.same_as else ""
         parts.append(
             "something that no effect of the library explains is missing from the model"
             f"; what fits best is {one.formula} with {one.numbers} "
-            f"({one.evidence_nats:.0f} nats){like}"
+            f"({one.evidence_nats:.0f} nats){like}{same}"
         )
     if parts:
         parts.append(

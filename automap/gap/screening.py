@@ -226,8 +226,9 @@ class Screening:
         return out
 
     def states(self, here: Fitted, selection: Selection, chosen: Chosen) -> Fitted:
-        """The chosen set as states under the noise as it is; parameters of its effects that do not
-        act are held at nothing."""
+        """The chosen set as states under the noise as it is, begun about the path as it is or about
+        the first, the likelier of the two. Parameters of its effects that do not act are held at
+        nothing."""
         estimate = self.estimate(selection, chosen)
         held: dict[str, dict[str, float]] = {}
         for name in chosen.names:
@@ -243,7 +244,10 @@ class Screening:
                 held[effect] = {p: HELD * sd for p, sd in own.items() if p not in acting}
         options = self.options
         options = replace(options, prior_sd=_joined(options.prior_sd, held))
-        return fitted_about(replace(here.model, options=options), estimate, here.fits)
+        model = replace(here.model, options=options)
+        # about a path that was bent by what is no more in the set a fit may stay where that was
+        fitted = [fitted_about(model, estimate, fits) for fits in (here.fits, self.base.fits)]
+        return max(fitted, key=lambda each: sum(fit.score for fit in each.fits))
 
     def not_borne_out(self, here: Fitted, selection: Selection, chosen: Chosen) -> list[str]:
         """Candidates whose values as the filter finds them are worth less than a name, or larger

@@ -18,7 +18,7 @@ from automap.effects import CATALOGUE
 from automap.effects.catalogue import bias_walks, pairs_of_sign
 from automap.effects.imu import imu_terms
 from automap.gap import limits
-from automap.gap.candidates import is_course
+from automap.gap.candidates import FIX_AGE, is_course
 from automap.gap.confirm import Confirmed, Judge, confirmed
 from automap.gap.drive import OpenDrive
 from automap.gap.found import Found, in_layout
@@ -121,13 +121,22 @@ class Search:
             chosen = in_layout(found, layout, selection)
         self.log("fitting all parameters")
         free = replace(here.model, options=self.screening.options)
-        full = fitted_about(free, here.estimate, here.fits).joint()
+        full = fitted_about(free, self._with_age(here.estimate), here.fits).joint()
         nothing_else = self.screening.selection(here, slow=False, may_act=False)
         return Found(
             *(self.base, here, full, selection, chosen, self.screening.effects, self.close),
             *(self._told(self.stands).after(self.spoken_against), nothing_else),
             self.borne_out | self.nats,
         )
+
+    def _with_age(self, estimate: Mapping[str, float]) -> Mapping[str, float]:
+        """What is estimated, with the age of all fixes where velocities are told to be older than
+        positions, of which nobody says that they are of their own instant: what is sure is how old
+        velocities are by the unit's stamps."""
+        older = any(pair[0] in estimate or pair[1] in estimate for pair in pairs_of_sign(1.0))
+        named = any(effect in estimate for effect in WHOLE_DELAYS)
+        known = named or FIX_AGE not in self.screening.names
+        return {**estimate, FIX_AGE: 1.0} if older and not known else estimate
 
     def _kept(
         self, here: Fitted, selection: Selection, chosen: Chosen, found: Chosen

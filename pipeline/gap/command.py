@@ -180,6 +180,7 @@ def _formula_json(one: Unexplained) -> dict[str, Any]:
         "evidence_nats": one.evidence_nats,
         "p_value": one.p_value,
         "resembles": one.resembles,
+        "same_as": one.same_as or None,
         "effect": one.effect,
         "gap_before": one.gap_before,
         "gap_after": one.gap_after,
@@ -208,6 +209,7 @@ def _finding_json(f: Finding) -> dict[str, Any]:
         "confusable_with": list(f.confusable_with),
         "advice": f.advice,
         "resembles": f.resembles or None,
+        "same_as": f.same_as or None,
         "drift": None if f.drift is None else asdict(f.drift),
     }
 
@@ -220,6 +222,7 @@ def _lines(result: GapResult) -> list[str]:
     lines = [result.verdict, *(_line(f, left.get(f.effect, ())) for f in result.findings)]
     for one in result.formulas:
         like = f"; resembles {one.resembles}" if one.resembles else ""
+        like += f"; the same is {one.same_as}" if one.same_as else ""
         lines.append(
             f"  {one.formula}: {one.numbers} ({one.evidence_nats:.0f} nats, "
             f"p {p_text(one.p_value)}){like}"
@@ -242,6 +245,8 @@ def _line(f: Finding, instead: Sequence[str] = ()) -> str:
         line += f"; not to be told from {', '.join(f.confusable_with)}"
     if f.resembles:
         line += f"; it may be {f.resembles}"
+    if f.same_as:
+        line += f"; the same is {f.same_as}"
     if instead:
         line += f"; left out of the model, since a run estimates {', '.join(instead)} anyhow"
     return line

@@ -76,6 +76,7 @@ def finding_words(finding: Finding, cost: Cost | None, to_do: str = "") -> Parag
         parts.append(drift_words(finding.drift))
     elif finding.resembles:
         parts.append(f"Nor is it sure that its form is right: it may be {finding.resembles}.")
+    parts += same_words(finding.same_as)
     if cost is not None:
         parts.append(cost_words(cost, noise=known is not None and _is_noise(known)))
     elif known is not None and known.family == "camera":
@@ -84,6 +85,16 @@ def finding_words(finding: Finding, cost: Cost | None, to_do: str = "") -> Parag
     if finding.advice:
         parts.append(f"To tell which it is: {finding.advice}.")
     return what_is_wrong(finding), " ".join(parts)
+
+
+def same_words(same_as: str) -> list[str]:
+    """What makes the same of all data elsewhere, and what then is sure."""
+    if not same_as:
+        return []
+    return [
+        f"To these data {same_as} would be the same: that the two differ is what is sure, and "
+        "which of them errs only something else that is known can tell."
+    ]
 
 
 def drift_words(drift: Drift) -> str:
@@ -119,6 +130,7 @@ def formula_words(one: Unexplained, cost: Cost | None) -> Paragraph:
     ]
     if one.resembles:
         parts.append(f"Of the known effects {in_a_word(one.resembles)} is most like it.")
+    parts += same_words(one.same_as)
     if cost is not None:
         parts.append(cost_words(cost))
     parts.append(

@@ -34,7 +34,7 @@ COUNTS = {
     "triple": 40,
     "formula": 30,
     "removed": 23,
-    "outside": 71,
+    "outside": 75,
     "camera": 21,
 }
 ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")

@@ -203,6 +203,53 @@ def _cross_lagged(rng: Rng, seconds: float) -> Outside:
     )  # fmt: skip
 
 
+def _pressed(rng: Rng, seconds: float) -> Outside:
+    return Outside(
+        "gyro_pressed_by_brakes", "gyro_z", "errs by {} for each m/s^2 of braking, not of gaining",
+        INERTIAL, ("acceleration", "time"), 1e-6, 1e-2, "rad/s per m/s^2",
+        on("gyro_z", lambda s: np.maximum(-s.state.accel, 0.0)),
+    )  # fmt: skip
+
+
+def _dips(rng: Rng, seconds: float) -> Outside:
+    def velocity(motion: Motion, t: Array) -> Array:
+        zero = np.zeros_like(t)
+        return np.column_stack([zero, zero, np.maximum(motion.at(t).accel, 0.0)])
+
+    return Outside(
+        "velocity_dips", "velocity", "goes down by {} for each m/s^2 that the car gains",
+        ("velocity_d", "position_d"), ("acceleration", "time"), 1e-3, 1.0, "s",
+        fixes(velocity=velocity),
+    )  # fmt: skip
+
+
+def _overshoots(rng: Rng, seconds: float) -> Outside:
+    tau = float(rng.uniform(1.0, 4.0))
+
+    def position(motion: Motion, t: Array) -> Array:
+        ahead = over_drive(motion, t, lambda state, step_s: lagged(state.accel, tau, step_s))
+        return to_north(motion, t, ahead, np.zeros_like(t), np.zeros_like(t))
+
+    return Outside(
+        "position_overshoots", "position",
+        f"runs ahead by {{}} for each m/s^2 along of the last {tau:.1f} s",
+        POSITION[:2] + VELOCITY[:2], ("acceleration", "time"), 5e-3, 3.0, "s^2",
+        fixes(position=position),
+    )  # fmt: skip
+
+
+def _yaws(rng: Rng, seconds: float) -> Outside:
+    def angles(s: Signals) -> Array:
+        out = np.zeros_like(s.rate)
+        out[:, 2] = np.tanh(lagged(s.state.speed * s.state.rate_nav[:, 2], 0.3, STEP_S) / 0.5)
+        return out
+
+    return Outside(
+        "mount_yaws_in_bends", "imu mount", "turns by {} either way as bends press upon it",
+        INERTIAL, ("turn", "acceleration"), 1e-4, 0.1, "rad", mount(angles),
+    )  # fmt: skip
+
+
 SLOW: Mapping[str, Maker] = {
     "antenna_creeps": _antenna_creeps,
     "mount_sags_warm": _sags_warm,
@@ -218,4 +265,8 @@ SLOW: Mapping[str, Maker] = {
     "accel_sags_at_halts": _starter,
     "position_stretched": _stretched,
     "accel_cross_lagged": _cross_lagged,
+    "gyro_pressed_by_brakes": _pressed,
+    "velocity_dips": _dips,
+    "position_overshoots": _overshoots,
+    "mount_yaws_in_bends": _yaws,
 }

@@ -20,7 +20,16 @@ from automap.gap.linear import Column, Given, conditional
 from automap.gap.misfit import Misfit
 from automap.gap.naming import chance, describe, strongest_refused, suspected, verdict
 from automap.gap.noise import Fitted, Joint
-from automap.gap.result import Finding, KeptOut, NoiseClaim, Refused, Term, Unexplained
+from automap.gap.result import (
+    BODY,
+    STRETCHED,
+    Finding,
+    KeptOut,
+    NoiseClaim,
+    Refused,
+    Term,
+    Unexplained,
+)
 from automap.gap.selection import Chosen, Selection
 from automap.gap.stepwise import select
 from automap.records import FloatArray
@@ -200,6 +209,15 @@ def test_the_verdict_says_all_that_is_missing() -> None:
     assert "resembles" not in text
     named = Unexplained(*("accel_x", "f", 0.2, 0.01, 40.0, 1e-8), resembles="accel_scale")
     assert "which resembles accel_scale" in verdict([], [named], [], 1.0, 0.2)
+
+
+def test_the_verdict_says_what_is_the_same_in_another_channel() -> None:
+    long = Finding("gnss_velocity_scale", {}, 50.0, 1e-9, 1.0, 0.2)
+    text = verdict([long, FINDING], [SPEED], [], 1.0, 0.2)
+    assert f"gnss_velocity_scale (or {STRETCHED}), gyro_scale;" in text
+    leans = (Term("imu_pitch", "speed^2", 1e-4, 1e-5),)
+    lifts = Unexplained(*("imu_pitch", "f", 1e-4, 1e-5, 40.0, 1e-8), terms=leans)
+    assert f"(40 nats), or {BODY}" in verdict([], [lifts], [], 1.0, 0.2)
 
 
 def test_what_only_fitted_data_show_is_no_silence() -> None:

@@ -10,7 +10,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from automap.gap import confirm, search
+from automap.gap import base_model, confirm, finder, screening, search
 from automap.gap.candidates import Candidate
 from automap.gap.confirm import Judge
 from automap.gap.linear import Column
@@ -170,6 +170,24 @@ def test_where_constraint_and_receiver_differ_no_sensor_is_told_apart(
     assert Asked().judge.ahead(HERE, HERE, of_vehicle)[1] == 4.0
 
 
+@pytest.mark.parametrize(("first", "bent", "taken"), [(12345.0, 11654.0, 0), (11654.0, 12345.0, 1)])
+def test_a_fit_does_not_stay_where_the_set_before_has_bent_the_path(
+    monkeypatch: pytest.MonkeyPatch, first: float, bent: float, taken: int
+) -> None:
+    scores = {"first": first, "bent": bent}
+
+    def about(model: Any, estimate: Any, fits: tuple[str, ...]) -> Any:
+        return SimpleNamespace(fits=tuple(SimpleNamespace(score=scores[f]) for f in fits))
+
+    monkeypatch.setattr(screening, "fitted_about", about)
+    asked = object.__new__(Screening)
+    asked.effects, asked.options = {}, base_model().options
+    asked.base = cast("Fitted", SimpleNamespace(fits=("first",)))
+    here: Any = SimpleNamespace(model=base_model(), fits=("bent",))
+    (fit,) = asked.states(here, SELECTION, Chosen()).fits
+    assert fit.score == (first, bent)[taken]
+
+
 @pytest.mark.parametrize("strength", [8.0, 1.0])
 def test_of_two_that_do_the_same_one_is_borne_out_where_either_would_do(strength: float) -> None:
     names = (("accel_misalignment", "zx"), ("formula_accel_z", "k"))
@@ -183,10 +201,10 @@ def test_of_two_that_do_the_same_one_is_borne_out_where_either_would_do(strength
     linear = SimpleNamespace(layout=columns, prior_sd=sds)
     selection: Any = SimpleNamespace(linear=linear, candidates=candidates)
     chosen = Chosen(tuple((e, (i,), 1.0) for i, (e, _) in enumerate(names)))
-    screening = object.__new__(Screening)
-    screening.effects = {e: e for e, _ in names}
-    screening.refinements = {}
-    out = screening.not_borne_out(cast("Fitted", here), selection, chosen)
+    asked = object.__new__(Screening)
+    asked.effects = {e: e for e, _ in names}
+    asked.refinements = {}
+    out = asked.not_borne_out(cast("Fitted", here), selection, chosen)
     assert len(out) == (1 if strength > 4.0 else 2)
     assert "formula_accel_z" in out
 
@@ -216,3 +234,39 @@ def test_of_forms_that_say_much_the_same_the_filter_tells_one(
     )
     formed = asked._formed(HERE, SELECTION, Chosen((("linear", (0,), 1.0),)))
     assert (formed and formed.names[0]) == told
+
+
+@pytest.mark.parametrize(("metres", "stays"), [(1.3, True), (-0.1, False), (4.4, False)])
+def test_courses_from_further_behind_than_with_any_receiver_are_no_part_of_every_model(
+    monkeypatch: pytest.MonkeyPatch, metres: float, stays: bool
+) -> None:
+    asked: list[tuple[str, ...]] = []
+
+    def fits(opened: Any, model: Any, log: Any) -> Any:
+        asked.append(model.options.effects)
+        last = SimpleNamespace(totals=lambda: {"gnss_course_distance_m": metres})
+        return SimpleNamespace(fits=(SimpleNamespace(last=last),))
+
+    monkeypatch.setattr(finder, "open_fits", fits)
+    finder.first_fit((), base_model(), print)
+    assert ("gnss_course_distance" in asked[-1]) == stays
+
+
+@pytest.mark.parametrize(
+    ("estimate", "names", "free"),
+    [
+        ((LATE,), ("gnss_latency",), True),
+        ((LOW_PASSED,), ("gnss_latency",), True),
+        ((LATE, "imu_time_offset"), ("gnss_latency",), False),
+        # the delay between clocks is free in this model
+        ((LATE,), (), False),
+        (("gyro_scale",), ("gnss_latency",), False),
+    ],
+)
+def test_velocities_are_as_much_older_than_positions_as_the_age_of_these_lets_be_known(
+    estimate: tuple[str, ...], names: tuple[str, ...], free: bool
+) -> None:
+    asked = Asked()
+    asked.screening = cast("Screening", SimpleNamespace(names=list(names)))
+    told = asked._with_age(dict.fromkeys(estimate, 1.0))
+    assert set(told) == {*estimate, *(["gnss_latency"] if free else [])}

@@ -11,6 +11,7 @@ from automap.effects import CATALOGUE
 from automap.gap import Finding, GapResult, Unexplained, base_model
 from automap.gap.misfit import Misfit
 from automap.gap.result import (
+    STRETCHED,
     Cost,
     Drift,
     Extent,
@@ -62,6 +63,13 @@ def result(**given: Any) -> GapResult:
 
 def text_of(**given: Any) -> str:
     return " ".join(f"{lead} {text}" for lead, text in in_words(result(**given)))
+
+
+def test_what_is_the_same_in_another_channel_is_told_with_what_is_sure() -> None:
+    _, text = finding_words(finding("gnss_velocity_scale", relative=-0.02), None)
+    assert f"To these data {STRETCHED} would be the same: that the two differ is what is" in text
+    _, text = finding_words(finding("gyro_scale", z=0.02), None)
+    assert "would be the same" not in text
 
 
 @pytest.mark.parametrize("name", sorted(SENTENCES))
