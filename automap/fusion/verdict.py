@@ -35,9 +35,10 @@ from automap.fusion.doubts.estimates import (
     unproven_arm,
 )
 from automap.fusion.doubts.heights import height_doubts, separation_doubts
-from automap.fusion.doubts.hole import hole_doubts
+from automap.fusion.doubts.hole import hole_doubts, regained_jumps
 from automap.fusion.doubts.path import fix_misses, off_the_fixes
 from automap.fusion.doubts.position_jump import (
+    Jump,
     beside_readings,
     height_jumps,
     jump_doubts,
@@ -135,6 +136,7 @@ def weigh(
     arm = _of_axes(found, "gnss_lever_arm") if arm is None else arm
     axle = _of_axes(found, "nhc_lever_arm")
     steps: list[Reason] = []
+    jumps: list[Jump] = []
     stated = model_fixes(fixes, fixes.gps_s, options)
     places = places_of(stated)
     if believed:
@@ -143,6 +145,9 @@ def weigh(
         steps = _steps(result, path, free, found, fixes, options, arm)
         age = found.get(LATENCY_STATE, (0.0, 0.0))[0]
         places = beside_readings(places, free, path, arm, age)
+        # readings of an instant are stamped later by the delay
+        late = age - (0.0 if delay_is_clock else result.delay.mean)
+        jumps = regained_jumps(stated, result.innovations, path, late)
         of_receiver += hole_doubts(places, path, age, level_sd(part for _, part in known()))
     drifts: list[Drift] = []
     try:
@@ -167,7 +172,7 @@ def weigh(
     sliding = slides(channels)
     reasons = [
         *of_receiver,
-        *jump_doubts(position_jumps(places), path),
+        *jump_doubts([*position_jumps(places), *jumps], path),
         *jump_doubts(height_jumps(stated, path), path),
         *steps,
         *of_imu,
