@@ -20,7 +20,7 @@ from automap.fusion.doubts.estimates import Estimates
 from automap.fusion.doubts.reason import Reason, Span
 from automap.fusion.free_inertial import FreeInertial
 from automap.fusion.limits import DOUBT_PROBABILITY, LEAST_JUDGED
-from automap.gates import gate, sd_by_median
+from automap.gates import OUTSIDE_95, gate, sd_by_median
 from automap.records import Fixes, FloatArray, IntArray, Trajectory
 from automap.timebase import gps_to_iso
 
@@ -192,6 +192,12 @@ def _lasts(seen: Compared, at: int, jump: FloatArray) -> float:
         line = np.polyfit(t[known], along[known], 1)
         there = np.flatnonzero(side * t > 0.0)[:: int(side)]
         other = side * (along - np.polyval(line, t))[there] > 0.5 * np.hypot(*jump)
+        # a line tells nothing where it may be off by as much
+        off = t[known] - t[known].mean()
+        rest = along[known] - np.polyval(line, t[known])
+        square = (1.0 / len(off) + (t[there] - t[known].mean()) ** 2 / (off @ off)) * (rest @ rest)
+        square *= gate(OUTSIDE_95, 1) / max(len(off) - 2, 1)
+        other &= np.sqrt(square) < 0.5 * np.hypot(*jump)
         # one fix may be wild
         again = np.flatnonzero(~other[:-1] & ~other[1:])
         last = there[again[0]] if len(again) else there[-1]
