@@ -175,7 +175,9 @@ def test_heights_that_jump_by_more_than_they_err_are_told(
     fixes = receive(motion, Receiver(rate=rate, wander=(1.0, 1.0, 1.5)), 3)
     fixes = replace(fixes, sd_pos_ned=np.full((len(fixes), 3), 1.5))
     late = (fixes.gps_s - GPS0 > 100.1)[:, None]
-    fixes = shifted(fixes, late * np.array([0.0, 0.0, -by_m]))
+    # and a burst of three wild ones, which is no jump
+    burst = (np.arange(len(fixes)) // 3 == len(fixes) // 4)[:, None]
+    fixes = shifted(fixes, late * np.array([0.0, 0.0, -by_m]) + burst * np.array([0.0, 0.0, 20.0]))
     path = path_of(motion, imu, OFF_RAD)
     found = height_jumps(model_fixes(fixes, fixes.gps_s, FusionOptions()), path)
     assert len(found) == told

@@ -30,7 +30,7 @@ from automap.fusion.limits import (
 )
 from automap.fusion.nodes import FixModel
 from automap.gates import OUTSIDE_95, gate, sd_by_median
-from automap.records import FloatArray, IntArray, Trajectory
+from automap.records import BoolArray, FloatArray, IntArray, Trajectory
 from automap.timebase import gps_to_iso
 
 
@@ -126,7 +126,12 @@ def height_jumps(model: FixModel, path: Trajectory) -> list[Jump]:
     climbed, driven = (
         np.interp(t, path.gps_s, np.cumsum(part)) for part in (way * np.tan(path.rpy[:, 1]), way)
     )
-    at = np.stack([model.values[rows, 2] - climbed, np.zeros(len(t))], axis=1)
+    high = model.values[rows, 2] - climbed
+    held = ~_wild(high, driven, sd, max(round(limits.STEP_WINDOW_S / np.median(np.diff(t))), 1))
+    t, sd, high, driven = t[held], sd[held], high[held], driven[held]
+    if len(t) < LEAST_JUDGED:
+        return []
+    at = np.stack([high, np.zeros(len(t))], axis=1)
     seen = Places(t, at, sd, *_without_witness(len(t)))
     before, half = _between(seen)
     if len(before) < LEAST_JUDGED:
@@ -138,6 +143,17 @@ def height_jumps(model: FixModel, path: Trajectory) -> list[Jump]:
     beyond += limits.BODY_PITCH_RAD * 0.5 * (driven[before + half] - driven[before - half + 1])
     up = np.pad(jump[:, :1], ((0, 0), (2, 0)))
     return _apart(0.5 * (t[before] + t[before + 1]), up, least / beyond)
+
+
+def _wild(high: FloatArray, driven: FloatArray, sd: FloatArray, half: int) -> BoolArray:
+    """Which of heights [m] m, where so much is ``driven`` [m] m, lie off most of the ``half``
+    before and after by more than they err: a few in a row come back, and are no jump."""
+    around = np.lib.stride_tricks.sliding_window_view(np.pad(high, half, mode="edge"), 2 * half + 1)
+    off = np.abs(high - np.median(around, axis=1))
+    ends = np.pad(driven, half, mode="edge")
+    slope = limits.BODY_PITCH_RAD * 0.5 * (ends[2 * half :] - ends[: -2 * half])
+    least = np.sqrt(gate(limits.UNHELD_PROBABILITY, 1))
+    return np.asarray(off > slope + least * np.maximum(sd, sd_by_median(off)))
 
 
 def _apart(when: FloatArray, jump: FloatArray, ratio: FloatArray) -> list[Jump]:
