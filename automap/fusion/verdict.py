@@ -15,7 +15,12 @@ import numpy as np
 
 from automap.errors import InputError
 from automap.fusion.aside import Aside
-from automap.fusion.consistency import channel_consistency, innovation_doubts, slides
+from automap.fusion.consistency import (
+    channel_consistency,
+    innovation_doubts,
+    on_straights,
+    slides,
+)
 from automap.fusion.delay_states import LATENCY_STATE, SKEW_STATE
 from automap.fusion.doubts import limits, outcome
 from automap.fusion.doubts.constancy import constancy_doubts
@@ -52,6 +57,7 @@ from automap.fusion.doubts.receiver import (
     dated_velocities,
     overstated,
     receiver_doubts,
+    told_late,
 )
 from automap.fusion.doubts.sideways import sideways
 from automap.fusion.doubts.slow_drift import Drift, drifting, pattern_doubts
@@ -169,7 +175,10 @@ def weigh(
     clock_only = delay_is_clock or LATENCY_STATE in found
     age_sd = math.inf if clock_only else age_sd_of(fixes, clock, options)
     channels = channel_consistency(result.innovations)
-    sliding = slides(channels)
+    side = result.innovations
+    if late := told_late(receiver.match.course_lag_s):
+        side = on_straights(side, path, late)
+    sliding = slides(channel_consistency(side))
     reasons = [
         *of_receiver,
         *jump_doubts([*position_jumps(places), *jumps], path),
