@@ -203,8 +203,9 @@ def _doubts(found: VelocityConsistency, start: float, felt: bool) -> Iterator[Re
                 f"the receiver's {reason.text}: they were dated back; turn its smoothing of "
                 "positions off, or log those that belong to the times"
             )
-            # a filter that follows slowly is late by differing times, and velocities have an age
-            yield Reason(reason.code, text, late_s=found.positions_late_s + DELAY_SD_S)
+            # velocities have an age, and a filter that follows slowly is late by differing times:
+            # how much more by one than by the other, what the path sees of the rest is in its noise
+            yield Reason(reason.code, text, late_s=found.lateness_apart_s + DELAY_SD_S)
             continue
         if reason.code == "positions_straight":
             text = f"the receiver's {reason.text}; log the receiver's own"
