@@ -40,7 +40,7 @@ from automap.fusion.doubts.estimates import (
     unproven_arm,
 )
 from automap.fusion.doubts.heights import height_doubts, separation_doubts
-from automap.fusion.doubts.hole import hole_doubts, regained_jumps
+from automap.fusion.doubts.hole import come_back, hole_doubts, regained_jumps
 from automap.fusion.doubts.path import fix_misses, off_the_fixes
 from automap.fusion.doubts.position_jump import (
     Jump,
@@ -154,6 +154,8 @@ def weigh(
         # readings of an instant are stamped later by the delay
         late = age - (0.0 if delay_is_clock else result.delay.mean)
         jumps = regained_jumps(stated, result.innovations, path, late)
+        if come_back(receiver.parted, result.innovations, path, late):
+            of_receiver = [r for r in of_receiver if r.code != "positions_aside"]
         of_receiver += hole_doubts(places, path, age, level_sd(part for _, part in known()))
     drifts: list[Drift] = []
     try:

@@ -9,7 +9,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from automap.fusion.doubts.hole import regained_jumps
+from automap.fusion.doubts.hole import come_back, regained_jumps
 from automap.fusion.doubts.position_jump import (
     Jump,
     beside_readings,
@@ -23,6 +23,7 @@ from automap.fusion.options import FusionOptions
 from automap.fusion.output import Innovations
 from automap.fusion.widening import widen
 from automap.records import Fixes, FixType, FloatArray, Trajectory
+from automap.sync.velocity_consistency import Interval
 from tests.unit.fusion_receiver import GPS0, Receiver, receive, shifted
 from tests.unit.test_fusion_doubted_sigmas import NONE
 from tests.unit.test_fusion_velocity_step import drive, free_of, path_of
@@ -188,3 +189,23 @@ def test_heights_that_jump_by_more_than_they_err_are_told(
         assert (reason.code, reason.error_m) == ("heights_jump", 0.0)
         widest = widen(path, [reason], NONE, None).sd_pos_ned[:, 2].max()
         assert 0.4 * abs(by_m) < widest < abs(by_m)
+
+
+@pytest.mark.parametrize("off_m", [5.0, 60.0])
+def test_positions_that_come_back_to_where_the_filter_leads_were_not_aside_before(
+    off_m: float,
+) -> None:
+    """Two jumps of 80 m, at the ends of what a receiver made up; beside an IMU that leads across,
+    or one that followed it to the second."""
+    path = _path()
+    tag = GPS0 + np.arange(1.0, 199.0)
+    jumps = [Interval(GPS0 + end - 1.0, GPS0 + end, 80.0) for end in (60.0, 120.0)]
+    off = np.where(tag == GPS0 + 120.0, off_m, 1.0).repeat(2)
+    names = np.array(["position_n", "position_e"] * len(tag), dtype=object)
+    stamps = np.rint((np.repeat(tag, 2) - GPS0) * 1e9).astype(np.int64)
+    one = np.ones(len(off))
+    told = Innovations(stamps, names, off / np.sqrt(2.0), one, one, one > 0.0)
+    assert come_back(jumps, told, path, 0.0) == (off_m < 40.0)
+    # nothing is known of a jump that no fix follows, nor of none
+    assert not come_back([Interval(GPS0 + 60.3, GPS0 + 60.4, 80.0)], told, path, 0.0)
+    assert not come_back([], told, path, 0.0)

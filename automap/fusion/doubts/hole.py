@@ -8,7 +8,7 @@ Fixed carrier phases behind others, or none, lie where the filter leads, to what
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -22,6 +22,11 @@ from automap.fusion.nodes import FixModel
 from automap.fusion.output import Innovations
 from automap.gates import OUTSIDE_95, exceeds, exceeds_ratio, gate, sd_by_median
 from automap.records import FloatArray, IntArray, Trajectory
+from automap.sync.velocity_consistency import Interval
+
+BACK_S = 0.05
+"""A fix and its innovation are no further apart: half the step of twenty a second, more than
+clocks are off."""
 
 
 def hole_doubts(seen: Places, path: Trajectory, age_s: float, sd_m: float) -> Iterator[Reason]:
@@ -104,24 +109,46 @@ def regained_jumps(
     # one alone may be wild
     first = first[first + limits.STEP_FIXES <= len(t)]
     first = first[[not anew[k + 1 : k + limits.STEP_FIXES].any() for k in first]]
-    north, east, down = (np.flatnonzero(told.channel == f"position_{axis}") for axis in "ned")
-    at = np.interp(told.t_ns[north], path.t_ns, path.gps_s, -np.inf, np.inf)
     found: list[Jump] = []
     for when in t[first].tolist():
-        near = np.flatnonzero(np.abs(at + late_s - when) < 0.5 * spacing)
-        if not len(near):
+        row, by = _led_off(told, path, when - late_s, 0.5 * spacing)
+        if row < 0:
             continue
-        row = north[near[0]]
-        by = np.zeros(3)
-        for axis, (of, up) in enumerate(((north, 1.0), (east, 1.0), (down, -1.0))):
-            same = of[told.t_ns[of] == told.t_ns[row]]
-            by[axis] = up * told.innovation[same].sum()
         square, nis = float(by @ by), float(told.nis[row])
         nis *= square / (square + nis * limits.REGAINED_SD_M**2)
         chance = exceeds(nis, int(np.count_nonzero(by))) * len(first)
         if chance < limits.OVER_HOLE_PROBABILITY:
             found.append(Jump(when, by, chance))
     return found
+
+
+def come_back(
+    parted: Sequence[Interval], told: Innovations, path: Trajectory, late_s: float
+) -> bool:
+    """Whether positions come back to where the filter leads by each of the jumps by which they part
+    from the receiver's velocities, as behind places that it made up; the rest as above."""
+    for jump in parted:
+        row, by = _led_off(told, path, jump.end_gps_s - late_s, BACK_S)
+        if row < 0 or np.hypot(by[0], by[1]) > 0.5 * jump.metres:
+            return False
+    return len(parted) > 0
+
+
+def _led_off(
+    told: Innovations, path: Trajectory, gps_s: float, reach_s: float
+) -> tuple[int, FloatArray]:
+    """The row of the position's innovation nearest to ``gps_s``, -1 where none is within
+    ``reach_s``, and the innovation [3] m north, east and up."""
+    north, east, down = (np.flatnonzero(told.channel == f"position_{axis}") for axis in "ned")
+    at = np.interp(told.t_ns[north], path.t_ns, path.gps_s, -np.inf, np.inf)
+    near = int(np.argmin(np.abs(at - gps_s))) if len(at) else -1
+    by = np.zeros(3)
+    if near < 0 or not abs(at[near] - gps_s) < reach_s:
+        return -1, by
+    row = int(north[near])
+    for axis, (of, up) in enumerate(((north, 1.0), (east, 1.0), (down, -1.0))):
+        by[axis] = up * told.innovation[of[told.t_ns[of] == told.t_ns[row]]].sum()
+    return row, by
 
 
 def _jumps(
