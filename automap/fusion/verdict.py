@@ -154,7 +154,8 @@ def weigh(
         # readings of an instant are stamped later by the delay
         late = age - (0.0 if delay_is_clock else result.delay.mean)
         jumps = regained_jumps(stated, result.innovations, path, late)
-        if come_back(receiver.parted, result.innovations, path, late):
+        beside = fix_misses(path, stated, arm, age)
+        if come_back(receiver.parted, result.innovations, path, late, beside, age):
             of_receiver = [r for r in of_receiver if r.code != "positions_aside"]
         of_receiver += hole_doubts(places, path, age, level_sd(part for _, part in known()))
     drifts: list[Drift] = []

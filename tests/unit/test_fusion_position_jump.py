@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from automap.fusion.doubts.hole import come_back, regained_jumps
+from automap.fusion.doubts.path import Misses
 from automap.fusion.doubts.position_jump import (
     Jump,
     beside_readings,
@@ -205,7 +206,11 @@ def test_positions_that_come_back_to_where_the_filter_leads_were_not_aside_befor
     stamps = np.rint((np.repeat(tag, 2) - GPS0) * 1e9).astype(np.int64)
     one = np.ones(len(off))
     told = Innovations(stamps, names, off / np.sqrt(2.0), one, one, one > 0.0)
-    assert come_back(jumps, told, path, 0.0) == (off_m < 40.0)
+    zero = np.zeros((len(tag), 3))
+    near = Misses(tag - GPS0, zero, zero, zero)
+    assert come_back(jumps, told, path, 0.0, near, 0.0) == (off_m < 40.0)
+    # a path that goes on elsewhere was not come back to
+    assert not come_back(jumps, told, path, 0.0, replace(near, miss=zero + 60.0), 0.0)
     # nothing is known of a jump that no fix follows, nor of none
-    assert not come_back([Interval(GPS0 + 60.3, GPS0 + 60.4, 80.0)], told, path, 0.0)
-    assert not come_back([], told, path, 0.0)
+    assert not come_back([Interval(GPS0 + 60.3, GPS0 + 60.4, 80.0)], told, path, 0.0, near, 0.0)
+    assert not come_back([], told, path, 0.0, near, 0.0)

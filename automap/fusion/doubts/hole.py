@@ -14,6 +14,7 @@ import numpy as np
 
 from automap.fusion import limits as fusion_limits
 from automap.fusion.doubts import limits
+from automap.fusion.doubts.path import Misses
 from automap.fusion.doubts.position_jump import Jump, Places
 from automap.fusion.doubts.reason import Reason
 from automap.fusion.doubts.velocity_step import last_term
@@ -123,13 +124,23 @@ def regained_jumps(
 
 
 def come_back(
-    parted: Sequence[Interval], told: Innovations, path: Trajectory, late_s: float
+    parted: Sequence[Interval],
+    told: Innovations,
+    path: Trajectory,
+    late_s: float,
+    misses: Misses,
+    age_s: float,
 ) -> bool:
-    """Whether positions come back to where the filter leads by each of the jumps by which they part
-    from the receiver's velocities, as behind places that it made up; the rest as above."""
+    """Whether positions come back to where the filter leads, and to the path, by each of the jumps
+    by which they part from the receiver's velocities, as behind places that it made up; ``misses``
+    of fixes ``age_s`` old, the rest as above."""
+    tag = misses.t + float(path.gps_s[0]) + age_s
     for jump in parted:
         row, by = _led_off(told, path, jump.end_gps_s - late_s, BACK_S)
-        if row < 0 or np.hypot(by[0], by[1]) > 0.5 * jump.metres:
+        off = misses.miss[np.abs(tag - jump.end_gps_s) < BACK_S]
+        if row < 0 or not len(off):
+            return False
+        if max(np.hypot(by[0], by[1]), np.hypot(off[0, 0], off[0, 1])) > 0.5 * jump.metres:
             return False
     return len(parted) > 0
 
