@@ -1,4 +1,4 @@
-"""Whether a reference's velocities are those of its own positions."""
+"""Whether a reference's velocities are those of its own positions, and its headings theirs."""
 
 from __future__ import annotations
 
@@ -13,6 +13,12 @@ MOST_STEP_S = 1.0
 """Between rows further apart a sum of velocities is no way: braking by 3 m/s^2 is 0.4 m in it."""
 LEAST_ROWS = 100
 """A minute in which fewer steps are known says nothing of its mean."""
+
+DRIVING_SPEED = 3.0
+"""Above it, m/s, a velocity has a course: one that errs by 0.2 m/s is turned by 4 deg."""
+MOST_SLIP_DEG = 20.0
+"""No vehicle on wheels goes so far off its nose for half of its driving. Chosen: tyres let go at
+some ten degrees, and a quarter or half a turn, or a radian for a degree, is beyond it."""
 
 
 def velocity_apart(truth: Trajectory) -> FloatArray:
@@ -46,6 +52,17 @@ def velocity_apart(truth: Trajectory) -> FloatArray:
     return apart
 
 
+def nose_off(truth: Trajectory) -> float | None:
+    """Median angle, deg, between the headings of a reference and the courses of its own velocities;
+    None where too few of both are told."""
+    north, east = truth.vel_ned[:, 0], truth.vel_ned[:, 1]
+    off = np.arctan2(east, north) - truth.rpy[:, 2]
+    off = off[np.isfinite(off) & (np.hypot(north, east) > DRIVING_SPEED)]
+    if len(off) < LEAST_ROWS:
+        return None
+    return float(np.degrees(np.median(np.abs(np.angle(np.exp(1j * off))))))
+
+
 def contradiction(truth: Trajectory, errors: TrajectoryErrors) -> str | None:
     """A sentence where a reference contradicts itself by more than what it is to judge is said to
     err by; ``errors`` those of the path against it."""
@@ -57,11 +74,19 @@ def contradiction(truth: Trajectory, errors: TrajectoryErrors) -> str | None:
         own, stated = rms(apart[rows, axis]), rms(errors.sd[rows, 3 + axis])
         if own is not None and stated is not None and own > stated:
             told.append(f"{name} by {own:.3f} m/s")
-    if not told:
-        return None
-    return (
-        f"the truth's velocities differ over a minute from the change of its positions, "
-        f"{' and '.join(told)}, which is more than the path states: figures of velocity, and of "
-        "heading where that is the course, are the truth's; make its velocities of its positions, "
-        "unless it is these that drift"
-    )
+    sentences = []
+    if told:
+        sentences.append(
+            "the truth's velocities differ over a minute from the change of its positions, "
+            f"{' and '.join(told)}, which is more than the path states: figures of velocity, and "
+            "of heading where that is the course, are the truth's; make its velocities of its "
+            "positions, unless it is these that drift"
+        )
+    nose = nose_off(truth)
+    if nose is not None and nose > MOST_SLIP_DEG:
+        sentences.append(
+            f"half of the time the truth's vehicle goes {nose:.0f} deg or more off its nose, as no "
+            "vehicle does: its attitude is to be in degrees, the yaw clockwise from north, and "
+            "figures of attitude are none until then"
+        )
+    return "; ".join(sentences) or None

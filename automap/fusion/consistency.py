@@ -7,7 +7,7 @@ and Navigation, section 5.4.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,11 +16,14 @@ from automap.fusion.doubts.limits import SMALL_SIGMAS
 from automap.fusion.doubts.reason import Reason
 from automap.fusion.limits import DOUBT_PROBABILITY, LEAST_JUDGED
 from automap.gates import OUTSIDE_95, sigmas
+from automap.records import Trajectory
 
 if TYPE_CHECKING:
     from automap.fusion.output import Innovations
 
 _AXES = {"n": "north", "e": "east", "d": "down"}
+STRAIGHT_RAD = 0.1
+"""A way that turns by less is straight: 6 deg, a sixteenth of a corner. Chosen."""
 _PSEUDO = ("nhc", "zupt", "zaru")
 
 
@@ -109,6 +112,16 @@ def innovation_doubts(channels: dict[str, ChannelConsistency]) -> list[Reason]:
             factor=factor,
         )
     ]
+
+
+def on_straights(table: Innovations, path: Trajectory, late_s: float) -> Innovations:
+    """The innovations of nodes before which the ``path`` did not turn for long: courses that come
+    ``late_s`` late turn the filter's nose in bends, and are followed by it all but e^-5."""
+    t, yaw = path.t_ns * 1e-9, np.unwrap(path.rpy[:, 2])
+    node = table.t_ns * 1e-9
+    turned = np.interp(node, t, yaw) - np.interp(node - 5.0 * late_s, t, yaw)
+    keep = np.abs(turned) < STRAIGHT_RAD
+    return replace(table, **{item.name: getattr(table, item.name)[keep] for item in fields(table)})
 
 
 def slides(channels: dict[str, ChannelConsistency]) -> list[Reason]:

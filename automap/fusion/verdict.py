@@ -15,7 +15,12 @@ import numpy as np
 
 from automap.errors import InputError
 from automap.fusion.aside import Aside
-from automap.fusion.consistency import channel_consistency, innovation_doubts, slides
+from automap.fusion.consistency import (
+    channel_consistency,
+    innovation_doubts,
+    on_straights,
+    slides,
+)
 from automap.fusion.delay_states import LATENCY_STATE, SKEW_STATE
 from automap.fusion.doubts import limits, outcome
 from automap.fusion.doubts.constancy import constancy_doubts
@@ -35,9 +40,10 @@ from automap.fusion.doubts.estimates import (
     unproven_arm,
 )
 from automap.fusion.doubts.heights import height_doubts, separation_doubts
-from automap.fusion.doubts.hole import hole_doubts
+from automap.fusion.doubts.hole import come_back, hole_doubts, regained_jumps
 from automap.fusion.doubts.path import fix_misses, off_the_fixes
 from automap.fusion.doubts.position_jump import (
+    Jump,
     beside_readings,
     height_jumps,
     jump_doubts,
@@ -51,6 +57,7 @@ from automap.fusion.doubts.receiver import (
     dated_velocities,
     overstated,
     receiver_doubts,
+    told_late,
 )
 from automap.fusion.doubts.sideways import sideways
 from automap.fusion.doubts.slow_drift import Drift, drifting, pattern_doubts
@@ -136,6 +143,7 @@ def weigh(
     axle = _of_axes(found, "nhc_lever_arm")
     lifts = found.get("vehicle_pitch_coefficient", (0.0, 0.0))[0]
     steps: list[Reason] = []
+    jumps: list[Jump] = []
     stated = model_fixes(fixes, fixes.gps_s, options)
     places = places_of(stated)
     if believed:
@@ -144,6 +152,12 @@ def weigh(
         steps = _steps(result, path, free, found, fixes, options, arm)
         age = found.get(LATENCY_STATE, (0.0, 0.0))[0]
         places = beside_readings(places, free, path, arm, age)
+        # readings of an instant are stamped later by the delay
+        late = age - (0.0 if delay_is_clock else result.delay.mean)
+        jumps = regained_jumps(stated, result.innovations, path, late)
+        beside = fix_misses(path, stated, arm, age)
+        if come_back(receiver.parted, result.innovations, path, late, beside, age):
+            of_receiver = [r for r in of_receiver if r.code != "positions_aside"]
         of_receiver += hole_doubts(places, path, age, level_sd(part for _, part in known()))
     drifts: list[Drift] = []
     try:
@@ -165,10 +179,13 @@ def weigh(
     clock_only = delay_is_clock or LATENCY_STATE in found
     age_sd = math.inf if clock_only else age_sd_of(fixes, clock, options)
     channels = channel_consistency(result.innovations)
-    sliding = slides(channels)
+    side = result.innovations
+    if late := told_late(receiver.match.course_lag_s):
+        side = on_straights(side, path, late)
+    sliding = slides(channel_consistency(side))
     reasons = [
         *of_receiver,
-        *jump_doubts(position_jumps(places), path),
+        *jump_doubts([*position_jumps(places), *jumps], path),
         *jump_doubts(height_jumps(stated, path), path),
         *steps,
         *of_imu,

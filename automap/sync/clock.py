@@ -201,7 +201,8 @@ def _near_zero(
 def _refuse(
     clock: ClockModel, coarse: CoarseOffset, near: CoarseOffset | None, warnings: list[str]
 ) -> None:
-    """An offset of seconds that the motions leave no doubt of is an error, else a warning."""
+    """An offset of seconds that the motions leave no doubt of is an error, else a warning; one that
+    a receiver's smoothing makes is no error either."""
     better = coarse.score_nats - (near.score_nats if near is not None else 0.0)
     leap = float(leap_seconds_at_gps(clock.ref_gps_s))
     hint = ""
@@ -213,12 +214,17 @@ def _refuse(
         f"the IMU stamps read {coarse.offset_s:+.1f} s against the receiver's motion{hint} "
         f"(clock by {clock.method})"
     )
-    if better > limits.WRONG_CLOCK_NATS:
+    if better > limits.DOUBTED_CLOCK_NATS and -limits.SMOOTHED_S < coarse.offset_s < 0.0:
+        warnings.append(
+            f"{seen}: the receiver smooths what it tells, so that it comes late, or one of the two "
+            "clocks is wrong; log the receiver's own fixes, and check [imu] time in drive.toml"
+        )
+    elif better > limits.WRONG_CLOCK_NATS:
         raise InputError(
             f"{seen}: the two clocks contradict one another. Check [imu] time and [gnss] "
             "arrival_time in drive.toml, and that both files are of the same drive."
         )
-    if better > limits.DOUBTED_CLOCK_NATS:
+    elif better > limits.DOUBTED_CLOCK_NATS:
         warnings.append(f"{seen}, though the evidence is weak; check [imu] time in drive.toml")
 
 

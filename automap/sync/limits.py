@@ -153,6 +153,9 @@ STATED_REACH_S = 60.0
 """About a stated clock the offset is searched so far: leap seconds and wrong settings."""
 STATED_OFF_S = 1.0
 """A clock off by less is one that lags, by more a wrong one."""
+SMOOTHED_S = 2.0
+"""A telephone's filter of places and speeds, once a second, lags by one to two of its steps: fixes
+that show the motion so late are no wrong clock, and the drive need not be lost. Chosen."""
 
 # velocities against positions
 

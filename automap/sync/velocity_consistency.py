@@ -163,6 +163,14 @@ class VelocityConsistency:
         return late if certain and late > limits.PREDICTED_S else 0.0
 
     @property
+    def lateness_apart_s(self) -> float:
+        """By how much positions may be later in speed than in course, or the other way, s."""
+        speed, course = self.match.speed_lag_s, self.match.course_lag_s
+        if speed is None or course is None:
+            return abs(self.positions_late_s)
+        return math.hypot(speed.value - course.value, speed.sd, course.sd)
+
+    @property
     def reasons(self) -> tuple[Reason, ...]:
         """What is beyond doubt, a sentence each: what is wrong throughout first."""
         return tuple(_reasons(self))

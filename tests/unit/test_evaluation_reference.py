@@ -55,6 +55,18 @@ def test_a_reference_without_velocities_says_nothing() -> None:
     assert np.isnan(velocity_apart(gaps)).all()
 
 
+@pytest.mark.parametrize("wrong", ["radians", "from east", "backwards"])
+def test_headings_that_no_vehicle_has_are_told(wrong: str) -> None:
+    path = _driven(turn_rate=0.05)
+    yaw = path.rpy[:, 2]
+    other = {"radians": np.radians(yaw), "from east": np.pi / 2 - yaw, "backwards": yaw + np.pi}
+    rpy = np.column_stack([path.rpy[:, :2], other[wrong]])
+    told = _told(replace(path, rpy=rpy), path)
+    assert told is not None
+    assert "off its nose" in told
+    assert _told(replace(path, rpy=np.full_like(rpy, np.nan)), path) is None
+
+
 def _rows(path: Trajectory, stop: int | None, step: int = 1) -> Trajectory:
     names = Trajectory.__dataclass_fields__
     return Trajectory(**{name: getattr(path, name)[:stop:step] for name in names})

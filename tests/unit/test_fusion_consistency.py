@@ -2,11 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from automap.fusion.consistency import channel_consistency, innovation_doubts, slides
+from automap.fusion.consistency import (
+    channel_consistency,
+    innovation_doubts,
+    on_straights,
+    slides,
+)
 from automap.fusion.output import Innovations
+from automap.records import Trajectory
 
 
 def _table(size: float = 1.0, memory: float = 0.0, n: int = 600, slip: float = 0.0) -> Innovations:
@@ -57,6 +65,26 @@ def test_a_slip_that_lasts_is_told_though_each_innovation_is_small(slip: float, 
     reasons = slides(channel_consistency(_table(slip=slip)))
     assert [reason.code for reason in reasons] == ["vehicle_slides"] * told
     assert all(reason.factor > 2.0 for reason in reasons)
+
+
+@pytest.mark.parametrize("everywhere", [True, False])
+def test_courses_that_come_late_are_no_slide_of_the_vehicle(everywhere: bool) -> None:
+    """Corners of 90 deg in 3 s, every 20 s, and a nose that follows courses 0.8 s late."""
+    t = np.arange(600.0)
+    yaw = np.deg2rad(90.0) * np.cumsum((t % 20.0) < 3.0) / 3.0
+    zero, three = np.zeros(600), np.zeros((600, 3))
+    rpy = np.column_stack([zero, zero, np.angle(np.exp(1j * yaw))])
+    path = Trajectory((t * 1e9).astype(np.int64), t, zero, zero, zero, three, rpy, *[three] * 3)
+    table = _table(slip=2.0)
+    bent = np.tile((t % 20.0) < 6.0, 3) | everywhere
+    table = replace(
+        table,
+        t_ns=table.t_ns * 10**9,
+        innovation=np.where(bent | (table.channel != "nhc_y"), table.innovation, 0.0),
+    )
+    assert slides(channel_consistency(table)) != []
+    late = slides(channel_consistency(on_straights(table, path, 0.8)))
+    assert bool(late) == everywhere
 
 
 def test_errors_that_resemble_their_neighbours_count_for_fewer() -> None:

@@ -9,6 +9,8 @@ from functools import cache
 import numpy as np
 import pytest
 
+from automap.fusion.doubts.hole import come_back, regained_jumps
+from automap.fusion.doubts.path import Misses
 from automap.fusion.doubts.position_jump import (
     Jump,
     beside_readings,
@@ -19,8 +21,10 @@ from automap.fusion.doubts.position_jump import (
 )
 from automap.fusion.nodes import model_fixes
 from automap.fusion.options import FusionOptions
+from automap.fusion.output import Innovations
 from automap.fusion.widening import widen
 from automap.records import Fixes, FixType, FloatArray, Trajectory
+from automap.sync.velocity_consistency import Interval
 from tests.unit.fusion_receiver import GPS0, Receiver, receive, shifted
 from tests.unit.test_fusion_doubted_sigmas import NONE
 from tests.unit.test_fusion_velocity_step import drive, free_of, path_of
@@ -68,8 +72,8 @@ def test_what_an_imu_does_not_feel_is_told_with_size_and_instant(rate: float) ->
     by = np.array([1.1, -0.9])
     found = jumps_of(moved(exact(rate=rate), 100.1, 130.1, by))
     assert [jump.gps_s - GPS0 for jump in found] == pytest.approx([100.0, 130.0], abs=1.0)
-    assert found[0].by == pytest.approx(by, abs=0.2)
-    assert found[1].by == pytest.approx(-by, abs=0.2)
+    assert found[0].by == pytest.approx([*by, 0.0], abs=0.2)
+    assert found[1].by == pytest.approx([*-by, 0.0], abs=0.2)
 
 
 def test_what_no_tyres_hold_is_told_without_an_imu() -> None:
@@ -115,18 +119,50 @@ def test_each_place_is_right_as_probably_as_it_lasted() -> None:
     """Half of the drive elsewhere: either half may be. Five seconds in 200: they are."""
     path = _path()
     assert list(jump_doubts([], path)) == []
-    (half,) = jump_doubts([Jump(GPS0 + 100.0, np.array([1.2, 0.9]))], path)
+    by = np.array([1.2, 0.9, 2.0])
+    (half,) = jump_doubts([Jump(GPS0 + 100.0, by)], path)
     assert (half.code, half.state, half.spans) == ("positions_jump", "doubtful", ())
-    assert "jump by 1.5 m at" in half.text
+    assert "positions jump by 2.5 m at" in half.text
     assert half.error_m == pytest.approx(1.5 * np.sqrt(0.5), rel=1e-3)
+    assert half.height_m == pytest.approx(2.0 * np.sqrt(0.5), rel=1e-3)
     # an error of the whole jump lies in the ellipse of 95 %
     sd = widen(path, [half], NONE, None).sd_pos_ned[:, :2]
     assert ((np.array([1.2, 0.9]) / sd) ** 2).sum(axis=1).max() < 5.99
-    back = [Jump(GPS0 + t, s * np.array([1.2, 0.9])) for t, s in ((100.0, 1.0), (105.0, -1.0))]
+    back = [Jump(GPS0 + t, s * by) for t, s in ((100.0, 1.0), (105.0, -1.0))]
     (short,) = jump_doubts(back, path)
     assert short.spans == (pytest.approx((97.0, 108.0)),)
     assert short.error_m == pytest.approx(1.5 * np.sqrt(0.975), rel=1e-3)
-    assert "2 times, by up to 1.5 m" in short.text
+    assert "2 times, by up to 2.5 m" in short.text
+    # what does not come back may as well have been wrong before
+    (last,) = jump_doubts([Jump(GPS0 + 195.0, by)], path)
+    assert last.spans == ()
+
+
+@pytest.mark.parametrize(
+    ("nis", "off_m", "state"),
+    [(60.0, 1.0, "doubtful"), (25.0, 1.0, "good"), (8.0, 1.0, ""), (60.0, 0.1, "")],
+)
+def test_fixed_positions_behind_a_float_are_not_elsewhere(
+    nis: float, off_m: float, state: str
+) -> None:
+    """Half a minute of float, and a filter that led elsewhere, by readings stamped late."""
+    fixes, path, late_s = exact(), _path(), 0.15
+    floating = np.abs(fixes.gps_s - GPS0 - 60.0) < 15.0
+    fixes = replace(fixes, sd_pos_ned=np.where(floating, 0.28, 0.014)[:, None] * np.ones(3))
+    tag = fixes.gps_s[(fixes.gps_s > path.gps_s[0]) & (fixes.gps_s < path.gps_s[-1] - 1.0)]
+    stamps = np.rint((np.repeat(tag, 3) - GPS0 + late_s) * 1e9).astype(np.int64)
+    back = np.argmax(tag - GPS0 > 74.9)
+    off = np.zeros((len(tag), 3))
+    off[back] = off_m * np.array([0.8, -0.6, -1.0])
+    each = np.where(np.arange(len(tag)) == back, nis, 2.0).repeat(3)
+    names = np.array([f"position_{axis}" for axis in "ned"] * len(tag), dtype=object)
+    told = Innovations(stamps, names, off.ravel(), np.ones(len(each)), each, each < 10.0)
+    found = regained_jumps(model_fixes(fixes, fixes.gps_s, FusionOptions()), told, path, -late_s)
+    reasons = list(jump_doubts(found, path))
+    assert [reason.state for reason in reasons] == [state] * bool(state)
+    if state:
+        assert found[0].gps_s == pytest.approx(tag[back])
+        assert found[0].by == pytest.approx([0.8, -0.6, 1.0])
 
 
 @pytest.mark.parametrize("rate", [1.0, 5.0])
@@ -141,14 +177,40 @@ def test_heights_that_jump_by_more_than_they_err_are_told(
     fixes = receive(motion, Receiver(rate=rate, wander=(1.0, 1.0, 1.5)), 3)
     fixes = replace(fixes, sd_pos_ned=np.full((len(fixes), 3), 1.5))
     late = (fixes.gps_s - GPS0 > 100.1)[:, None]
-    fixes = shifted(fixes, late * np.array([0.0, 0.0, -by_m]))
+    # and a burst of three wild ones, which is no jump
+    burst = (np.arange(len(fixes)) // 3 == len(fixes) // 4)[:, None]
+    fixes = shifted(fixes, late * np.array([0.0, 0.0, -by_m]) + burst * np.array([0.0, 0.0, 20.0]))
     path = path_of(motion, imu, OFF_RAD)
     found = height_jumps(model_fixes(fixes, fixes.gps_s, FusionOptions()), path)
     assert len(found) == told
     if told:
         assert found[0].gps_s - GPS0 == pytest.approx(100.0, abs=1.0)
-        assert found[0].by == pytest.approx([by_m], abs=1.5)
+        assert found[0].by == pytest.approx([0.0, 0.0, by_m], abs=1.5)
         (reason,) = jump_doubts(found, path)
         assert (reason.code, reason.error_m) == ("heights_jump", 0.0)
         widest = widen(path, [reason], NONE, None).sd_pos_ned[:, 2].max()
         assert 0.4 * abs(by_m) < widest < abs(by_m)
+
+
+@pytest.mark.parametrize("off_m", [5.0, 60.0])
+def test_positions_that_come_back_to_where_the_filter_leads_were_not_aside_before(
+    off_m: float,
+) -> None:
+    """Two jumps of 80 m, at the ends of what a receiver made up; beside an IMU that leads across,
+    or one that followed it to the second."""
+    path = _path()
+    tag = GPS0 + np.arange(1.0, 199.0)
+    jumps = [Interval(GPS0 + end - 1.0, GPS0 + end, 80.0) for end in (60.0, 120.0)]
+    off = np.where(tag == GPS0 + 120.0, off_m, 1.0).repeat(2)
+    names = np.array(["position_n", "position_e"] * len(tag), dtype=object)
+    stamps = np.rint((np.repeat(tag, 2) - GPS0) * 1e9).astype(np.int64)
+    one = np.ones(len(off))
+    told = Innovations(stamps, names, off / np.sqrt(2.0), one, one, one > 0.0)
+    zero = np.zeros((len(tag), 3))
+    near = Misses(tag - GPS0, zero, zero, zero)
+    assert come_back(jumps, told, path, 0.0, near, 0.0) == (off_m < 40.0)
+    # a path that goes on elsewhere was not come back to
+    assert not come_back(jumps, told, path, 0.0, replace(near, miss=zero + 60.0), 0.0)
+    # nothing is known of a jump that no fix follows, nor of none
+    assert not come_back([Interval(GPS0 + 60.3, GPS0 + 60.4, 80.0)], told, path, 0.0, near, 0.0)
+    assert not come_back([], told, path, 0.0, near, 0.0)

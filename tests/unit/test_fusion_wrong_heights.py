@@ -23,6 +23,12 @@ from tests.unit.test_fusion_verdict import misses_of
 def test_heights_in_metres_are_heights(seed: int) -> None:
     path = hilly()
     assert list(height_doubts(path, fixes_of(path, 1.0, 2.0, seed))) == []
+    # nor are they of another unit where a receiver without satellites holds one for most of it
+    low = hilly(climb=0.02)
+    held = fixes_of(low, 1.0, 0.5, seed)
+    n = len(held)
+    held.height_m[n // 5 : 4 * n // 5] = held.height_m[n // 5]
+    assert list(height_doubts(low, held)) == []
     # what a flat road or too poor a receiver tells of a unit is nothing
     flat = hilly(climb=0.001)
     assert list(height_doubts(flat, fixes_of(flat, 3.28, 2.0, seed))) == []

@@ -126,10 +126,14 @@ def test_clocks_that_contradict_the_motions_are_refused_or_doubted() -> None:
     sure, some = 1.1 * limits.WRONG_CLOCK_NATS, 1.1 * limits.DOUBTED_CLOCK_NATS
     leap = float(leap_seconds_at_gps(1.4e9))
     for offset, text in ((leap + 0.2, "leap seconds"), (-leap, "leap seconds"),
-                         (5.1, "whole seconds"), (7.4, r"\+7.4 s against")):  # fmt: skip
+                         (5.1, "whole seconds"), (7.4, r"\+7.4 s against"),
+                         (1.4, r"\+1.4 s against"), (-2.6, "-2.6 s against")):  # fmt: skip
         with pytest.raises(InputError, match=text):
             _refuse(clock, CoarseOffset(offset, sure, 0.0), None, [])
     told: list[str] = []
+    # a receiver that smooths is late by so much
+    _refuse(clock, CoarseOffset(-1.4, sure, 0.0), None, told)
+    assert "the receiver smooths" in told.pop()
     # as much better as its score is above that of no offset
     _refuse(clock, CoarseOffset(7.4, sure + some, 0.0), CoarseOffset(0.1, sure, 0.0), told)
     assert len(told) == 1

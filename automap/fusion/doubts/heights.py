@@ -204,8 +204,12 @@ def _changes(
     rows = np.unique(rows[(rows > 0) & (rows < len(t))])
     if len(rows) < limits.LEAST_CLIMBS:
         return None
+    # a height that is held, as of dead reckoning, is in no unit
+    told = np.diff(np.cumsum(np.diff(height, prepend=height[:1]) != 0.0)[rows]) > 0
+    if np.count_nonzero(told) < limits.LEAST_CLIMBS - 1:
+        return None
     values = height, np.interp(t, at, climb), far, np.interp(t, at, speed**2)
-    return _Changes(*(np.diff(np.interp(t[rows], t, v)) for v in values))
+    return _Changes(*(np.diff(v[rows])[told] for v in values))
 
 
 def _slope(changes: _Changes) -> _Found | None:

@@ -3,21 +3,31 @@ another latency, another antenna or reflections.
 
 Fixes alone wander by metres in seconds without any, but an IMU bridges them. How far positions and
 IMU part over so long the drive itself shows where there is no hole: fixes are left out there.
+Fixed carrier phases behind others, or none, lie where the filter leads, to what it knows of that.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from automap.fusion import limits as fusion_limits
 from automap.fusion.doubts import limits
-from automap.fusion.doubts.position_jump import Places
+from automap.fusion.doubts.path import Misses
+from automap.fusion.doubts.position_jump import Jump, Places
 from automap.fusion.doubts.reason import Reason
 from automap.fusion.doubts.velocity_step import last_term
-from automap.gates import OUTSIDE_95, exceeds_ratio, gate, sd_by_median
+from automap.fusion.layout import HAS_POS_H
+from automap.fusion.nodes import FixModel
+from automap.fusion.output import Innovations
+from automap.gates import OUTSIDE_95, exceeds, exceeds_ratio, gate, sd_by_median
 from automap.records import FloatArray, IntArray, Trajectory
+from automap.sync.velocity_consistency import Interval
+
+BACK_S = 0.05
+"""A fix and its innovation are no further apart: half the step of twenty a second, more than
+clocks are off."""
 
 
 def hole_doubts(seen: Places, path: Trajectory, age_s: float, sd_m: float) -> Iterator[Reason]:
@@ -80,6 +90,76 @@ def hole_doubts(seen: Places, path: Trajectory, age_s: float, sd_m: float) -> It
         late_s=age,
         state="good" if steady else "doubtful",
     )
+
+
+def regained_jumps(
+    model: FixModel, told: Innovations, path: Trajectory, late_s: float
+) -> list[Jump]:
+    """Jumps of positions that are good to decimetres behind those that are twice as unsure, or
+    none, against where the filter led: fixes that are tagged ``late_s`` after the rows of the
+    ``path`` that their innovations ``told`` are stamped as."""
+    rows = np.flatnonzero((model.flags & HAS_POS_H) > 0)
+    if len(rows) < fusion_limits.LEAST_JUDGED:
+        return []
+    t, sd = model.t[rows], model.stated_sd[rows, :2].max(axis=1)
+    spacing = float(np.median(np.diff(t)))
+    # of another kind than the one before, or behind none
+    anew = np.diff(t, prepend=-np.inf) > limits.GAP_STEPS * spacing
+    anew[1:] |= np.log(sd[:-1] / sd[1:]) > fusion_limits.MOST_JITTER
+    first = np.flatnonzero(anew & (sd < fusion_limits.ARM_TOLD_SD_M))
+    # one alone may be wild
+    first = first[first + limits.STEP_FIXES <= len(t)]
+    first = first[[not anew[k + 1 : k + limits.STEP_FIXES].any() for k in first]]
+    found: list[Jump] = []
+    for when in t[first].tolist():
+        row, by = _led_off(told, path, when - late_s, 0.5 * spacing)
+        if row < 0:
+            continue
+        square, nis = float(by @ by), float(told.nis[row])
+        nis *= square / (square + nis * limits.REGAINED_SD_M**2)
+        chance = exceeds(nis, int(np.count_nonzero(by))) * len(first)
+        if chance < limits.OVER_HOLE_PROBABILITY:
+            found.append(Jump(when, by, chance))
+    return found
+
+
+def come_back(
+    parted: Sequence[Interval],
+    told: Innovations,
+    path: Trajectory,
+    late_s: float,
+    misses: Misses,
+    age_s: float,
+) -> bool:
+    """Whether positions come back to where the filter leads, and to the path, by each of the jumps
+    by which they part from the receiver's velocities, as behind places that it made up; ``misses``
+    of fixes ``age_s`` old, the rest as above."""
+    tag = misses.t + float(path.gps_s[0]) + age_s
+    for jump in parted:
+        row, by = _led_off(told, path, jump.end_gps_s - late_s, BACK_S)
+        off = misses.miss[np.abs(tag - jump.end_gps_s) < BACK_S]
+        if row < 0 or not len(off):
+            return False
+        if max(np.hypot(by[0], by[1]), np.hypot(off[0, 0], off[0, 1])) > 0.5 * jump.metres:
+            return False
+    return len(parted) > 0
+
+
+def _led_off(
+    told: Innovations, path: Trajectory, gps_s: float, reach_s: float
+) -> tuple[int, FloatArray]:
+    """The row of the position's innovation nearest to ``gps_s``, -1 where none is within
+    ``reach_s``, and the innovation [3] m north, east and up."""
+    north, east, down = (np.flatnonzero(told.channel == f"position_{axis}") for axis in "ned")
+    at = np.interp(told.t_ns[north], path.t_ns, path.gps_s, -np.inf, np.inf)
+    near = int(np.argmin(np.abs(at - gps_s))) if len(at) else -1
+    by = np.zeros(3)
+    if near < 0 or not abs(at[near] - gps_s) < reach_s:
+        return -1, by
+    row = int(north[near])
+    for axis, (of, up) in enumerate(((north, 1.0), (east, 1.0), (down, -1.0))):
+        by[axis] = up * told.innovation[of[told.t_ns[of] == told.t_ns[row]]].sum()
+    return row, by
 
 
 def _jumps(

@@ -75,6 +75,9 @@ OVER_HOLE_PROBABILITY = 1e-3
 """A jump over a hole is rather a change than chance below this: where one hole in a hundred has
 one. Chosen; a slow vehicle's 4 m, which chance makes once in thirty times, would else count as
 half a second, and as 15 m where it drives fast."""
+REGAINED_SD_M = 0.1
+"""A filter is led astray by so much an axis, m, where only positions to decimetres and velocities
+made of them are told: 0.17 m in the one such stretch recorded, of 2 s."""
 SAME_FIX_S = 1e-3
 """Fixes no further apart are one that stands twice: no receiver tells more than a hundred a
 second."""

@@ -4,7 +4,8 @@ wrongly, reflections, another receiver or antenna.
 A filter follows a jump within a few fixes, and nothing shows it afterwards. But a position that is
 good to centimetres cannot leave the way that an IMU feels, and without one it cannot gain speed
 faster than tyres hold. (Velocities are no such witness: they are late, by how much nobody says.)
-Which side of a jump is right is not told: each place is so as probably as it lasted.
+Which side of a jump is right is not told: each place is so as probably as it
+lasted.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ from automap.fusion.limits import (
 )
 from automap.fusion.nodes import FixModel
 from automap.gates import OUTSIDE_95, gate, sd_by_median
-from automap.records import FloatArray, IntArray, Trajectory
+from automap.records import BoolArray, FloatArray, IntArray, Trajectory
 from automap.timebase import gps_to_iso
 
 
@@ -51,10 +52,12 @@ class Places:
 
 @dataclass(frozen=True)
 class Jump:
-    """By how much [2] m, north and east, positions jump at ``gps_s`` s, or [1] m heights."""
+    """By how much [3] m, north, east and up, positions jump at ``gps_s`` s, which chance makes once
+    in so many drives: ``chance``."""
 
     gps_s: float
     by: FloatArray
+    chance: float = 0.0
 
 
 def places_of(model: FixModel) -> Places:
@@ -107,11 +110,12 @@ def position_jumps(places: Places) -> list[Jump]:
         return []
     # one of as many as there are fixes
     beyond = slack + np.sqrt(gate(DOUBT_PROBABILITY / len(before), 2)) * sd
-    return _apart(0.5 * (seen.t[before] + seen.t[before + 1]), jump, least / beyond)
+    level = np.pad(jump, ((0, 0), (0, 1)))
+    return _apart(0.5 * (seen.t[before] + seen.t[before + 1]), level, least / beyond)
 
 
 def height_jumps(model: FixModel, path: Trajectory) -> list[Jump]:
-    """Jumps of the fixes' heights, ``by`` [1] m, beyond what the vehicle climbs by its pitch on the
+    """Jumps of the fixes' heights beyond what the vehicle climbs by its pitch on the
     ``path``: ones that these heights do not make and the errors stated of them do not hold."""
     rows = np.flatnonzero((model.flags & HAS_POS_V) > 0)
     rows = rows[np.diff(model.t[rows], prepend=-np.inf) > limits.SAME_FIX_S]
@@ -122,7 +126,12 @@ def height_jumps(model: FixModel, path: Trajectory) -> list[Jump]:
     climbed, driven = (
         np.interp(t, path.gps_s, np.cumsum(part)) for part in (way * np.tan(path.rpy[:, 1]), way)
     )
-    at = np.stack([model.values[rows, 2] - climbed, np.zeros(len(t))], axis=1)
+    high = model.values[rows, 2] - climbed
+    held = ~_wild(high, driven, sd, max(round(limits.STEP_WINDOW_S / np.median(np.diff(t))), 1))
+    t, sd, high, driven = t[held], sd[held], high[held], driven[held]
+    if len(t) < LEAST_JUDGED:
+        return []
+    at = np.stack([high, np.zeros(len(t))], axis=1)
     seen = Places(t, at, sd, *_without_witness(len(t)))
     before, half = _between(seen)
     if len(before) < LEAST_JUDGED:
@@ -132,7 +141,19 @@ def height_jumps(model: FixModel, path: Trajectory) -> list[Jump]:
     beyond = np.maximum(usual, np.sqrt(gate(limits.UNHELD_PROBABILITY, 1)) * beside)
     # from the middle of what is before to that of what is after
     beyond += limits.BODY_PITCH_RAD * 0.5 * (driven[before + half] - driven[before - half + 1])
-    return _apart(0.5 * (t[before] + t[before + 1]), jump[:, :1], least / beyond)
+    up = np.pad(jump[:, :1], ((0, 0), (2, 0)))
+    return _apart(0.5 * (t[before] + t[before + 1]), up, least / beyond)
+
+
+def _wild(high: FloatArray, driven: FloatArray, sd: FloatArray, half: int) -> BoolArray:
+    """Which of heights [m] m, where so much is ``driven`` [m] m, lie off most of the ``half``
+    before and after by more than they err: a few in a row come back, and are no jump."""
+    around = np.lib.stride_tricks.sliding_window_view(np.pad(high, half, mode="edge"), 2 * half + 1)
+    off = np.abs(high - np.median(around, axis=1))
+    ends = np.pad(driven, half, mode="edge")
+    slope = limits.BODY_PITCH_RAD * 0.5 * (ends[2 * half :] - ends[: -2 * half])
+    least = np.sqrt(gate(limits.UNHELD_PROBABILITY, 1))
+    return np.asarray(off > slope + least * np.maximum(sd, sd_by_median(off)))
 
 
 def _apart(when: FloatArray, jump: FloatArray, ratio: FloatArray) -> list[Jump]:
@@ -211,17 +232,26 @@ def jump_doubts(jumps: Sequence[Jump], path: Trajectory) -> Iterator[Reason]:
     """The reason that ``jumps``, of positions or of heights, give somewhere on the ``path``."""
     if not jumps:
         return
+    # what two witnesses tell of one is told once, by the first
+    told_once: list[Jump] = []
+    for jump in jumps:
+        if all(abs(other.gps_s - jump.gps_s) > limits.STEP_WINDOW_S for other in told_once):
+            told_once.append(jump)
+    jumps = sorted(told_once, key=lambda jump: jump.gps_s)
     start, end = float(path.gps_s[0]), float(path.gps_s[-1])
     bounds = np.clip([start, *(jump.gps_s for jump in jumps), end], start, end) - start
-    place = np.cumsum([0.0 * jumps[0].by, *(jump.by for jump in jumps)], axis=0)
+    place = np.cumsum([np.zeros(3), *(jump.by for jump in jumps)], axis=0)
     share = np.diff(bounds) / max(end - start, 1e-9)
-    apart = ((place[:, None] - place) ** 2).sum(axis=2)
-    error = np.sqrt(apart @ share)
+    apart = (place[:, None] - place) ** 2
+    # the square of what a place is off, level and up
+    off = np.stack([apart[..., :2].sum(axis=2) @ share, apart[..., 2] @ share], axis=1)
     size = max(float(np.linalg.norm(jump.by)) for jump in jumps)
-    other = np.sqrt(apart[np.argmin(error)]) > 0.5 * size
+    likeliest = np.argmin(off.sum(axis=1))
+    other = np.sqrt(apart[likeliest].sum(axis=1)) > 0.5 * size
     spans: tuple[Span, ...] = ()
-    # an ellipse of 95 % holds a place that is right as surely as that; a path follows in seconds
-    if share[other].sum() < OUTSIDE_95:
+    # an ellipse of 95 % holds a place that is right as surely as that; a path follows in seconds.
+    # Where nothing comes back the way there may have been missed as well
+    if not (other[0] or other[-1]) and share[other].sum() < OUTSIDE_95:
         edges = np.stack([bounds[:-1] - limits.STEP_WINDOW_S, bounds[1:] + limits.STEP_WINDOW_S], 1)
         spans = tuple((float(a), float(b)) for a, b in edges[other])
     told = f"by {size:.1f} m at {gps_to_iso(jumps[0].gps_s)}"
@@ -230,22 +260,26 @@ def jump_doubts(jumps: Sequence[Jump], path: Trajectory) -> Iterator[Reason]:
             f"{len(jumps)} times, by up to {size:.1f} m, from {gps_to_iso(jumps[0].gps_s)} to "
             f"{gps_to_iso(jumps[-1].gps_s)}"
         )
-    off = float(error.max())
-    if len(jumps[0].by) == 1:
-        yield Reason(
-            "heights_jump",
-            f"the receiver's heights jump {told}, which no road does: a model of sea level or a "
-            "barometer that was switched, or another receiver; nothing says on which side they are "
-            "right, compare them with what is known of the place",
-            spans,
-            height_m=off,
-        )
-        return
+    level, high = np.sqrt(off.max(axis=0))
+    sure = min(jump.chance for jump in jumps) < DOUBT_PROBABILITY
+    why = (
+        "nothing says on which side they are right, compare them with what is known of the place"
+        if sure
+        else "that may be chance, and the stated uncertainty includes it"
+    )
+    code = "positions_jump" if level > 0.0 else "heights_jump"
+    whose = (
+        "positions jump {}, which no vehicle did: ambiguities that were fixed wrongly, or another "
+        "antenna, base or receiver"
+        if level > 0.0
+        else "heights jump {}, which no road does: a model of sea level or a barometer that was "
+        "switched, or another receiver"
+    )
     yield Reason(
-        "positions_jump",
-        f"the receiver's positions jump {told}, which no vehicle did: ambiguities that were fixed "
-        "wrongly, or another antenna, base or receiver; nothing says on which side they are right, "
-        "compare them with what is known of the place",
+        code,
+        f"the receiver's {whose.format(told)}; {why}",
         spans,
-        error_m=off,
+        error_m=float(level),
+        height_m=float(high),
+        state="doubtful" if sure else "good",
     )

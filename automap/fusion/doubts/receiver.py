@@ -19,6 +19,7 @@ from automap.gates import sd_by_median
 from automap.records import BoolArray, Fixes, FixType, FloatArray
 from automap.sync.between_fixes import nothing_new
 from automap.sync.limits import DELAY_SD_S
+from automap.sync.path_match import Estimate
 from automap.sync.velocity_consistency import Interval, VelocityConsistency, told_intervals
 
 _HELD = ("velocity_stuck", "position_frozen", "rows_frozen")
@@ -89,6 +90,11 @@ def own_velocities(fixes: Fixes, found: VelocityConsistency) -> Fixes:
     return replace(fixes, vel_ned=np.full_like(fixes.vel_ned, np.nan))
 
 
+def told_late(lag: Estimate | None) -> float:
+    """By how much, s, velocities are told late; 0 where chance makes as much."""
+    return lag.value if lag is not None and abs(lag.value) > limits.LAG_SIGMAS * lag.sd else 0.0
+
+
 def dated_velocities(fixes: Fixes, found: VelocityConsistency) -> Fixes:
     """Fixes whose speeds and courses are those of the positions' instants, for a smoother that
     knows no lag: each is taken from as much later as the receiver told it late.
@@ -97,9 +103,7 @@ def dated_velocities(fixes: Fixes, found: VelocityConsistency) -> Fixes:
     """
     speed_lag, course_lag = (
         # positions that were late are dated already
-        lag.value + found.positions_late_s
-        if lag is not None and abs(lag.value) > limits.LAG_SIGMAS * lag.sd
-        else 0.0
+        late + found.positions_late_s if (late := told_late(lag)) else 0.0
         for lag in (found.match.speed_lag_s, found.match.course_lag_s)
     )
     told = np.isfinite(fixes.vel_ned[:, :2]).all(axis=1) & np.isfinite(fixes.gps_s)
@@ -199,8 +203,9 @@ def _doubts(found: VelocityConsistency, start: float, felt: bool) -> Iterator[Re
                 f"the receiver's {reason.text}: they were dated back; turn its smoothing of "
                 "positions off, or log those that belong to the times"
             )
-            # a filter that follows slowly is late by differing times, and velocities have an age
-            yield Reason(reason.code, text, late_s=found.positions_late_s + DELAY_SD_S)
+            # velocities have an age, and a filter that follows slowly is late by differing times:
+            # how much more by one than by the other, what the path sees of the rest is in its noise
+            yield Reason(reason.code, text, late_s=found.lateness_apart_s + DELAY_SD_S)
             continue
         if reason.code == "positions_straight":
             text = f"the receiver's {reason.text}; log the receiver's own"

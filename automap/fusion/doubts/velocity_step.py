@@ -20,7 +20,7 @@ from automap.fusion.doubts.estimates import Estimates
 from automap.fusion.doubts.reason import Reason, Span
 from automap.fusion.free_inertial import FreeInertial
 from automap.fusion.limits import DOUBT_PROBABILITY, LEAST_JUDGED
-from automap.gates import gate, sd_by_median
+from automap.gates import OUTSIDE_95, gate, sd_by_median
 from automap.records import Fixes, FloatArray, IntArray, Trajectory
 from automap.timebase import gps_to_iso
 
@@ -189,14 +189,29 @@ def _lasts(seen: Compared, at: int, jump: FloatArray) -> float:
     seconds = []
     for side in (1.0, -1.0):
         known = (side * t < 0.0) & (side * t > -2.0 * limits.STEP_WINDOW_S)
-        line = np.polyfit(t[known], along[known], 1)
         there = np.flatnonzero(side * t > 0.0)[:: int(side)]
-        other = side * (along - np.polyval(line, t))[there] > 0.5 * np.hypot(*jump)
+        told, sd = _line(t[known], along[known], t[there])
+        # it tells nothing where it may be off by as much
+        half = 0.5 * np.hypot(*jump)
+        other = (side * (along[there] - told) > half) & (sd < half)
         # one fix may be wild
         again = np.flatnonzero(~other[:-1] & ~other[1:])
         last = there[again[0]] if len(again) else there[-1]
         seconds.append(abs(float(t[last])))
     return max(min(seconds), limits.STEP_WINDOW_S)
+
+
+def _line(t: FloatArray, y: FloatArray, at: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """A line through ``y`` [n] at ``t`` [n], at instants [m], and how far it may be off there: half
+    of its interval of 95 %, by Student's distribution."""
+    from scipy.special import stdtrit
+
+    mean, freedom = t.mean(), max(len(t) - 2, 1)
+    line = np.polyfit(t - mean, y, 1)
+    rest = y - np.polyval(line, t - mean)
+    spread = 1.0 / len(t) + (at - mean) ** 2 / ((t - mean) @ (t - mean))
+    wide = stdtrit(freedom, 1.0 - 0.5 * OUTSIDE_95)
+    return np.polyval(line, at - mean), wide * np.sqrt(spread * (rest @ rest) / freedom)
 
 
 def last_term(design: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
