@@ -24,8 +24,9 @@ class Sign:
     ``facing_rad`` clockwise from north, with one sigma ``facing_sd_rad`` (NaN unknown).
     ``support`` names the post or gantry, the same for all signs on it ("" unknown); ``note`` is
     what a reviewer wrote, with who and when, ``reviewer`` who decided about it last and
-    ``reviewed`` when (UTC, ISO 8601; "" for nobody); ``geoid_m`` the geoid's height above the ellipsoid there, where that is
-    known without the fixes of a drive (NaN else); ``existence`` the probability that a sign
+    ``reviewed`` when (UTC, ISO 8601; "" for nobody); ``geoid_m`` the geoid's height above the
+    ellipsoid there, where that is known without the fixes of a drive (NaN else); ``existence`` the
+    probability that a sign
     stands there (NaN unknown), ``class_probability`` that it is what ``class_name`` says,
     if it is a sign, and ``group_probability`` that it is of that shape and colour (NaN where the
     detector does not tell them); ``path_offset_m`` how far to the right of the drive's path it
