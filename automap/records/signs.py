@@ -31,8 +31,9 @@ class Sign:
     colour (NaN where the detector does not tell them); ``path_offset_m`` how far to the right of
     the drive's path it stands (NaN where it is on a map of several, or was placed by hand).
     ``contrast`` of the face with the standard deviation ``contrast_sd`` from view to view (NaN:
-    ``contrast_note`` says why, "" where nothing looked); of the ``n_looked`` frames that should have shown it the part
-    ``seen_share`` that did (NaN unknown); ``n_back_views`` views of its back in other passes.
+    ``contrast_note`` says why, "" where nothing looked); of the ``n_looked`` frames that should
+    have shown it the part ``seen_share`` that did (NaN unknown); ``n_back_views`` views of its back
+    in other passes.
     ``by_size_e_m``, ``by_size_n_m``, ``by_size_u_m`` how far a sigma of the size that a drive took
     the sign for moves it east, north and up (NaN unknown): every drive takes it for that size.
     """
