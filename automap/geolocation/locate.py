@@ -23,7 +23,7 @@ from automap.geolocation.existence import existence_odds, existence_of
 from automap.geolocation.face_sizes import face_odds
 from automap.geolocation.facing import find_facings, narrowest
 from automap.geolocation.landmark import Landmark, SizePrior, fit_landmark
-from automap.geolocation.left_out import no_signs, with_left_out, without
+from automap.geolocation.left_out import no_signs, with_left_out
 from automap.geolocation.merging import combine
 from automap.geolocation.pass_errors import solve_with_pass_errors
 from automap.geolocation.passes import join_passes
@@ -66,8 +66,7 @@ def locate_signs(
 
     def locate(trial: Trial, progress: Callable[[float], None]) -> GeolocationResult:
         seen = [
-            without(found, note != "")
-            for found, note in zip(trial.detections, trial.notes, strict=True)
+            found.at(note == "") for found, note in zip(trial.detections, trial.notes, strict=True)
         ]
         found = _located(
             *(trajectory, seen, trial.cameras, trial.rules, progress, control),

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -165,12 +164,9 @@ def build_views(
         if (correction := (corrections or {}).get(found.camera)) is not None:
             camera = correction.applied(camera)
             margin = correction.margin * float(np.exp(-correction.focal_log))
-        columns: dict[str, Any] = {
-            k: v for k, v in vars(found).items() if isinstance(v, np.ndarray)
-        }
         # of the boxes of ten hours the poses alone are as large as their views
         for a in range(0, max(len(found), 1), _ROWS):
-            some = replace(found, **{k: v[a : a + _ROWS] for k, v in columns.items()})
+            some = found.at(slice(a, a + _ROWS))
             part, lost = _camera_views(trajectory, some, camera, margin, noise, origin)
             part["row"] += first_row + a
             part["camera"] = np.full(len(part["row"]), index, np.int64)
