@@ -95,6 +95,11 @@ def violations(page: Page) -> list[str]:
         "e.checkVisibility() && !(e.ariaLabel || e.labels?.length || e.innerText?.trim()))"
         ".map((e) => e.outerHTML).concat([...document.querySelectorAll('section aside')]"
         ".map((e) => 'a landmark in another: ' + e.id))"
+        ".concat([...document.querySelectorAll('.leaflet-marker-icon[tabindex]')]"
+        ".map((e) => [e.title, e.getBoundingClientRect()])"
+        ".filter(([, a], k, all) => all.slice(0, k).some(([, b]) =>"
+        " Math.abs(a.x - b.x) < 24 && Math.abs(a.y - b.y) < 24))"
+        ".map(([title]) => 'takes the focus and lies over another: ' + title))"
     )
     axe = axe_path()
     if axe is None:

@@ -91,7 +91,7 @@ SIGN_FIELDS: tuple[Field, ...] = (
     Field("ce95_m", "real", "m", "radius that holds the position with 95 % probability", 3),
     Field("drives", "list", "", "drives that saw the sign"),
     Field("status", "text", "", "ok, or what weakens the position, or what a reviewer decided"),
-    Field("note", "text", "", "what a reviewer wrote"),
+    Field("note", "text", "", "what a reviewer wrote, with who and on which day"),
     Field("reviewer", "text", "", "who decided about the sign last"),
     Field("reviewed", "text", "UTC", "when that was"),
 )

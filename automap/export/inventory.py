@@ -31,7 +31,8 @@ class ComparedSign:
 
     From where it is listed to where it was found ``east_m``, ``north_m``, after the inventory's
     common shift; ``sd_m`` one sigma per axis of that. ``sure`` is "yes" for those that are for
-    work, of whose kind nine of ten are expected to be right, else "no"; ``more_drives`` past an
+    work, of whose kind nine of ten are expected to be right (missing ones each with such a
+    probability), else "no"; ``more_drives`` past an
     unconfirmed sign that would have to miss it until it is surely gone (NaN: nothing is said).
     """
 
@@ -75,7 +76,10 @@ class ComparedSign:
         if self.kind == "new":
             return f"{words} stands here and is not in the inventory ({sure})."
         if self.kind == "missing":
-            return f"{listed} ({self.listed_id}) is in the inventory and was not seen ({sure})."
+            return (
+                f"{listed} ({self.listed_id}) is in the inventory and was not seen: gone ({sure}), "
+                "or hidden from every drive by something that stays."
+            )
         if self.kind == "class":
             return f"{self.listed_id} is listed as {listed} and was read as {words} ({sure})."
         if self.kind == "moved":

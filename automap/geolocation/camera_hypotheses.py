@@ -22,7 +22,6 @@ from automap.gates import gate
 from automap.geolocation import limits
 from automap.geolocation.camera_doubt import as_unknown
 from automap.geolocation.epipolar import PairGeometry, descend, pair_geometry
-from automap.geolocation.left_out import without
 from automap.geolocation.views import map_origin
 from automap.records import BoolArray, Camera, Detections, FloatArray, Trajectory
 
@@ -51,7 +50,7 @@ class _Judge:
     """Boxes [n] that say nothing of the camera."""
 
     def geometry(self, one: Hypothesis) -> PairGeometry:
-        found = without(one.found, self.out)
+        found = one.found.at(~self.out)
         whole = pair_geometry(self.trajectory, found, one.camera, self.origin)
         return whole.thinned(limits.HYPOTHESIS_PAIRS)
 

@@ -11,7 +11,6 @@ by as much in size, so that these are not told.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -65,10 +64,7 @@ def far_carried(
     if not ((way > limits.SEEN_FROM_M)[part] & numbered).any():
         return far
     rows = order[numbered]
-    columns: dict[str, Any] = {
-        k: v[rows] for k, v in vars(found).items() if isinstance(v, np.ndarray)
-    }
-    some = replace(found, **{**columns, "track": part[numbered]})
+    some = replace(found.at(rows), track=part[numbered])
     views = build_views(trajectory, [some], {found.camera: camera}, noise)
     suspects, others = [], []
     for track in numbered_tracks(views):

@@ -4,7 +4,6 @@ nothing is fitted to them."""
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -18,7 +17,7 @@ from automap.geolocation.result import (
     nothing_observed,
 )
 from automap.geolocation.rules import GeolocationRules
-from automap.records import BoolArray, Camera, Detections, Trajectory
+from automap.records import Camera, Detections, Trajectory
 
 Notes = npt.NDArray[np.object_]
 
@@ -30,17 +29,9 @@ def no_signs(
     note = np.full(len(found), "", np.object_)
     note[fixed_boxes(trajectory, found, rules.noise)] = "fixed"
     rest = np.flatnonzero(note == "")
-    some = without(found, note != "")
+    some = found.at(note == "")
     note[rest[far_carried(trajectory, some, camera, rules.noise, rules.size)]] = "moving"
     return note
-
-
-def without(found: Detections, rows: BoolArray) -> Detections:
-    """Boxes of a camera but for some ``rows`` [n]."""
-    columns: dict[str, Any] = {
-        k: v[~rows] for k, v in vars(found).items() if isinstance(v, np.ndarray)
-    }
-    return replace(found, **columns)
 
 
 def with_left_out(result: GeolocationResult, note: Notes) -> GeolocationResult:

@@ -151,11 +151,6 @@ ALIKE_PROBABILITY = 2.7e-3
 are nearer to one another are one: three sigmas of one coordinate."""
 HELD_TIME_S = 1e-6
 """Prior of a time offset that is held: nothing against what any sign tells of it."""
-COURSE_SPEED, COURSE_TURN_RATE = 5.0, 0.05
-"""Faster, m/s, and turning less, rad/s, a car goes where it points. Chosen: 1.5 m before the rear
-axle the course is at most 0.9 deg off then, to either side in turn."""
-STRAIGHT_SHARE = 0.5
-"""Of a sign's views, what must be straight on. Chosen: half of a pass tells its mean course."""
 BEYOND_MANIFEST_PROBABILITY = 2.7e-3
 """A right manifest is called in doubt so rarely: three of its sigmas."""
 DOUBTED_TURN_RAD, DOUBTED_TIME_S = math.radians(10.0), MOST_REACH_S / REACH_SIGMAS

@@ -18,13 +18,12 @@ from automap.geolocation.class_sizes import sizes_of_others, usual_sizes
 from automap.geolocation.condition import conditions
 from automap.geolocation.contradiction import disagreement
 from automap.geolocation.control import ControlSigns
-from automap.geolocation.course_yaw import yaw_by_course
 from automap.geolocation.due_frames import patterns_of
 from automap.geolocation.existence import existence_odds, existence_of
 from automap.geolocation.face_sizes import face_odds
 from automap.geolocation.facing import find_facings, narrowest
 from automap.geolocation.landmark import Landmark, SizePrior, fit_landmark
-from automap.geolocation.left_out import no_signs, with_left_out, without
+from automap.geolocation.left_out import no_signs, with_left_out
 from automap.geolocation.merging import combine
 from automap.geolocation.pass_errors import solve_with_pass_errors
 from automap.geolocation.passes import join_passes
@@ -67,8 +66,7 @@ def locate_signs(
 
     def locate(trial: Trial, progress: Callable[[float], None]) -> GeolocationResult:
         seen = [
-            without(found, note != "")
-            for found, note in zip(trial.detections, trial.notes, strict=True)
+            found.at(note == "") for found, note in zip(trial.detections, trial.notes, strict=True)
         ]
         found = _located(
             *(trajectory, seen, trial.cameras, trial.rules, progress, control),
@@ -137,16 +135,6 @@ def _located(
         views = build_views(trajectory, detections, cameras, rules.noise, corrections)
         landmarks = refit(views, [rows[mark.rows] for mark in landmarks], rules)
         misfits = np.flatnonzero(np.isin(views.row, rows[misfits]))
-        corrections = {
-            name: replace(
-                corrections[name],
-                course_yaw=yaw_by_course(
-                    *(views, landmarks, index, cameras[name], corrections[name]),
-                    *(rules.size, rules.camera),
-                ),
-            )
-            for index, name in enumerate(views.camera_names)
-        }
 
     total = sum(len(d) for d in detections)
     found = {n: corrections[n].applied(c) if n in corrections else c for n, c in cameras.items()}

@@ -72,12 +72,11 @@ class Network:
 class Solution:
     """``place`` [m, a] of the signs in m and ``error`` [k, a] of the paths in sigmas; ``square``
     [n] of the sightings' distances from their signs, the path's error taken off, in sigmas of
-    their own; ``deviance`` minus twice the restricted log likelihood, less a constant."""
+    their own."""
 
     place: FloatArray
     error: FloatArray
     square: FloatArray
-    deviance: float
     factor: Factor
 
     def place_variances(self, count: int) -> FloatArray:
@@ -128,7 +127,6 @@ class Equations:
         own[tied - 1] += network.alike[tied] ** 2 * fresh[tied]
         across = -network.alike[tied] * fresh[tied]
         self._prior = np.repeat(np.concatenate([own, across, across]), axes)
-        self._log_prior = axes * float(np.log(fresh).sum())
 
     def solve(self, weight: FloatArray | None = None) -> Solution:
         """Places and errors; ``weight`` [n] of the sightings."""
@@ -149,10 +147,8 @@ class Equations:
         x = factor.solve(right)
         error, place = np.split(x.reshape(-1, axes), [self.nodes])
         miss = net.measured - place[net.sign] - (net.sd * error[net.node]).sum(axis=1)
-        deviance = np.log(factor.pivot).sum() - self._log_prior - np.linalg.slogdet(W)[1].sum()
-        deviance += np.sum(pull * net.measured) - right @ x
         square = np.einsum("ni,nij,nj->n", miss, net.information, miss)
-        return Solution(place, error, square, float(deviance), factor)
+        return Solution(place, error, square, factor)
 
     def components(
         self, found: Solution, weight: FloatArray, path: IntArray, own: IntArray, count: int

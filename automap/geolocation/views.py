@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -12,7 +11,6 @@ import numpy.typing as npt
 from automap.effects.camera import camera_poses, error_columns, row_share, true_camera
 from automap.effects.camera_kernels import TIME
 from automap.effects.lens import box_variances, focal_length, lens_of, normalise
-from automap.effects.limits import NOSE_SLIP_DEG
 from automap.frames import matrix_to_rotation_vector, rpy_to_matrix
 from automap.geolocation import limits
 from automap.interpolation import poses_at
@@ -69,9 +67,9 @@ class Views:
     are; ``log_aspect`` [n] logarithm of the box's width over its height, both as directions and
     without the camera's margin. ``pose_sd`` [n, 3] m NED,
     ``attitude_sd`` [n, 3] rad (roll, pitch, yaw) and ``velocity_sd`` [n, 3] m/s (forward, right,
-    down) of the trajectory, ``speed_sd`` [n] m/s, ``slip_sd`` [n] rad by which the vehicle's nose
-    is off its course for minutes, which ``attitude_sd`` is without; ``margin_sd`` [n] rad what
-    the height of a sign's boxes is off by in common, ``lever_arm_sd`` [n] m of the camera.
+    down) of the trajectory, ``speed_sd`` [n] m/s; ``attitude_sd`` is without what the vehicle's
+    nose is off its course by for minutes; ``margin_sd`` [n] rad what the height of a sign's boxes
+    is off by in common, ``lever_arm_sd`` [n] m of the camera.
     ``class_probability`` and ``group_probability`` [n] that the box's track is what it is called,
     and of its shape and colour (NaN untold). ``without_pose`` [k] indices of the boxes whose
     frames lie outside the trajectory or in a long gap of it.
@@ -95,7 +93,6 @@ class Views:
     log_aspect: FloatArray
     pose_sd: FloatArray
     attitude_sd: FloatArray
-    slip_sd: FloatArray
     velocity_sd: FloatArray
     margin_sd: FloatArray
     lever_arm_sd: FloatArray
@@ -119,8 +116,7 @@ class CameraCorrection:
     sum and over the focal length (rad). ``covariance`` [9, 9] of turn, time, focal length, lever
     arm (m) and margin; the lever arm is considered, not corrected: on a straight road it is one
     with the place of all. ``time_minima`` time offsets that explain the boxes alike, where the
-    drive does not tell one from another. ``course_yaw`` (rad) the yaw of the turn as it is against
-    the direction of travel in place of the trajectory's heading, and its sd."""
+    drive does not tell one from another."""
 
     turn: FloatArray
     time_s: float
@@ -128,7 +124,6 @@ class CameraCorrection:
     focal_log: float = 0.0
     margin: float = 0.0
     time_minima: tuple[float, ...] = ()
-    course_yaw: tuple[float, float] | None = None
 
     def applied(self, camera: Camera) -> Camera:
         """The camera with what was found out about it."""
@@ -169,12 +164,9 @@ def build_views(
         if (correction := (corrections or {}).get(found.camera)) is not None:
             camera = correction.applied(camera)
             margin = correction.margin * float(np.exp(-correction.focal_log))
-        columns: dict[str, Any] = {
-            k: v for k, v in vars(found).items() if isinstance(v, np.ndarray)
-        }
         # of the boxes of ten hours the poses alone are as large as their views
         for a in range(0, max(len(found), 1), _ROWS):
-            some = replace(found, **{k: v[a : a + _ROWS] for k, v in columns.items()})
+            some = found.at(slice(a, a + _ROWS))
             part, lost = _camera_views(trajectory, some, camera, margin, noise, origin)
             part["row"] += first_row + a
             part["camera"] = np.full(len(part["row"]), index, np.int64)
@@ -282,7 +274,7 @@ def _camera_views(
         columns = error_columns(camera, {}, *(values[ok] for values in seen))
         variance[ok] += (noise.stamp_sd_s * columns[:, :, TIME]) ** 2
     sd = np.sqrt(variance) * noise.scales
-    sd_ned, slip_sd = poses.sd_vel_ned[ok], poses.slip_sd[ok]
+    sd_ned = poses.sd_vel_ned[ok]
     level = np.sqrt(0.5 * (sd_ned[:, 0] ** 2 + sd_ned[:, 1] ** 2))
     part: dict[str, np.ndarray] = {
         "row": np.flatnonzero(ok),
@@ -298,8 +290,7 @@ def _camera_views(
         "share": row_share(middle_y, camera.height)[ok],
         "log_aspect": log_aspect[ok],
         "pose_sd": np.nan_to_num(poses.sd_pos_ned[ok]),
-        "attitude_sd": along_course(np.nan_to_num(poses.sd_rpy[ok]), slip_sd),
-        "slip_sd": np.nan_to_num(slip_sd, nan=np.radians(NOSE_SLIP_DEG)),
+        "attitude_sd": along_course(np.nan_to_num(poses.sd_rpy[ok]), poses.slip_sd[ok]),
         "margin_sd": np.full(int(ok.sum()), noise.margin_sd_px / focal_length(camera)),
         "lever_arm_sd": np.full(int(ok.sum()), camera.lever_arm_sd),
         "velocity_sd": np.nan_to_num(np.column_stack([level, level, sd_ned[:, 2]])),

@@ -73,13 +73,18 @@ class Finding:
 
 def mark_sure(findings: Sequence[Finding]) -> list[Finding]:
     """The findings with ``sure`` set: of each kind the likeliest, as long as the mean of their
-    probabilities is ``SURE`` and none is less likely than not."""
+    probabilities is ``SURE`` and none is less likely than not. In all that was not found is one
+    unknown, how much of what stands something hides, so that many err together and their mean is
+    no likelier than one: each of these must be as likely by itself (B. Efron, Simultaneous
+    inference: when should hypothesis testing problems be combined?, Annals of Applied Statistics 2,
+    2008)."""
     marked = list(findings)
     for kind in {f.kind for f in findings}:
         own = [k for k, f in enumerate(findings) if f.kind == kind]
         own.sort(key=lambda k: -findings[k].probability)
         told = np.array([findings[k].probability for k in own])
-        good = np.cumsum(told) >= limits.SURE * np.arange(1, len(own) + 1)
+        mean = told if kind == "missing" else np.cumsum(told) / np.arange(1, len(own) + 1)
+        good = mean >= limits.SURE
         for k in np.array(own)[good & (told > limits.LIKELIER_THAN_NOT)].tolist():
             marked[k] = replace(findings[k], sure=True)
     return marked

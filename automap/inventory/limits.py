@@ -18,8 +18,8 @@ DOUBT_FACTOR_LOG_SD = 0.15
 Chosen: a belief of a half, 6.9 below the surest in logarithmic odds, is good to a factor of e in
 its odds; some tens of doubted signs outweigh it, and a list that lacks most signs does not."""
 SURE = 0.9
-"""Of the statements of a kind that are for work, the part that is expected to be right. What is
-asked of each kind: nine of ten."""
+"""Of the statements of a kind that are for work, the part that is expected to be right, and how
+probable it is of each missing sign that it is gone. What is asked of each kind: nine of ten."""
 LIKELIER_THAN_NOT = 0.5
 """What is less likely is not for work, however sure the others of its kind are."""
 MOST_DRIVES = 9

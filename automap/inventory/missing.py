@@ -49,7 +49,9 @@ def standing(
 
     Each ``group`` [m] has a rate of its own, with its beta parameters of ``priors`` (default: the
     usual ones): signs of unknown facing may look away from every drive. How alike the signs of a
-    group are is not decided but averaged over, by how likely the counts are with it.
+    group are is not decided but averaged over, by how likely the counts are with it. A face that is
+    taken from beside one that stays is other work than a post that is taken away: either has a
+    share of gone ones of its own.
     """
     n = int(group.max(initial=0)) + 1
     prior = np.array([*priors, *[limits.DETECTION_PRIOR] * (n - len(priors))], np.float64)
@@ -57,10 +59,10 @@ def standing(
     # of signs that one drive had in view the spread tells nothing
     spreads = SPREADS if (tries > 1).any() else (SPREAD,)
     misses = np.maximum(tries - hits, 0)
+    screened = np.broadcast_to(screened, tries.shape)
+    beside = (screened < 1.0).astype(np.int64)
     fits = [
-        _fitted(
-            hits, misses, group, seen, prior, spread, share * np.broadcast_to(screened, tries.shape)
-        )
+        _fitted(hits, misses, group, seen, prior, spread, share * screened, beside)
         for spread in spreads
         for share in hidden
     ]
@@ -82,14 +84,14 @@ def standing(
 
 def _fitted(
     hits: IntArray, misses: IntArray, group: IntArray, seen: BoolArray, prior: FloatArray,
-    spread: float, hidden: FloatArray,
+    spread: float, hidden: FloatArray, kind: IntArray,
 ) -> tuple[FloatArray, float, float]:  # fmt: skip
-    """Share of gone signs and the groups' rates, ``prior`` [g, 2], by expectation maximisation:
-    how probably each is gone after so many more drives, and after any number, [2 + more drives, m],
-    the rate of all, and how likely the counts are."""
+    """Shares of gone signs by ``kind`` [m], and the groups' rates, ``prior`` [g, 2], by expectation
+    maximisation: how probably each is gone after so many more drives, and after any number,
+    [2 + more drives, m], the rate of all, and how likely the counts are."""
     rate = prior[:, 0] / prior.sum(axis=1)
-    share = limits.STALE
-    total = float(seen.sum())
+    share = np.full(len(hits), limits.STALE)
+    total = np.bincount(kind, seen, 2)
     none = (hits == 0) & seen
     for _ in range(limits.ROUNDS):
         open_ = (1.0 - hidden) * np.exp(_log_counts(hits, misses, rate[group], spread))
@@ -100,9 +102,8 @@ def _fitted(
         right = np.bincount(group, stands * hits, len(rate)) + prior[:, 0]
         tried = np.bincount(group, stands * (hits + misses), len(rate)) + prior.sum(axis=1)
         rate = np.minimum(right / tried, limits.HIGHEST_RATE)
-        share = float(gone.sum() + limits.STALE * limits.STALE_WEIGHT) / (
-            total + limits.STALE_WEIGHT
-        )
+        stale = np.bincount(kind, gone, 2) + limits.STALE * limits.STALE_WEIGHT
+        share = (stale / (total + limits.STALE_WEIGHT))[kind]
     further = misses + np.arange(limits.MOST_DRIVES + 1)[:, None]
     overlooked = np.exp(_log_counts(hits, further, rate[group], spread))
     unseen = hidden + (1.0 - hidden) * np.vstack([overlooked, np.zeros(len(hits))])

@@ -185,7 +185,8 @@ def _changed(sign: Sign, verdict: Verdict) -> Sign:
             "reviewed": verdict.time,
         }
     if verdict.note:
-        changes["note"] = verdict.note
+        # whoever decides about the sign may be another one
+        changes["note"] = f"{verdict.note} ({verdict.note_by})"
     if verdict.class_name is not None:
         changes["class_name"] = verdict.class_name
         if verdict.class_name != sign.class_name:

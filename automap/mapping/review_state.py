@@ -26,7 +26,8 @@ class Verdict:
     ``place`` is what was computed of a sign that was added, split or merged, if nobody moved it
     since. ``created`` says that the review itself made the sign (out of ``origin``, where that was
     a split), ``views`` of which views; ``into`` is the sign that it was merged into. ``reviewer``
-    and ``time`` are those of the last decision, ``disputed`` who decided otherwise.
+    and ``time`` are those of the last decision, ``disputed`` who decided otherwise; ``note_by`` who
+    wrote the note and on which day.
     """
 
     sign: str
@@ -39,6 +40,7 @@ class Verdict:
     lat_deg: float | None = None
     sd_m: float | None = None
     note: str = ""
+    note_by: str = ""
     facing_deg: float | None = None
     height_above_road_m: float | None = None
     place: PlacedSign | None = None
@@ -170,7 +172,8 @@ def _correct(fold: _Fold, action: ReviewAction) -> None:
             verdict = replace(verdict, **{name: value})
             fold.changed = True
     if action.note is not None:
-        verdict = replace(verdict, note=action.note)
+        by = ", ".join(filter(None, (action.reviewer, action.time[:10])))
+        verdict = replace(verdict, note=action.note, note_by=by)
     if action.kind == "reject":
         verdict = replace(verdict, status="rejected")
     elif action.kind in ("accept", "correct"):

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
-from automap.records.arrays import FloatArray, Image, IntArray
+from automap.records.arrays import BoolArray, FloatArray, Image, IntArray
 
 TRACK_PROBABILITIES = ("class_probability", "group_probability")
 """Columns of detections that tell how sure a track's class is, and its shape and colour."""
@@ -194,6 +194,11 @@ class Detections:
 
     def __len__(self) -> int:
         return len(self.frame)
+
+    def at(self, rows: IntArray | BoolArray | slice) -> Detections:
+        """Some of the boxes."""
+        columns = {k: v[rows] for k, v in vars(self).items() if isinstance(v, np.ndarray)}
+        return replace(self, **columns)  # type: ignore[arg-type]
 
     def told(self, name: str) -> FloatArray:
         """One of ``TRACK_PROBABILITIES``, or ``contrast`` [n], NaN where nothing tells it."""

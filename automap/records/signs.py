@@ -23,16 +23,17 @@ class Sign:
 
     ``facing_rad`` clockwise from north, with one sigma ``facing_sd_rad`` (NaN unknown).
     ``support`` names the post or gantry, the same for all signs on it ("" unknown); ``note`` is
-    what a reviewer wrote, ``reviewer`` who decided about it last and ``reviewed`` when (UTC, ISO
-    8601; "" for nobody); ``geoid_m`` the geoid's height above the ellipsoid there, where that is
-    known without the fixes of a drive (NaN else); ``existence`` the probability that a sign
-    stands there (NaN unknown), ``class_probability`` that it is what ``class_name`` says,
-    if it is a sign, and ``group_probability`` that it is of that shape and colour (NaN where the
-    detector does not tell them); ``path_offset_m`` how far to the right of the drive's path it
-    stands (NaN where it is on a map of several, or was placed by hand). ``contrast`` of the face
-    with the standard deviation ``contrast_sd`` from view to view (NaN: ``contrast_note`` says why,
-    "" where nothing looked); of the ``n_looked`` frames that should have shown it the part
-    ``seen_share`` that did (NaN unknown); ``n_back_views`` views of its back in other passes.
+    what a reviewer wrote, with who and when, ``reviewer`` who decided about it last and
+    ``reviewed`` when (UTC, ISO 8601; "" for nobody); ``geoid_m`` the geoid's height above the
+    ellipsoid there, where that is known without the fixes of a drive (NaN else); ``existence`` the
+    probability that a sign stands there (NaN unknown), ``class_probability`` that it is what
+    ``class_name`` says, if it is a sign, and ``group_probability`` that it is of that shape and
+    colour (NaN where the detector does not tell them); ``path_offset_m`` how far to the right of
+    the drive's path it stands (NaN where it is on a map of several, or was placed by hand).
+    ``contrast`` of the face with the standard deviation ``contrast_sd`` from view to view (NaN:
+    ``contrast_note`` says why, "" where nothing looked); of the ``n_looked`` frames that should
+    have shown it the part ``seen_share`` that did (NaN unknown); ``n_back_views`` views of its back
+    in other passes.
     ``by_size_e_m``, ``by_size_n_m``, ``by_size_u_m`` how far a sigma of the size that a drive took
     the sign for moves it east, north and up (NaN unknown): every drive takes it for that size.
     """

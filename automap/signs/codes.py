@@ -56,6 +56,7 @@ OTHER_CODES = {
         "A15B": "warning--wild-animals--g1",
         "A16": "warning--roadworks--g3",
         "A17": "warning--traffic-signals--g1",
+        "A18A": "warning--crossroads--g1",
         "A22": "warning--roundabout--g1",
         "A23": "warning--two-way-traffic--g1",
         "A32": "warning--other-danger--g1",
@@ -64,7 +65,9 @@ OTHER_CODES = {
         "B3": "regulatory--priority-road--g1",
         "C1": "regulatory--no-entry--g1",
         "C2": "regulatory--road-closed-to-vehicles--g3",
+        "C3C": "regulatory--no-bicycles--g1",
         "C3E": "regulatory--no-heavy-goods-vehicles--g1",
+        "C3I": "regulatory--no-pedestrians--g2",
         "C11A": "regulatory--no-left-turn--g1",
         "C11B": "regulatory--no-right-turn--g1",
         "C12": "regulatory--no-u-turn--g1",
@@ -84,13 +87,17 @@ OTHER_CODES = {
         "E14A": "information--parking--g1",
     },
 }
-"""MUTCD 2023, chapters 2B and 2C; Convention on Road Signs and Signals, 1968, annex 1."""
+"""Convention on Road Signs and Signals of 1968 with the amendments of 1995, annex 1, where each
+stands so (as the Dutch government prints it, wetten.overheid.nl, BWBV0004310). MUTCD, chapters 2B
+and 2C, by the descriptions of its figures (mutcd.fhwa.dot.gov) and what authorities quote of it:
+R4-8, W2-4, W2-6 and W7-1 alone are from no text that was at hand."""
 
 LIMITS = {"US": "R2-1", "VIENNA": "C14"}
 """Codes of the speed limits, whose number is written after them."""
 SIDES = {
     "regulatory--keep-right--g1": "D2",
     "regulatory--keep-left--g1": "D2",
+    "regulatory--no-bicycles--g2": "C3C",
     **{
         f"regulatory--{way}--g1": "D1A"
         for way in (
@@ -99,7 +106,8 @@ SIDES = {
         )
     },
 }
-"""Codes of the Convention that several faces share, one for each way that the arrow points."""
+"""Codes of the Convention that several faces share: one for each way that the arrow points, and
+with the oblique bar or without."""
 
 _OLD_VZKAT = {f"274-{50 + k}": f"274-{10 * k}" for k in range(1, 14)} | {"274-50": "274-5"}
 """The VzKat numbered speed limits from 274-50 up before 2017, by their value since."""

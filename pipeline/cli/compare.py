@@ -57,8 +57,8 @@ def command(
     The inventory is a GeoPackage, GeoJSON, Shapefile, Parquet or CSV file of points. Each sign
     of either is matched, moved, of another class, new, missing, unconfirmed or not seen, with a
     probability, by the errors that the map states and the inventory turns out to have. The
-    likeliest of a kind, of which nine of ten are expected to be right, are for work; the others are
-    listed by themselves, as unsure.
+    likeliest of a kind, of which nine of ten are expected to be right, are for work (missing ones
+    each with that probability); the others are listed by themselves, as unsure.
     """
     from automap.export.inventory import WORK
     from automap.io.csv_columns import listed

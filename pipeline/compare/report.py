@@ -22,7 +22,11 @@ if TYPE_CHECKING:
     from pipeline.shared.products import RunProducts
 
 _TITLES = {
-    "missing": ("Missing", "In the inventory, in view of a drive, and not found."),
+    "missing": (
+        "Missing",
+        "In the inventory, in view of drives, and found by none: gone, or hidden from all of them "
+        "by something that stays (a tree, a hoarding), which more drives do not tell apart.",
+    ),
     "new": ("New", "On the map and not in the inventory."),
     "class": ("Another class", "One sign, of which map and inventory say different things."),
     "moved": (
@@ -31,8 +35,9 @@ _TITLES = {
     ),
     "unsure": (
         "Unsure",
-        "May be one of these, but with them fewer than nine of ten would be right, or a warning "
-        "says why the inventory may be read wrong: where there is time, or after another drive.",
+        "May be one of these, but with them fewer than nine of ten would be right, as where "
+        "something may hide what was not found, or a warning says why the inventory may be read "
+        "wrong: where there is time, or after another drive.",
     ),
     "unconfirmed": (
         "Unconfirmed",

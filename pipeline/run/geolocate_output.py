@@ -113,14 +113,11 @@ def report_result(context: StageContext, result: GeolocationResult) -> None:
     cameras = context.drive.cameras()
     for name, found in result.corrections.items():
         sd = np.sqrt(np.diag(found.covariance))
-        course = found.course_yaw
         context.metric(
             f"camera_{name}",
             {
                 "boresight_rpy_deg": np.degrees(found.turn).tolist(),
                 "boresight_rpy_sd_deg": np.degrees(sd[:3]).tolist(),
-                "yaw_by_course_deg": float(np.degrees(course[0])) if course else None,
-                "yaw_by_course_sd_deg": float(np.degrees(course[1])) if course else None,
                 "time_offset_s": found.time_s,
                 "time_offset_sd_s": float(sd[3]),
                 "focal_scale": float(np.exp(found.focal_log)),

@@ -9,7 +9,7 @@ and Rao for every sign by itself, given association, camera and the statistics o
 the oracle is the estimate that reaches it, on the same boxes and trajectory. Where the
 trajectory itself is metres off, so is the oracle: its precision and recall stand beside ours.
 The camera's turn against the trajectory has a bound too (``mounting_bound.py``), since the
-trajectory's own mean attitude error looks like a turn; against the course it has not.
+trajectory's own mean attitude error looks like a turn.
 """
 
 from __future__ import annotations
@@ -134,12 +134,6 @@ def figures(world: World, result: GeolocationResult, d: Difficulty) -> dict[str,
     camera = result.corrections["front"]
     turned = matrix_to_rpy(rpy_to_matrix(world.camera.mount_rpy) @ rpy_to_matrix(camera.turn))
     off = np.degrees(turned - world.true_camera.mount_rpy)
-    assert camera.course_yaw is not None
-    by_course = matrix_to_rpy(
-        rpy_to_matrix(world.camera.mount_rpy)
-        @ rpy_to_matrix(np.array([*camera.turn[:2], camera.course_yaw[0]]))
-    )
-    course_off = np.degrees(by_course - world.true_camera.mount_rpy)
     least, _ = mounting_bound(world, d)
     told = oracle_points(world, seen, all_best[seen])
     return {
@@ -162,8 +156,6 @@ def figures(world: World, result: GeolocationResult, d: Difficulty) -> dict[str,
         "roll_bound_deg": float(np.degrees(least[0])),
         "pitch_bound_deg": float(np.degrees(least[1])),
         "yaw_bound_deg": float(np.degrees(least[2])),
-        "yaw_by_course_error_deg": float(course_off[2]),
-        "yaw_by_course_sd_deg": float(np.degrees(camera.course_yaw[1])),
         "trajectory_yaw_error_deg": float(tilt_at_boxes[:, 2].mean()),
         "both_roll_errors_deg": float(off[0] + tilt_at_boxes[:, 0].mean()),
         "both_pitch_errors_deg": float(off[1] + tilt_at_boxes[:, 1].mean()),
@@ -223,7 +215,6 @@ def main() -> None:
         "roll_bound_deg",
         "pitch_bound_deg",
         "yaw_bound_deg",
-        "yaw_by_course_error_deg",
         "both_roll_errors_deg",
         "both_pitch_errors_deg",
         "both_yaw_errors_deg",

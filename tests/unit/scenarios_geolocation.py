@@ -115,7 +115,7 @@ def geolocation_landmarks() -> Any:
 @scenario
 def geolocation_passes() -> Any:
     """Signs with the errors of their passes, what they tell of the camera, and their sizes."""
-    from automap.geolocation import boresight, class_sizes, course_yaw, time_minima
+    from automap.geolocation import boresight, class_sizes, time_minima
     from automap.geolocation.box_noise import margin_scatter, measured_noise, scatter
     from automap.geolocation.contradiction import disagreement
     from automap.geolocation.landmark import SizePrior
@@ -128,7 +128,6 @@ def geolocation_passes() -> Any:
     camera, priors = drive.cameras["front"], boresight.CameraPriors(0.007, 1.4)
     current = CORRECTIONS["front"]
     corrected = boresight.refine_correction(views, marks, 0, camera, current, PRIOR, priors)
-    straight = replace(views, rate=0.2 * views.rate)
     minima = [
         (replace(corrected, time_s=t), cost)
         for t, cost in ((0.3, 41.0), (0.02, 40.0), (-0.4, 42.5), (0.021, 40.5), (0.8, 90.0))
@@ -146,10 +145,6 @@ def geolocation_passes() -> Any:
                 views, marks, 1, drive.cameras["left"], None, PRIOR, priors
             ),
             "corrected": corrected,
-            "course": [
-                course_yaw.yaw_by_course(v, marks, 0, camera, corrected, PRIOR, priors)
-                for v in (views, straight)
-            ],
             "cost": time_minima.cost_of(views, marks[:9], camera, current, PRIOR, priors),
             "starts": time_minima.starts(0.03),
             "alike": [time_minima.alike(minima[k:]) for k in (0, 2, 4)],

@@ -11,9 +11,8 @@ import numpy as np
 import pytest
 from geolocation_scene import boxes, camera, drive_path, roadside
 
-from automap.frames import rpy_to_matrix
 from automap.gates import gate, sigmas
-from automap.geolocation import boresight, camera_explanation, carriers, course_yaw, limits
+from automap.geolocation import boresight, camera_explanation, carriers, limits
 from automap.geolocation.boresight import CameraPriors, evidence_of, prior_covariance, solve_camera
 from automap.geolocation.camera_doubt import as_unknown, beyond_stated, doubtful, misfit
 from automap.geolocation.landmark import SizePrior, fit_landmark
@@ -131,85 +130,6 @@ def test_signs_of_another_camera_with_few_views_or_without_a_place_say_nothing_o
     marks = [mark(0, least), mark(0, least - 1), mark(6, least), mark(4, least), mark(1, 5, False)]
     assert boresight.usable_landmarks(views, marks, 0) == [marks[0]]
     assert boresight.usable_landmarks(views, marks, 1) == [marks[2]]
-
-
-def test_the_course_is_that_of_the_vehicle_not_of_its_camera() -> None:
-    """A camera off the middle of a car that turns moves aside; slow and turning rows are left."""
-    rng = np.random.default_rng(3)
-    n, view = 8, camera(lever_arm_m=np.array([1.5, 0.4, -0.8]))
-    slow, turning = np.array([0, 3]), np.array([5])
-    velocity = np.column_stack([np.full(n, 12.0), rng.normal(0.0, 0.4, n), rng.normal(0.0, 0.2, n)])
-    velocity[slow, 0] = 0.99 * limits.COURSE_SPEED
-    rate = 0.5 * limits.COURSE_TURN_RATE * rng.uniform(-1.0, 1.0, (n, 3))
-    rate[turning, 2] = -1.01 * limits.COURSE_TURN_RATE
-    C = np.array([rpy_to_matrix(x) for x in rng.normal(0.0, 0.3, (n, 3))])
-    at_camera = velocity + np.cross(rate, view.lever_arm_m)
-    views: Any = SimpleNamespace(
-        C_cam_body=C, velocity=np.einsum("nij,nj->ni", C, at_camera),
-        rate=np.einsum("nij,nj->ni", C, rate),
-    )  # fmt: skip
-    used = np.setdiff1d(np.arange(n), np.concatenate([slow, turning]))
-    wanted = -np.mean(np.arctan2(velocity[used, 1], velocity[used, 0]))
-    mark: Any = SimpleNamespace(rows=np.arange(n))
-    assert course_yaw._off_course(views, mark, view) == pytest.approx(wanted, abs=1e-12)
-    # two of five straight are too few, two of four enough
-    some: Any = SimpleNamespace(rows=np.array([0, 3, 5, 1, 2]))
-    assert course_yaw._off_course(views, some, view) is None
-    half: Any = SimpleNamespace(rows=np.array([0, 3, 1, 2]))
-    assert course_yaw._off_course(views, half, view) is not None
-
-
-def test_a_yaw_by_the_course_holds_to_it_and_not_to_the_heading(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    """A sign's evidence is moved by the heading's error as it shows in camera axes, and its own
-    error of the course is the slip."""
-    rng = np.random.default_rng(4)
-    scale = np.sqrt(np.diag(prior_covariance(camera(), CameraPriors())))
-    information, pull = positive(rng, 9, scale), rng.normal(size=9) / scale
-    C = rpy_to_matrix(np.array([0.1, -0.2, 0.3]))
-    asked: dict[str, Any] = {}
-
-    def solve(views: Any, usable: Any, evidence: Any, variance: Any, before: Any, *_: Any) -> Any:
-        asked.update(evidence=evidence, variance=variance, before=before, usable=usable)
-        return np.arange(9.0), np.diag(np.arange(9.0) ** 2)
-
-    def evidence(views: Any, mark: Any, prior: Any, sd: FloatArray) -> Any:
-        asked["sd"] = sd
-        return information, pull
-
-    marks: list[Any] = [
-        SimpleNamespace(rows=np.array([0, 1]), anchor=1),
-        SimpleNamespace(rows=np.array([0])),
-    ]
-    views: Any = SimpleNamespace(
-        C_cam_body=np.array([np.eye(3), C]),
-        attitude_sd=np.array([[0.003, 0.002, 0.1], [0.001, 0.004, 0.2]]),
-        slip_sd=np.array([0.03, 0.01]),
-    )
-    monkeypatch.setattr(course_yaw, "usable_landmarks", lambda *_: marks)
-    monkeypatch.setattr(course_yaw, "_off_course", lambda v, m, c: 0.02 if m is marks[0] else None)
-    monkeypatch.setattr(course_yaw, "pass_sd", lambda *_, **__: np.arange(12.0) + 1.0)
-    monkeypatch.setattr(course_yaw, "evidence_of", evidence)
-    monkeypatch.setattr(course_yaw, "solve_camera", solve)
-    correction = CameraCorrection(np.array([1.0, 2.0, 3.0]), 4.0, np.eye(9))
-    found = course_yaw.yaw_by_course(
-        views,
-        marks,
-        0,
-        camera(),
-        correction,
-        SizePrior(),
-        CameraPriors(),
-    )
-    assert found == (2.0, 2.0)
-    assert asked["usable"] == marks[:1]
-    turned = np.concatenate([C[:, 2] * 0.02, np.zeros(6)])
-    assert asked["evidence"][0][1] == pytest.approx(pull + information @ turned)
-    assert asked["variance"][0] == pytest.approx([5e-6, 1e-5, 5e-4])
-    # the velocity to the right, the second of the last three
-    assert np.flatnonzero(asked["sd"] == 0.0).tolist() == [10]
-    assert asked["before"][:4].tolist() == [1.0, 2.0, 3.0, 4.0]
 
 
 @pytest.mark.parametrize("k", range(5))

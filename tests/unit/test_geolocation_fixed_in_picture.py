@@ -10,7 +10,7 @@ from geolocation_scene import boxes, camera, drive_path, roadside
 from test_geolocation_carriers import together
 
 from automap.geolocation.fixed_in_picture import fixed_boxes
-from automap.geolocation.left_out import with_left_out, without
+from automap.geolocation.left_out import with_left_out
 from automap.geolocation.locate import locate_signs
 from automap.geolocation.views import MeasurementNoise
 from automap.records import Detections, Trajectory
@@ -71,7 +71,7 @@ def test_what_stays_while_the_vehicle_waits_or_for_a_short_way_is_none() -> None
     rows = np.r_[0:100, 4000:4200]
     gap = Trajectory(**{k: v[rows] for k, v in vars(path).items() if isinstance(v, np.ndarray)})
     assert not fixed_boxes(gap, own, NOISE).any()
-    short = without(own, own.frame > 60)
+    short = own.at(own.frame <= 60)
     assert not fixed_boxes(path, short, NOISE).any()
 
 
@@ -79,7 +79,7 @@ def test_signs_that_are_seen_once_each_at_one_place_are_none() -> None:
     # a frame every 15 m, seven of them in a row of signs as like as photographs
     path = drive_path(30.0)
     own = sticker(path, 125, 1.0)
-    assert not fixed_boxes(path, without(own, own.frame > 6), NOISE).any()
+    assert not fixed_boxes(path, own.at(own.frame <= 6), NOISE).any()
     assert fixed_boxes(path, own, NOISE).all()
 
 

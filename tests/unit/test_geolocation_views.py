@@ -9,11 +9,17 @@ import numpy as np
 import pytest
 from geolocation_scene import boxes, camera, drive_path, roadside
 
-from automap.effects.limits import NOSE_SLIP_DEG
+from automap.frames import matrix_to_rpy, rpy_to_matrix
 from automap.geolocation import path_relation, views
 from automap.geolocation.path_relation import make_path
 from automap.geolocation.trajectory_adjustment import Adjustment
-from automap.geolocation.views import MeasurementNoise, Views, build_views, map_origin
+from automap.geolocation.views import (
+    CameraCorrection,
+    MeasurementNoise,
+    Views,
+    build_views,
+    map_origin,
+)
 from automap.records import Detections, Trajectory
 
 
@@ -77,5 +83,20 @@ def test_a_nose_that_is_off_its_course_is_no_error_of_a_cameras_yaw(
     stated = replace(path, sd_rpy=sd, slip_sd=np.array(slip))
     built = build_views(stated, [found], {"front": camera()}, MeasurementNoise())
     assert built.attitude_sd == pytest.approx(np.tile(own, (len(built), 1)))
-    usual = np.radians(NOSE_SLIP_DEG)
-    assert built.slip_sd == pytest.approx(np.nan_to_num(slip, nan=usual))
+
+
+def test_a_turn_that_was_found_counts_as_if_the_manifest_had_it() -> None:
+    path = drive_path(10.0)
+    view = camera()
+    found, _ = boxes(path, roadside(path, every_s=2.0), view, np.random.default_rng(0))
+    turn = np.radians([1.0, -3.0, 5.0])
+    mount = matrix_to_rpy(rpy_to_matrix(view.mount_rpy) @ rpy_to_matrix(turn))
+    one, other = (
+        build_views(path, [found], {"front": seen}, MeasurementNoise(), corrections)
+        for seen, corrections in (
+            (view, {"front": CameraCorrection(turn, 0.0, np.eye(9))}),
+            (replace(view, mount_rpy=mount), None),
+        )
+    )
+    for name in ("centre", "C_cam_ref", "C_cam_body", "velocity", "rate", "measured"):
+        np.testing.assert_allclose(getattr(one, name), getattr(other, name), atol=1e-9)

@@ -77,6 +77,9 @@ def test_what_is_for_work_is_right_nine_times_of_ten_and_never_less_likely_than_
     assert sure(0.7, 0.99, 0.95) == [False, True, True]  # 2.64 would be
     assert sure(*[0.999] * 9, 0.4) == [True] * 9 + [False]
     assert sure(0.89) == [False]
+    # what is hidden from all drives is unknown of all signs at once: the surer do not lend
+    gone = mark_sure([Finding("missing", -1, k, p) for k, p in enumerate((0.97, 0.85, 0.96, 0.85))])
+    assert [f.sure for f in gone] == [True, False, True, False]
     # one kind does not lend to another
     both = mark_sure([Finding("new", 0, -1, 0.99), Finding("class", 1, 1, 0.85)])
     assert [f.sure for f in both] == [True, False]

@@ -42,6 +42,7 @@ from pipeline.compare.report import _entry
         ("R2-1[50]", "US", "regulatory--maximum-speed-limit-50--g1"),
         ("R5-1", "US", "regulatory--no-entry--g1"),
         ("VIENNA:B2", "FR", "regulatory--stop--g1"),
+        ("VIENNA:C3I", "FR", "regulatory--no-pedestrians--g2"),
         ("VIENNA:C14[60]", "FR", "regulatory--maximum-speed-limit-60--g1"),
         # there it forbids a turn
         ("B2", "FR", None),

@@ -83,7 +83,7 @@ def test_heights_above_the_sea_are_those_of_the_drives_receivers(merged: Path) -
 
 def test_notes_of_reviews_of_the_drives_say_whose_they_are(merged: Path) -> None:
     noted = [sign["note"] for sign in features(merged) if sign["note"]]
-    assert noted == ["monday: leans <b>left</b>"]
+    assert noted == ["monday: leans <b>left</b> (2026-11-23)"]
 
 
 def test_who_decided_about_a_sign_in_a_drive_is_in_the_map(merged: Path) -> None:

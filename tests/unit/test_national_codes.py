@@ -25,6 +25,8 @@ from tests.unit.export_inputs import sign
         ("regulatory--maximum-speed-limit-50--g1", "FR", "VIENNA:C14[50]"),
         ("information--hospital--g1", "AU", "VIENNA:E13A"),
         ("regulatory--keep-left--g1", "PL", "VIENNA:D2"),
+        ("regulatory--no-bicycles--g2", "PL", "VIENNA:C3C"),
+        ("warning--crossroads--g1", "FR", "VIENNA:A18A"),
         ("warning--curve-left--g2", "PL", None),
         ("regulatory--maximum-speed-limit-50--g1", None, None),
         ("regulatory--maximum-speed-limit-50--g1", "no country", None),

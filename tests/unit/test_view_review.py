@@ -7,6 +7,7 @@ import multiprocessing
 import os
 import signal
 import threading
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -257,7 +258,7 @@ def test_the_next_export_has_what_the_review_says(
 def test_notes_are_in_every_export_and_fixme_is_for_the_unseen(tmp_path: Path) -> None:
     out = write_run(tmp_path / "out", signs=3)
     for one in (
-        action(1, "note", sign(1), note="leans & rusts"),
+        replace(action(1, "note", sign(1), note="leans & rusts"), reviewer="Anna"),
         action(2, "accept", sign(2)),
     ):
         append_action(out / names.REVIEW, one)
@@ -269,7 +270,9 @@ def test_notes_are_in_every_export_and_fixme_is_for_the_unseen(tmp_path: Path) -
     ):
         assert run_command(["export", str(out), "--format", fmt, "-o", str(tmp_path / name)]) == 0
         text = (tmp_path / name).read_text(encoding="utf-8")
-        assert "leans & rusts" in text or "leans &amp; rusts" in text, fmt
+        # of who wrote a note and when no decision tells
+        by = f"rusts (Anna, {action(1, 'note').time[:10]})"
+        assert f"leans & {by}" in text or f"leans &amp; {by}" in text, fmt
     nodes = (tmp_path / "a.osm").read_text(encoding="utf-8").split("<node ")[1:]
     assert ['k="fixme"' in node for node in nodes] == [True, False, True]
 

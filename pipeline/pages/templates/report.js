@@ -87,6 +87,8 @@
     const marker = face ? L.marker(at(p), {
       icon: icon(face, FACE), opacity: sure ? 1 : 0.55, alt: words(row[column["class"]]),
       title: words(row[column["class"]]) + ", " + row[column.id], riseOnHover: true,
+      // by keyboard the list opens each: faces of one post lie over one another
+      keyboard: false,
     }) : L.circleMarker(at(p), {
       radius: 6, color: sure ? css("--card") : colour, weight: sure ? 1.5 : 2,
       fillColor: colour, fillOpacity: sure ? 0.95 : 0.35,
