@@ -4,8 +4,7 @@ wrongly, reflections, another receiver or antenna.
 A filter follows a jump within a few fixes, and nothing shows it afterwards. But a position that is
 good to centimetres cannot leave the way that an IMU feels, and without one it cannot gain speed
 faster than tyres hold. (Velocities are no such witness: they are late, by how much nobody says.)
-Which side of a jump is right is not told: each place is so as probably as it
-lasted.
+Which side of a jump is right is not told: each place is so as probably as it lasted.
 """
 
 from __future__ import annotations
