@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from automap.evaluation.trajectory_errors import TrajectoryErrors, position_difference_ned, rms
+from automap.fusion.limits import DRIVING_SPEED
 from automap.records import NO_TIME, FloatArray, Trajectory
 
 WINDOW_S = 60.0
@@ -13,9 +14,6 @@ MOST_STEP_S = 1.0
 """Between rows further apart a sum of velocities is no way: braking by 3 m/s^2 is 0.4 m in it."""
 LEAST_ROWS = 100
 """A minute in which fewer steps are known says nothing of its mean."""
-
-DRIVING_SPEED = 3.0
-"""Above it, m/s, a velocity has a course: one that errs by 0.2 m/s is turned by 4 deg."""
 MOST_SLIP_DEG = 20.0
 """No vehicle on wheels goes so far off its nose for half of its driving. Chosen: tyres let go at
 some ten degrees, and a quarter or half a turn, or a radian for a degree, is beyond it."""

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from automap.fusion.doubts.limits import SMALL_SIGMAS
+from automap.fusion.doubts.limits import SMALL_SIGMAS, STRAIGHT_RAD
 from automap.fusion.doubts.reason import Reason
 from automap.fusion.limits import DOUBT_PROBABILITY, LEAST_JUDGED
 from automap.gates import OUTSIDE_95, sigmas
@@ -22,8 +22,6 @@ if TYPE_CHECKING:
     from automap.fusion.output import Innovations
 
 _AXES = {"n": "north", "e": "east", "d": "down"}
-STRAIGHT_RAD = 0.1
-"""A way that turns by less is straight: 6 deg, a sixteenth of a corner. Chosen."""
 _PSEUDO = ("nhc", "zupt", "zaru")
 
 

@@ -128,7 +128,7 @@ def filter_into(
     score = kernels.run_forward(
         samples,
         problem.arrays,
-        _arrays_of(problem, nodes),
+        node_arrays(problem, nodes),
         state.nominal,
         state.params,
         state.cov,
@@ -142,7 +142,8 @@ def filter_into(
     return float(score)
 
 
-def _arrays_of(problem: Problem, nodes: Nodes) -> NodeArrays:
+def node_arrays(problem: Problem, nodes: Nodes) -> NodeArrays:
+    """The nodes as kernels take them."""
     return NodeArrays(
         nodes.t,
         nodes.flags,
@@ -158,7 +159,7 @@ def speed_downwards(problem: Problem, nodes: Nodes, path: PathStates, legs: Legs
     the point that does not slide at the nodes where the constraint acts; 0 at the others."""
     samples = problem.samples_between(nodes.t[0], nodes.t[-1])
     out = np.empty(len(nodes.t))
-    at = problem.arrays, _arrays_of(problem, nodes), path.nominal, path.params
+    at = problem.arrays, node_arrays(problem, nodes), path.nominal, path.params
     kernels.speed_downwards(samples, *at, legs, out)
     return out
 

@@ -428,9 +428,8 @@ def record_of(motion: Any) -> ImuData:
 def kernels_forward() -> Any:
     """The filter over a few nodes as Python, with signals beside the readings themselves."""
     from automap.fusion import kernels
-    from automap.fusion.kernel_runs import empty_legs, empty_store
+    from automap.fusion.kernel_runs import empty_legs, empty_store, node_arrays
     from automap.fusion.nodes import Shift, build_nodes
-    from automap.fusion.problem import node_signals
     from tests.unit.figure_calls import plain
     from tests.unit.fusion_problem import true_start
     from tests.unit.scenarios_fusion import small_problem
@@ -444,14 +443,7 @@ def kernels_forward() -> Any:
     )
     start, n = true_start(motion), problem.model.size
     spread = np.diag(np.concatenate([start.sd, problem.model.prior_sd]) ** 2)
-    given = kernels.NodeArrays(
-        nodes.t,
-        nodes.flags,
-        nodes.values,
-        nodes.var,
-        node_signals(problem, nodes),
-        nodes.wander_keep,
-    )
+    given = node_arrays(problem, nodes)
     about = np.tile(start.nominal, (len(nodes.t), 1)), np.zeros((len(nodes.t), n - 9))
     found: dict[str, Any] = {}
     for name, (path, params), room in (

@@ -25,10 +25,6 @@ from automap.gates import OUTSIDE_95, exceeds, exceeds_ratio, gate, sd_by_median
 from automap.records import FloatArray, IntArray, Trajectory
 from automap.sync.velocity_consistency import Interval
 
-BACK_S = 0.05
-"""A fix and its innovation are no further apart: half the step of twenty a second, more than
-clocks are off."""
-
 
 def hole_doubts(seen: Places, path: Trajectory, age_s: float, sd_m: float) -> Iterator[Reason]:
     """The reason that the likeliest jump over a hole gives; ``seen`` positions with the way that
@@ -136,8 +132,8 @@ def come_back(
     of fixes ``age_s`` old, the rest as above."""
     tag = misses.t + float(path.gps_s[0]) + age_s
     for jump in parted:
-        row, by = _led_off(told, path, jump.end_gps_s - late_s, BACK_S)
-        off = misses.miss[np.abs(tag - jump.end_gps_s) < BACK_S]
+        row, by = _led_off(told, path, jump.end_gps_s - late_s, limits.BACK_S)
+        off = misses.miss[np.abs(tag - jump.end_gps_s) < limits.BACK_S]
         if row < 0 or not len(off):
             return False
         if max(np.hypot(by[0], by[1]), np.hypot(off[0, 0], off[0, 1])) > 0.5 * jump.metres:

@@ -43,9 +43,8 @@ def on_springs(
     has = (flags & NHC) > 0
     out = np.zeros(len(t))
     t, speed, weight = t[has], speed[has], 1.0 / var[has, CH_NHC + 1]
-    ends = (np.searchsorted(t, t + side * mean_s / 2, "right") for side in (-1.0, 1.0))
+    first, last = (np.searchsorted(t, t + side * mean_s / 2, "right") for side in (-1.0, 1.0))
     total, moved = (np.append(0.0, np.cumsum(part)) for part in (weight, weight * speed))
-    first, last = ends
     out[has] = speed - (moved[last] - moved[first]) / (total[last] - total[first])
     return out
 
