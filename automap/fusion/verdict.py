@@ -274,11 +274,13 @@ def _free(
     stamps = (imu.t_ns - imu.t_ns[0]) * 1e-9
     # the path's rows are of the stamps' instants; readings may be of earlier ones
     late = 0.0 if delay_is_clock else result.delay.mean + found.get(SKEW_STATE, (0.0,))[0] * stamps
+    # the path has rows in holes between readings too; both rise
+    row = np.searchsorted(path.t_ns, imu.t_ns)
+    row = row[np.take(path.t_ns, row, mode="clip") == imu.t_ns]
+    at = path.gps_s[row] - path.gps_s[0] - late
     rate, force = imu.gyro @ turn.T, imu.accel @ turn.T
     rate -= _of_axes(found, "gyro_bias")
     force -= _of_axes(found, "accel_bias")
-    # the path has rows in holes between readings too
-    at = path.gps_s[np.isin(path.t_ns, imu.t_ns)] - path.gps_s[0] - late
     return free_inertial(at, rate, force, bridged.stretch_s, wanted)
 
 
