@@ -69,6 +69,22 @@ def quat_to_rpy(quat: npt.ArrayLike) -> FloatArray:
     return np.stack([roll, pitch, yaw], axis=-1)
 
 
+def rpy_to_quat(rpy: npt.ArrayLike) -> FloatArray:
+    """Unit quaternion [..., 4], scalar first, of roll, pitch, yaw [..., 3] in rad."""
+    half = 0.5 * np.asarray(rpy, dtype=np.float64)
+    sr, sp, sy = (np.sin(half[..., i]) for i in range(3))
+    cr, cp, cy = (np.cos(half[..., i]) for i in range(3))
+    return np.stack(
+        [
+            cr * cp * cy + sr * sp * sy,
+            sr * cp * cy - cr * sp * sy,
+            cr * sp * cy + sr * cp * sy,
+            cr * cp * sy - sr * sp * cy,
+        ],
+        axis=-1,
+    )
+
+
 def quat_multiply(a: npt.ArrayLike, b: npt.ArrayLike) -> FloatArray:
     """Product [..., 4] of quaternions, scalar first: the rotation b, then a."""
     p, q = np.asarray(a, dtype=np.float64), np.asarray(b, dtype=np.float64)

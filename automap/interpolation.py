@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from automap.earth import metres_per_radian
+from automap.frames import quat_to_rpy, rpy_to_quat
 from automap.records import FloatArray, IntArray, Trajectory
 
 LONGEST_GAP_S = 3.0
@@ -142,14 +143,15 @@ def _hermite(
 
 
 def _slerp(start: FloatArray, end: FloatArray, fraction: FloatArray) -> FloatArray:
-    """Attitude [n, 3] (roll, pitch, yaw) a fraction of the way along the shortest turn."""
-    from scipy.spatial.transform import Rotation
-
-    known = np.isfinite(start).all(axis=1) & np.isfinite(end).all(axis=1)
-    result = np.full_like(start, np.nan)
-    if known.any():
-        first = Rotation.from_euler("ZYX", start[known][:, ::-1])
-        last = Rotation.from_euler("ZYX", end[known][:, ::-1])
-        step = Rotation.from_rotvec((first.inv() * last).as_rotvec() * fraction[known, None])
-        result[known] = (first * step).as_euler("ZYX")[:, ::-1]
-    return result
+    """Attitude [n, 3] (roll, pitch, yaw) a fraction of the way along the shortest turn, NaN where
+    one is unknown (Shoemake, SIGGRAPH 1985)."""
+    first, last = rpy_to_quat(start), rpy_to_quat(end)
+    last *= np.where(np.sum(first * last, axis=1) < 0.0, -1.0, 1.0)[:, None]
+    apart, along = (np.linalg.norm(last + sign * first, axis=1) for sign in (-1.0, 1.0))
+    angle = 2.0 * np.arctan2(apart, along)
+    with np.errstate(invalid="ignore"):
+        parts = [
+            np.where(angle > 0.0, np.sin(part * angle) / np.sin(angle), part)[:, None]
+            for part in (1.0 - fraction, fraction)
+        ]
+    return quat_to_rpy(parts[0] * first + parts[1] * last)
