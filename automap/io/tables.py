@@ -213,13 +213,16 @@ def _no_numbers(name: str) -> InputError:
     return InputError(f"the column {name} of a table holds no numbers; run again with --force.")
 
 
-def vector(column: Callable[[str], FloatArray], names: tuple[str, ...]) -> FloatArray:
-    """Columns as one array [n, k], each read by ``column`` and let go."""
+def vector(
+    column: Callable[[str], FloatArray], names: tuple[str, ...], kind: type = np.float64
+) -> FloatArray:
+    """Columns as one array [n, k] of a ``kind``, each read by ``column`` and let go."""
     first = column(names[0])
-    out = np.empty((len(first), len(names)))
-    out[:, 0] = first
-    for i, name in enumerate(names[1:], 1):
-        out[:, i] = column(name)
+    out: FloatArray = np.empty((len(first), len(names)), kind)
+    with np.errstate(over="ignore"):
+        out[:, 0] = first
+        for i, name in enumerate(names[1:], 1):
+            out[:, i] = column(name)
     return out
 
 

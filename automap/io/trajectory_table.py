@@ -76,6 +76,21 @@ def from_columns(
     def triple(*names: str) -> FloatArray:
         return vector(column, names)
 
+    def angles(*names: str) -> FloatArray:
+        degrees = triple(*names)
+        return np.asarray(np.radians(degrees, out=degrees))
+
+    def sigmas(*names: str) -> FloatArray:
+        # seven digits are more than is known of them, and half the memory of long drives
+        return vector(column, names, np.float32)
+
+    def slip() -> FloatArray:
+        if "sd_slip_deg" not in there:
+            return np.array(np.nan)
+        every = column("sd_slip_deg")
+        same = np.array_equal(every[1:], every[:-1], equal_nan=True)
+        return np.radians(every[0] if same and len(every) else every)
+
     return Trajectory(
         t_ns=np.ascontiguousarray(t_ns, np.int64),
         gps_s=column("gps_s"),
@@ -83,11 +98,11 @@ def from_columns(
         lon_rad=np.radians(column("lon_deg")),
         height_m=column("height_m"),
         vel_ned=triple("vn", "ve", "vd"),
-        rpy=np.radians(triple("roll_deg", "pitch_deg", "yaw_deg")),
-        sd_pos_ned=triple("sd_n_m", "sd_e_m", "sd_d_m"),
-        sd_vel_ned=triple("sd_vn", "sd_ve", "sd_vd"),
-        sd_rpy=np.radians(triple("sd_roll_deg", "sd_pitch_deg", "sd_yaw_deg")),
-        slip_sd=np.radians(column("sd_slip_deg") if "sd_slip_deg" in there else np.nan),
+        rpy=angles("roll_deg", "pitch_deg", "yaw_deg"),
+        sd_pos_ned=sigmas("sd_n_m", "sd_e_m", "sd_d_m"),
+        sd_vel_ned=sigmas("sd_vn", "sd_ve", "sd_vd"),
+        sd_rpy=np.radians(sigmas("sd_roll_deg", "sd_pitch_deg", "sd_yaw_deg")),
+        slip_sd=slip(),
     )
 
 
@@ -115,10 +130,15 @@ def read_trajectory(path: Path) -> Trajectory:
 
 def _is_plausible(trajectory: Trajectory) -> bool:
     """Whether a position is known and no row lies beyond what can be; rows may have gaps."""
-    beyond = (
-        (np.abs(trajectory.lat_rad) > 0.5 * np.pi + 1e-9)
-        | (np.abs(trajectory.height_m) > HIGHEST_M)
-        | (np.abs(trajectory.gps_s) > _LATEST_GPS_S)
-        | (np.abs(trajectory.vel_ned) > _FASTEST).any(axis=1)
+    most = (
+        (trajectory.lat_rad, 0.5 * np.pi + 1e-9),
+        (trajectory.height_m, HIGHEST_M),
+        (trajectory.gps_s, _LATEST_GPS_S),
+        (trajectory.vel_ned, _FASTEST),
     )
-    return bool(np.isfinite(trajectory.lat_rad).any() and not beyond.any())
+    # reduced without a copy; what is unknown is none of these
+    beyond = any(
+        np.fmax.reduce(values, axis=None) > limit or np.fmin.reduce(values, axis=None) < -limit
+        for values, limit in most
+    )
+    return bool(np.isfinite(trajectory.lat_rad).any() and not beyond)
