@@ -61,6 +61,14 @@ def estimate_cameras(
     """
     boxes = [views.row[mark.rows] for mark in landmarks]
 
+    def fitted(
+        corrections: Mapping[str, CameraCorrection], boxes: Sequence[IntArray]
+    ) -> tuple[Views, list[Landmark]]:
+        """The signs of some boxes, and their views: of a long drive all are large."""
+        shown, members = _alone(detections, boxes)
+        seen = build_views(trajectory, shown, cameras, rules.noise, corrections)
+        return seen, refit(seen, members, rules)
+
     def descend(
         known: Mapping[str, Camera],
         start: Mapping[str, CameraCorrection],
@@ -68,32 +76,28 @@ def estimate_cameras(
         boxes: Sequence[IntArray] = boxes,
     ) -> _End:
         """Gauss-Newton steps until they are small, with the priors of the cameras ``known``."""
-        corrections, small = dict(start), False
-        seen = build_views(trajectory, detections, cameras, rules.noise, corrections)
-        marks = refit(seen, boxes, rules)
+        corrections = dict(start)
         for _ in range(rounds):
             before = corrections
+            seen, marks = fitted(before, boxes)
             corrections = {
                 name: refine_correction(
-                    *(seen, marks, index, known[name], corrections.get(name)),
+                    *(seen, marks, index, known[name], before.get(name)),
                     *(rules.size, rules.camera),
                 )
                 for index, name in enumerate(seen.camera_names)
             }
-            small = all(n in before and _settled(before[n], corrections[n]) for n in known)
-            if small:
-                break
-            seen = build_views(trajectory, detections, cameras, rules.noise, corrections)
-            marks = refit(seen, boxes, rules)
-        return _End(corrections, seen, marks, small)
+            if all(n in before and _settled(before[n], corrections[n]) for n in known):
+                return _End(corrections, boxes, True)
+        return _End(corrections, boxes, False)
 
     def least(ends: Sequence[_End], name: str) -> tuple[_End, tuple[float, ...]]:
         """Where a camera explains the boxes best, and the time offsets that do so as well."""
         minima = []
         for one in ends:
             found = one.corrections[name]
-            fitted = one.views, one.landmarks, cameras[name], found, rules.size, rules.camera
-            minima.append((found, time_minima.cost_of(*fitted)))
+            at = *fitted(one.corrections, one.boxes), cameras[name], found
+            minima.append((found, time_minima.cost_of(*at, rules.size, rules.camera)))
         best, times = time_minima.alike(minima)
         return ends[best], times
 
@@ -135,12 +139,22 @@ def estimate_cameras(
 
 @dataclass(frozen=True)
 class _End:
-    """Where a descent ended: corrections, views and landmarks with them, whether it settled."""
+    """Where a descent by the ``boxes`` of some signs ended, and whether it settled."""
 
     corrections: dict[str, CameraCorrection]
-    views: Views
-    landmarks: list[Landmark]
+    boxes: Sequence[IntArray]
     settled: bool
+
+
+def _alone(
+    detections: Sequence[Detections], boxes: Sequence[IntArray]
+) -> tuple[list[Detections], list[IntArray]]:
+    """The detections without all but some boxes, and the numbers that these have there."""
+    rows = np.unique(np.concatenate([np.zeros(0, np.int64), *boxes]))
+    ends = np.cumsum([0, *(len(found) for found in detections)])
+    parts = np.split(rows, np.searchsorted(rows, ends[1:-1]))
+    shown = [found.at(part - a) for found, part, a in zip(detections, parts, ends, strict=False)]
+    return shown, [np.searchsorted(rows, each) for each in boxes]
 
 
 def _at_time(
