@@ -64,11 +64,15 @@ def free_inertial(
     accel: FloatArray,
     bridged_s: FloatArray,
     wanted: FloatArray | None = None,
+    turn: FloatArray | None = None,
+    bias: FloatArray | None = None,
 ) -> FreeInertial:
-    """Integrate rates [n, 3] rad/s and forces [n, 3] m/s^2 in vehicle axes at rising ``t`` [n] s.
+    """Integrate rates [n, 3] rad/s and forces [n, 3] m/s^2 at rising ``t`` [n] s.
 
-    ``bridged_s`` [n] is not zero where readings were made up; such stretches count as gaps. Kept
-    are the ends and the samples beside the instants ``wanted`` [m] s, or all.
+    ``turn`` [3, 3] takes readings into vehicle axes, where they have the ``bias`` [6] of rates and
+    forces; without them they are in these axes and have none. ``bridged_s`` [n] is not zero where
+    readings were made up; such stretches count as gaps. Kept are the ends and the samples beside
+    the instants ``wanted`` [m] s, or all.
     """
     rows = np.arange(len(t))
     if wanted is not None:
@@ -78,11 +82,24 @@ def free_inertial(
     n = len(rows)
     quat, velocity, position = np.zeros((n, 4)), np.zeros((n, 3)), np.zeros((n, 3))
     quat[0, 0] = 1.0
-    _integrate(t, gyro, accel, rows, quat, velocity, position)
+    turn = np.eye(3) if turn is None else np.ascontiguousarray(turn)
+    bias = np.zeros(6) if bias is None else bias
+    # the readings of ten hours are turned one after the other
+    _integrate(t, gyro, accel, turn, bias, rows, quat, velocity, position)
     step = np.diff(t)
     gap = (step > limits.JOINED_S) | (bridged_s[:-1] > limits.JOINED_S)
     lost = np.concatenate([[0.0], np.cumsum(np.where(gap, step, 0.0))])
-    return FreeInertial(t[rows], quat, velocity, position, gyro[rows], lost[rows])
+    rate = gyro[rows] @ turn.T - bias[:3]
+    return FreeInertial(t[rows], quat, velocity, position, rate, lost[rows])
+
+
+@kernel
+def _turned(turn: FloatArray, reading: FloatArray, bias: FloatArray, out: FloatArray) -> None:
+    """Fill a reading in vehicle axes without its bias, all [3]."""
+    for a in range(3):
+        out[a] = -bias[a]
+        for b in range(3):
+            out[a] += turn[a, b] * reading[b]
 
 
 @kernel
@@ -90,6 +107,8 @@ def _integrate(
     t: FloatArray,
     gyro: FloatArray,
     accel: FloatArray,
+    turn: FloatArray,
+    bias: FloatArray,
     rows: IntArray,
     quat: FloatArray,
     velocity: FloatArray,
@@ -97,22 +116,26 @@ def _integrate(
 ) -> None:
     """Fill what is kept, the ``rows`` of the samples after the first, by the trapezoidal rule."""
     q, c, force, before = quat[0].copy(), np.eye(3), np.zeros(3), np.zeros(3)
+    rate, was_rate, felt = np.zeros(3), np.zeros(3), np.zeros(3)
     v, p, k = np.zeros(3), np.zeros(3), 1
     quat_to_dcm(q, c)
-    for a in range(3):
-        for b in range(3):
-            before[a] += c[a, b] * accel[0, b]
+    _turned(turn, gyro[0], bias[:3], was_rate)
+    _turned(turn, accel[0], bias[3:], felt)
+    before[:] = c @ felt
     for i in range(1, t.shape[0]):
         half = 0.5 * (t[i] - t[i - 1])
-        w = half * (gyro[i - 1] + gyro[i])
+        _turned(turn, gyro[i], bias[:3], rate)
+        _turned(turn, accel[i], bias[3:], felt)
+        w = half * (was_rate + rate)
         rotate_right(q, w[0], w[1], w[2])
         quat_to_dcm(q, c)
         for a in range(3):
-            force[a] = c[a, 0] * accel[i, 0] + c[a, 1] * accel[i, 1] + c[a, 2] * accel[i, 2]
+            force[a] = c[a, 0] * felt[0] + c[a, 1] * felt[1] + c[a, 2] * felt[2]
             was = v[a]
             v[a] = was + half * (before[a] + force[a])
             p[a] = p[a] + half * (was + v[a])
             before[a] = force[a]
+            was_rate[a] = rate[a]
         if k < len(rows) and rows[k] == i:
             quat[k], velocity[k], position[k] = q, v, p
             k += 1

@@ -131,8 +131,9 @@ def weigh(
 
     # an IMU that errs by itself is no witness, and what errs in one way seems to in others
     if not any(reason.inertial for reason in of_imu):
-        at_readings = np.interp(imu.t_ns, path.t_ns, speed)
-        of_imu += triad_doubts(bridged.imu, result.mounting.matrix, at_readings)
+        of_imu += triad_doubts(
+            bridged.imu, result.mounting.matrix, np.interp(imu.t_ns, path.t_ns, speed)
+        )
     if any(reason.code == "path_leans" for reason in of_imu):
         askew = []  # the same, and worse
     believed = not any(reason.inertial for reason in of_imu)
@@ -278,10 +279,8 @@ def _free(
     row = np.searchsorted(path.t_ns, imu.t_ns)
     row = row[np.take(path.t_ns, row, mode="clip") == imu.t_ns]
     at = path.gps_s[row] - path.gps_s[0] - late
-    rate, force = imu.gyro @ turn.T, imu.accel @ turn.T
-    rate -= _of_axes(found, "gyro_bias")
-    force -= _of_axes(found, "accel_bias")
-    return free_inertial(at, rate, force, bridged.stretch_s, wanted)
+    bias = np.concatenate([_of_axes(found, "gyro_bias"), _of_axes(found, "accel_bias")])
+    return free_inertial(at, imu.gyro, imu.accel, bridged.stretch_s, wanted, turn, bias)
 
 
 def _steps(

@@ -162,6 +162,8 @@ def _opened(
                 raise InputError(f"{path} lacks the column {missing[0]}; run again with --force.")
             _check_kinds(path, file.schema_arrow, numbers, whole)
             yield file
+        # of a long drive Arrow keeps a hundred megabytes for what it may read next
+        pa.default_memory_pool().release_unused()
     except FileNotFoundError:
         raise InputError(f"{path} is missing; run the stage that writes it.") from None
     except (pa.ArrowException, OSError, ValueError) as error:

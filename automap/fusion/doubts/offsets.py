@@ -27,6 +27,8 @@ from automap.records import BoolArray, FloatArray, Trajectory
 from automap.robust import cauchy_weight
 
 _PLANE = (0, 1)
+_ROWS = 1 << 16
+"""Of a design that are weighed at once: a few megabytes."""
 
 
 @dataclass(frozen=True)
@@ -217,15 +219,20 @@ def linear_fit(y: FloatArray, design: FloatArray, p: int) -> tuple[FloatArray, F
     covariance, robustly; None of what is not finite."""
     if not (np.isfinite(y).all() and np.isfinite(design).all()):
         return None
-    # a long drive's columns are large: none is copied but for its weights
+    # a long drive's columns are large: none is copied
     scale = np.sqrt(np.einsum("ij,ij->j", design, design)) + 1e-9
     weight, value = np.ones(len(y)), np.zeros(len(scale))
     rest: FloatArray = y
     normal: FloatArray = np.eye(len(scale))
     for _ in range(SLOPE_ROUNDS):
-        weighed = design * weight[:, None]
-        normal = np.asarray(np.linalg.pinv(weighed.T @ design / np.outer(scale, scale)))
-        value = normal @ ((weighed.T @ y) / scale)
+        squares, along = np.zeros((len(scale), len(scale))), np.zeros(len(scale))
+        for a in range(0, len(y), _ROWS):
+            some = design[a : a + _ROWS]
+            weighed = some * weight[a : a + _ROWS, None]
+            squares += weighed.T @ some
+            along += weighed.T @ y[a : a + _ROWS]
+        normal = np.asarray(np.linalg.pinv(squares / np.outer(scale, scale)))
+        value = normal @ (along / scale)
         rest = y - design @ (value / scale)
         weight = cauchy_weight((rest / max(sd_by_median(rest), 1e-9)) ** 2)
     # a filter that is less sure than it might be proves nothing
