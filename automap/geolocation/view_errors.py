@@ -6,7 +6,9 @@ import numpy as np
 
 from automap.geolocation import limits
 from automap.geolocation.landmark_kernels import Boxes
+from automap.geolocation.limits import SAME_PLACE_M
 from automap.geolocation.views import Views
+from automap.jit import kernel
 from automap.records import FloatArray, IntArray
 
 _MOST_OFF = float(np.log(2.0))
@@ -15,26 +17,36 @@ _MOST_OFF = float(np.log(2.0))
 
 def crowd(views: Views, rows: IntArray) -> FloatArray:
     """How many views [n] of one sign are from one place, each, as at a standstill."""
-    order, edges = _places(views, rows)
-    count = np.diff(edges)
+    order, place = _places(views, rows)
     result = np.empty(len(rows))
-    result[order] = np.repeat(count, count)
+    result[order] = np.bincount(place)[place]
     return result
 
 
 def places_apart(views: Views, rows: IntArray) -> IntArray:
     """Of views of one sign the first from each place, in the order of time."""
-    order, edges = _places(views, rows)
-    return rows[order[edges[:-1]]]
+    order, place = _places(views, rows)
+    return rows[order[np.flatnonzero(np.diff(place, prepend=-1))]]
 
 
 def _places(views: Views, rows: IntArray) -> tuple[IntArray, IntArray]:
-    """Views [n] in the order of time, and where in that those from each place begin [k + 1]."""
+    """Views [n] in the order of time, and the number of the place that each of these is from."""
     order = np.argsort(views.t_ns[rows], kind="stable")
-    centre = views.centre[rows[order]]
-    step = np.linalg.norm(np.diff(centre, axis=0, prepend=centre[:1]), axis=1)
-    cell = np.floor(np.cumsum(step) / limits.SAME_PLACE_M).astype(np.int64)
-    return order, np.flatnonzero(np.diff(cell, prepend=-1, append=-1))
+    return order, _along(views.centre, rows[order])
+
+
+@kernel
+def _along(centre: FloatArray, rows: IntArray) -> IntArray:
+    """Numbers [n], from nought on, of the places on the way through the centres of ``rows``."""
+    place = np.zeros(len(rows), np.int64)
+    way, cell = 0.0, 0.0
+    for i in range(1, len(rows)):
+        step = centre[rows[i]] - centre[rows[i - 1]]
+        way += np.sqrt(step[0] ** 2 + step[1] ** 2 + step[2] ** 2)
+        now = np.floor(way / SAME_PLACE_M)
+        place[i] = place[i - 1] + (1 if now != cell else 0)
+        cell = now
+    return place
 
 
 def view_sd(views: Views, rows: IntArray) -> FloatArray:
