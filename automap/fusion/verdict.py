@@ -153,6 +153,7 @@ def weigh(
         steps = _steps(result, path, free, found, fixes, options, arm)
         age = found.get(LATENCY_STATE, (0.0, 0.0))[0]
         places = beside_readings(places, free, path, arm, age)
+        del free, wanted  # of ten hours a hundred megabytes
         # readings of an instant are stamped later by the delay
         late = age - (0.0 if delay_is_clock else result.delay.mean)
         jumps = regained_jumps(stated, result.innovations, path, late)

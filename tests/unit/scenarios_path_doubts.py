@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from automap.frames import rpy_to_matrix
 from automap.records import Fixes, ImuData
 from tests.unit.scenarios import scenario
 from tests.unit.scenarios_fusion import fixes_on, wavy_path, words_of
@@ -266,6 +267,8 @@ def fusion_velocity_steps() -> Any:
         stamps[:size],
         9.0 * gyro[:size],
         accel[:size],
+        rpy_to_matrix([0.1, -0.2, 0.7]),
+        np.linspace(-0.2, 0.3, 6),
         np.array([0, 4, 5, 20, 29]),
         np.eye(5, 4),
         np.zeros((5, 3)),

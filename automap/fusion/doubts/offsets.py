@@ -148,13 +148,13 @@ def offsets(
 
     known = whiten(own)[:, 1:]
     whole = beginning(-np.inf)[:, :3]
-    beside = np.hstack([known, whole[:, 1:]])
+    beside = known, whole[:, 1:]
     found = []
     for s in _instants(at, np.where(told[:, None], at.z[:2, :, 1].T, velocity), placed):
         y, *columns = np.split(beginning(s), [1, 3], axis=1)
-        (forward_m, right_m), square = _fitted(y[:, 0], columns[0], beside)
+        (forward_m, right_m), square = _fitted(y[:, 0], columns[0], *beside)
         found.append(Offset(forward_m, right_m, square, s - at.t[0]))
-        (older_s,), square = _fitted(y[:, 0], columns[1], beside)
+        (older_s,), square = _fitted(y[:, 0], columns[1], *beside)
         found.append(Offset(0.0, 0.0, square, s - at.t[0], older_s))
     # one of as many as there are fixes; the likelier, by the number of its terms (Akaike)
     found = [
@@ -203,39 +203,31 @@ def _instants(at: Epochs, velocity: FloatArray, told: BoolArray) -> FloatArray:
     return np.array(found)
 
 
-def _fitted(y: FloatArray, of: FloatArray, beside: FloatArray) -> tuple[tuple[float, ...], float]:
-    """Coefficients of the columns ``of`` [m, p], beside those of ``beside`` [m, c], in ``y`` [m],
-    and their squared distance from none in sigmas; robustly, as fixes have tails."""
-    p = of.shape[1]
-    fit = linear_fit(y, np.hstack([of, beside]), p)
-    if fit is None:
+def _fitted(y: FloatArray, *parts: FloatArray) -> tuple[tuple[float, ...], float]:
+    """Coefficients of the columns of the first of ``parts`` [m, p], beside those of the others, in
+    ``y`` [m], and their squared distance from none in sigmas; robustly, as fixes have tails."""
+    p = parts[0].shape[1]
+    if not (np.isfinite(y).all() and all(np.isfinite(part).all() for part in parts)):
         return (0.0,) * p, 0.0
-    value, cov = fit
-    return tuple(float(v) for v in value), float(value @ np.linalg.pinv(cov) @ value)
-
-
-def linear_fit(y: FloatArray, design: FloatArray, p: int) -> tuple[FloatArray, FloatArray] | None:
-    """Coefficients of the first ``p`` columns of ``design`` [m, c] in ``y`` [m] and their
-    covariance, robustly; None of what is not finite."""
-    if not (np.isfinite(y).all() and np.isfinite(design).all()):
-        return None
-    # a long drive's columns are large: none is copied
-    scale = np.sqrt(np.einsum("ij,ij->j", design, design)) + 1e-9
+    # a long drive's columns are large: they are joined some rows at a time
+    some = [slice(a, a + _ROWS) for a in range(0, len(y), _ROWS)]
+    scale = np.concatenate([np.sqrt(np.einsum("ij,ij->j", part, part)) for part in parts]) + 1e-9
     weight, value = np.ones(len(y)), np.zeros(len(scale))
     rest: FloatArray = y
     normal: FloatArray = np.eye(len(scale))
     for _ in range(SLOPE_ROUNDS):
         squares, along = np.zeros((len(scale), len(scale))), np.zeros(len(scale))
-        for a in range(0, len(y), _ROWS):
-            some = design[a : a + _ROWS]
-            weighed = some * weight[a : a + _ROWS, None]
-            squares += weighed.T @ some
-            along += weighed.T @ y[a : a + _ROWS]
+        for rows in some:
+            design = np.hstack([part[rows] for part in parts])
+            weighed = design * weight[rows, None]
+            squares += weighed.T @ design
+            along += weighed.T @ y[rows]
         normal = np.asarray(np.linalg.pinv(squares / np.outer(scale, scale)))
-        value = normal @ (along / scale)
-        rest = y - design @ (value / scale)
+        value = normal @ (along / scale) / scale
+        rest = np.concatenate([y[r] - np.hstack([part[r] for part in parts]) @ value for r in some])
         weight = cauchy_weight((rest / max(sd_by_median(rest), 1e-9)) ** 2)
     # a filter that is less sure than it might be proves nothing
     spread = max(float((weight * rest**2).sum() / weight.sum()), 1.0)
     cov = spread * normal[:p, :p] / np.outer(scale[:p], scale[:p])
-    return value[:p] / scale[:p], cov
+    value = value[:p]
+    return tuple(float(v) for v in value), float(value @ np.linalg.pinv(cov) @ value)
