@@ -16,12 +16,14 @@ import numpy as np
 
 from automap.gates import gate
 from automap.geolocation import limits
+from automap.geolocation.camera_estimate import first_corrections
 from automap.geolocation.fixed_in_picture import driven_m
 from automap.geolocation.landmark import SizePrior, boxes_of, fit_landmark
 from automap.geolocation.landmark_kernels import solve_landmark
+from automap.geolocation.rules import GeolocationRules
 from automap.geolocation.view_errors import places_apart
-from automap.geolocation.views import MeasurementNoise, Views, build_views, numbered_tracks
-from automap.records import BoolArray, Camera, Detections, FloatArray, IntArray, Trajectory
+from automap.geolocation.views import Views, build_views, numbered_tracks
+from automap.records import BoolArray, Camera, Detections, IntArray, Trajectory
 
 
 def carried_views(views: Views, prior: SizePrior) -> BoolArray:
@@ -33,17 +35,13 @@ def carried_views(views: Views, prior: SizePrior) -> BoolArray:
 
 
 def far_carried(
-    trajectory: Trajectory,
-    found: Detections,
-    camera: Camera,
-    noise: MeasurementNoise,
-    prior: SizePrior,
+    trajectory: Trajectory, found: Detections, camera: Camera, rules: GeolocationRules
 ) -> BoolArray:
     """Which boxes [n] of one camera belong to a track that moves along for more than
     ``SEEN_FROM_M`` driven.
 
     No sign by the road does, so that such boxes say nothing of the camera either. How the camera is
-    turned is not known yet: it is taken as turned so that most shorter tracks stand. A track that
+    turned is not known yet: the pairs of all other boxes tell a start of it. A track that
     goes on from one sign to the next lasts for as long; there its box jumps and is smaller, which
     ends it.
     """
@@ -65,44 +63,25 @@ def far_carried(
         return far
     rows = order[numbered]
     some = replace(found.at(rows), track=part[numbered])
-    views = build_views(trajectory, [some], {found.camera: camera}, noise)
-    suspects, others = [], []
-    for track in numbered_tracks(views):
-        if way[views.track[track[0]]] <= limits.SEEN_FROM_M:
-            others.append(places_apart(views, track))
-        elif moves_along(views, track, prior, limits.FAR_PROBABILITY):
-            suspects.append(track)
-    if suspects:
-        told = sorted(others, key=len, reverse=True)[: limits.TURN_TRACKS]
-        turned = _turned(views, told, prior, camera.mount_sd)
-        for track in suspects:
-            far[rows[views.row[track]]] = moves_along(turned, track, prior, limits.FAR_PROBABILITY)
+    cameras = {found.camera: camera}
+    views = build_views(trajectory, [some], cameras, rules.noise)
+    suspects = [
+        rows[views.row[track]]
+        for track in numbered_tracks(views)
+        if way[views.track[track[0]]] > limits.SEEN_FROM_M
+        and moves_along(views, track, rules.size, limits.FAR_PROBABILITY)
+    ]
+    if not suspects:
+        return far
+    aside = np.concatenate(suspects)
+    rest = found.at(np.setdiff1d(np.arange(len(found)), aside))
+    start = first_corrections(trajectory, [rest], cameras, rules)
+    views = build_views(trajectory, [found.at(aside)], cameras, rules.noise, start)
+    number = np.repeat(np.arange(len(suspects)), [len(each) for each in suspects])[views.row]
+    for k, each in enumerate(suspects):
+        own = np.flatnonzero(number == k)
+        far[each] = moves_along(views, own, rules.size, limits.FAR_PROBABILITY)
     return far
-
-
-def _turned(views: Views, tracks: list[IntArray], prior: SizePrior, mount_sd: float) -> Views:
-    """The views as of a camera turned sideways and up, by some of ``mount_sd`` rad, so that the
-    ``tracks`` are best explained by what stands; one that is not counts as a bad one."""
-    from scipy.optimize import minimize
-
-    sd = max(mount_sd, limits.SURE_TURN_RAD)
-
-    def at(turn: FloatArray) -> Views:
-        return replace(views, measured=views.measured + np.append(sd * turn, 0.0))
-
-    def cost(turn: FloatArray) -> float:
-        seen = at(turn)
-        told = (fit_landmark(seen, track, prior).cost / (3 * len(track)) for track in tracks)
-        return sum(min(float(one), limits.BAD_TRACK) for one in told) + 1e-3 * float(turn @ turn)
-
-    start = np.array([[0.0, 0.0], [0.5, 0.0], [0.0, 0.5]])
-    best = minimize(
-        cost,
-        start[0],
-        method="Nelder-Mead",
-        options={"initial_simplex": start, "xatol": 0.03, "fatol": 0.02, "maxiter": 40},
-    )
-    return at(np.asarray(best.x, np.float64))
 
 
 def moves_along(

@@ -339,7 +339,7 @@ STAGE = Stage(
     # 35: what stays at its place in the picture is left out
     # 36: and what is followed for longer than signs are in sight
     # 37: a sign is sought from distances by its size alone
-    version=40,
+    version=41,
     run=run,
     inputs=_inputs,
     needs=(
