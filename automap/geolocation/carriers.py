@@ -58,29 +58,17 @@ def far_carried(
     driven = driven_m(trajectory, np.asarray(found.t_ns, np.int64))[order]
     way = np.maximum.reduceat(driven, first) - np.minimum.reduceat(driven, first)
     part = np.concatenate([[0], np.cumsum(apart)])
-    numbered = found.track[order] >= 0
-    if not ((way > limits.SEEN_FROM_M)[part] & numbered).any():
+    long = np.flatnonzero((way > limits.SEEN_FROM_M)[part] & (found.track[order] >= 0))
+    if not len(long):
         return far
-    rows = order[numbered]
-    some = replace(found.at(rows), track=part[numbered])
-    cameras = {found.camera: camera}
-    views = build_views(trajectory, [some], cameras, rules.noise)
-    suspects = [
-        rows[views.row[track]]
-        for track in numbered_tracks(views)
-        if way[views.track[track[0]]] > limits.SEEN_FROM_M
-        and moves_along(views, track, rules.size, limits.FAR_PROBABILITY)
-    ]
-    if not suspects:
-        return far
-    aside = np.concatenate(suspects)
-    rest = found.at(np.setdiff1d(np.arange(len(found)), aside))
+    rows, cameras = order[long], {found.camera: camera}
+    rest = found.at(np.setdiff1d(np.arange(len(found)), rows))
     start = first_corrections(trajectory, [rest], cameras, rules)
-    views = build_views(trajectory, [found.at(aside)], cameras, rules.noise, start)
-    number = np.repeat(np.arange(len(suspects)), [len(each) for each in suspects])[views.row]
-    for k, each in enumerate(suspects):
-        own = np.flatnonzero(number == k)
-        far[each] = moves_along(views, own, rules.size, limits.FAR_PROBABILITY)
+    some = replace(found.at(rows), track=part[long])
+    views = build_views(trajectory, [some], cameras, rules.noise, start)
+    for track in numbered_tracks(views):
+        carried = moves_along(views, track, rules.size, limits.FAR_PROBABILITY)
+        far[rows[views.row[track]]] = carried
     return far
 
 
