@@ -88,8 +88,8 @@ OTHER_CODES = {
 }
 """Convention on Road Signs and Signals of 1968 with the amendments of 1995, annex 1, where each
 stands so (as the Dutch government prints it, wetten.overheid.nl, BWBV0004310). MUTCD, chapters 2B
-and 2C, by the descriptions of its figures (mutcd.fhwa.dot.gov) and what others quote of it (W2-4 and
-W2-6: engineerfix.com, mutcd.info)."""
+and 2C, by the descriptions of its figures (mutcd.fhwa.dot.gov) and what others quote of it (W2-4:
+engineerfix.com, W2-6: mutcd.info)."""
 
 LIMITS = {"US": "R2-1", "VIENNA": "C14"}
 """Codes of the speed limits, whose number is written after them."""
