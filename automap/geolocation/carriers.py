@@ -16,12 +16,14 @@ import numpy as np
 
 from automap.gates import gate
 from automap.geolocation import limits
+from automap.geolocation.camera_estimate import first_corrections
 from automap.geolocation.fixed_in_picture import driven_m
 from automap.geolocation.landmark import SizePrior, boxes_of, fit_landmark
 from automap.geolocation.landmark_kernels import solve_landmark
+from automap.geolocation.rules import GeolocationRules
 from automap.geolocation.view_errors import places_apart
-from automap.geolocation.views import MeasurementNoise, Views, build_views, numbered_tracks
-from automap.records import BoolArray, Camera, Detections, FloatArray, IntArray, Trajectory
+from automap.geolocation.views import Views, build_views, numbered_tracks
+from automap.records import BoolArray, Camera, Detections, IntArray, Trajectory
 
 
 def carried_views(views: Views, prior: SizePrior) -> BoolArray:
@@ -33,17 +35,13 @@ def carried_views(views: Views, prior: SizePrior) -> BoolArray:
 
 
 def far_carried(
-    trajectory: Trajectory,
-    found: Detections,
-    camera: Camera,
-    noise: MeasurementNoise,
-    prior: SizePrior,
+    trajectory: Trajectory, found: Detections, camera: Camera, rules: GeolocationRules
 ) -> BoolArray:
     """Which boxes [n] of one camera belong to a track that moves along for more than
     ``SEEN_FROM_M`` driven.
 
     No sign by the road does, so that such boxes say nothing of the camera either. How the camera is
-    turned is not known yet: it is taken as turned so that most shorter tracks stand. A track that
+    turned is not known yet: the pairs of all other boxes tell a start of it. A track that
     goes on from one sign to the next lasts for as long; there its box jumps and is smaller, which
     ends it.
     """
@@ -60,49 +58,18 @@ def far_carried(
     driven = driven_m(trajectory, np.asarray(found.t_ns, np.int64))[order]
     way = np.maximum.reduceat(driven, first) - np.minimum.reduceat(driven, first)
     part = np.concatenate([[0], np.cumsum(apart)])
-    numbered = found.track[order] >= 0
-    if not ((way > limits.SEEN_FROM_M)[part] & numbered).any():
+    long = np.flatnonzero((way > limits.SEEN_FROM_M)[part] & (found.track[order] >= 0))
+    if not len(long):
         return far
-    rows = order[numbered]
-    some = replace(found.at(rows), track=part[numbered])
-    views = build_views(trajectory, [some], {found.camera: camera}, noise)
-    suspects, others = [], []
+    rows, cameras = order[long], {found.camera: camera}
+    rest = found.at(np.setdiff1d(np.arange(len(found)), rows))
+    start = first_corrections(trajectory, [rest], cameras, rules)
+    some = replace(found.at(rows), track=part[long])
+    views = build_views(trajectory, [some], cameras, rules.noise, start)
     for track in numbered_tracks(views):
-        if way[views.track[track[0]]] <= limits.SEEN_FROM_M:
-            others.append(places_apart(views, track))
-        elif moves_along(views, track, prior, limits.FAR_PROBABILITY):
-            suspects.append(track)
-    if suspects:
-        told = sorted(others, key=len, reverse=True)[: limits.TURN_TRACKS]
-        turned = _turned(views, told, prior, camera.mount_sd)
-        for track in suspects:
-            far[rows[views.row[track]]] = moves_along(turned, track, prior, limits.FAR_PROBABILITY)
+        carried = moves_along(views, track, rules.size, limits.FAR_PROBABILITY)
+        far[rows[views.row[track]]] = carried
     return far
-
-
-def _turned(views: Views, tracks: list[IntArray], prior: SizePrior, mount_sd: float) -> Views:
-    """The views as of a camera turned sideways and up, by some of ``mount_sd`` rad, so that the
-    ``tracks`` are best explained by what stands; one that is not counts as a bad one."""
-    from scipy.optimize import minimize
-
-    sd = max(mount_sd, limits.SURE_TURN_RAD)
-
-    def at(turn: FloatArray) -> Views:
-        return replace(views, measured=views.measured + np.append(sd * turn, 0.0))
-
-    def cost(turn: FloatArray) -> float:
-        seen = at(turn)
-        told = (fit_landmark(seen, track, prior).cost / (3 * len(track)) for track in tracks)
-        return sum(min(float(one), limits.BAD_TRACK) for one in told) + 1e-3 * float(turn @ turn)
-
-    start = np.array([[0.0, 0.0], [0.5, 0.0], [0.0, 0.5]])
-    best = minimize(
-        cost,
-        start[0],
-        method="Nelder-Mead",
-        options={"initial_simplex": start, "xatol": 0.03, "fatol": 0.02, "maxiter": 40},
-    )
-    return at(np.asarray(best.x, np.float64))
 
 
 def moves_along(

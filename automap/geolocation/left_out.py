@@ -10,12 +10,6 @@ import numpy.typing as npt
 
 from automap.geolocation.carriers import far_carried
 from automap.geolocation.fixed_in_picture import fixed_boxes
-from automap.geolocation.result import (
-    GeolocationResult,
-    Observations,
-    left_out_sentences,
-    nothing_observed,
-)
 from automap.geolocation.rules import GeolocationRules
 from automap.records import Camera, Detections, Trajectory
 
@@ -30,29 +24,10 @@ def no_signs(
     note[fixed_boxes(trajectory, found, rules.noise)] = "fixed"
     rest = np.flatnonzero(note == "")
     some = found.at(note == "")
-    note[rest[far_carried(trajectory, some, camera, rules.noise, rules.size)]] = "moving"
+    note[rest[far_carried(trajectory, some, camera, rules)]] = "moving"
     return note
 
 
-def with_left_out(result: GeolocationResult, note: Notes) -> GeolocationResult:
-    """What was found without the boxes that have a ``note`` [n of all], these told with those that
-    were left out for the same."""
-    out = np.asarray(note != "", np.bool_)
-    if not out.any():
-        return result
-    kept = np.flatnonzero(~out)
-    columns = {}
-    for name, empty in vars(nothing_observed(len(note))).items():
-        empty[kept] = getattr(result.observations, name)
-        columns[name] = empty
-    columns["note"][out] = note[out]
-    told = set(left_out_sentences(result.observations.note))
-    return replace(
-        result,
-        observations=Observations(**columns),
-        signs=[replace(sign, detection_rows=kept[sign.detection_rows]) for sign in result.signs],
-        warnings=[
-            *left_out_sentences(columns["note"]),
-            *(text for text in result.warnings if text not in told),
-        ],
-    )
+def without(found: Detections, note: Notes) -> Detections:
+    """The boxes, of which those with a ``note`` [n] have no direction."""
+    return replace(found, box=np.where((note == "")[:, None], found.box, np.nan))

@@ -367,10 +367,6 @@ CARRIER_CLOSING = (-0.3, -0.2, -0.1, -0.05, 0.0, 0.05, 0.1, 0.2, 0.3)
 within some 100 m, and looks like a sign that is half as large again."""
 CARRIER_VIEWS = 4
 """Fewer boxes, twelve measurements of five unknowns, tell no motion."""
-TURN_TRACKS, BAD_TRACK = 8, 20.0
-"""So many tracks, those of most places, tell how a camera is turned before anything is fitted, each
-at most by so much a measurement: sigmas of four and a half, as of what does not stand. Chosen."""
-
 NEXT_SMALLER = 1.5
 """A box so many times smaller than the one before in its track, of which it covers nothing, is of
 the next sign. Chosen: boxes of one thing err by a tenth, and a sign that passes is seen three times

@@ -23,7 +23,7 @@ from automap.geolocation.existence import existence_odds, existence_of
 from automap.geolocation.face_sizes import face_odds
 from automap.geolocation.facing import find_facings, narrowest
 from automap.geolocation.landmark import Landmark, SizePrior, fit_landmark
-from automap.geolocation.left_out import no_signs, with_left_out
+from automap.geolocation.left_out import no_signs, without
 from automap.geolocation.merging import combine
 from automap.geolocation.pass_errors import solve_with_pass_errors
 from automap.geolocation.passes import join_passes
@@ -65,14 +65,7 @@ def locate_signs(
     rules = rules or GeolocationRules()
 
     def locate(trial: Trial, progress: Callable[[float], None]) -> GeolocationResult:
-        seen = [
-            found.at(note == "") for found, note in zip(trial.detections, trial.notes, strict=True)
-        ]
-        found = _located(
-            *(trajectory, seen, trial.cameras, trial.rules, progress, control),
-            *(cameras, rules.camera.focal_sd),
-        )
-        return with_left_out(found, np.concatenate([np.zeros(0, np.object_), *trial.notes]))
+        return _located(trajectory, trial, progress, control, stated)
 
     notes = [no_signs(trajectory, found, cameras[found.camera], rules) for found in detections]
     stated = Trial(detections, cameras, rules, notes)
@@ -81,16 +74,14 @@ def locate_signs(
 
 def _located(
     trajectory: Trajectory,
-    detections: Sequence[Detections],
-    cameras: Mapping[str, Camera],
-    rules: GeolocationRules,
+    trial: Trial,
     progress: Callable[[float], None],
     control: ControlSigns | None,
-    stated: Mapping[str, Camera],
-    focal_sd: float,
+    stated: Trial,
 ) -> GeolocationResult:
-    """All signs with cameras that are known as well as ``cameras`` and ``rules`` say; sentences are
-    about those ``stated``, whose focal lengths are known to the part ``focal_sd``."""
+    """All signs with what is assumed for a ``trial``; sentences are about what is ``stated``."""
+    cameras, rules = trial.cameras, trial.rules
+    detections = [without(*pair) for pair in zip(trial.detections, trial.notes, strict=True)]
     corrections: dict[str, CameraCorrection] = {}
     if rules.estimate_camera:
         corrections = first_corrections(trajectory, detections, cameras, rules)
@@ -136,9 +127,9 @@ def _located(
         landmarks = refit(views, [rows[mark.rows] for mark in landmarks], rules)
         misfits = np.flatnonzero(np.isin(views.row, rows[misfits]))
 
-    total = sum(len(d) for d in detections)
     found = {n: corrections[n].applied(c) if n in corrections else c for n, c in cameras.items()}
-    observations = nothing_observed(total, views)
+    notes = np.concatenate([np.zeros(0, np.object_), *trial.notes])
+    observations = nothing_observed(notes, views)
     observations.note[views.row[misfits]] = "misfit"
 
     carried = carried_views(views, rules.size)
@@ -208,7 +199,10 @@ def _located(
             replace(sign, support=f"p{number + 1:04d}")
             for sign, number in zip(signs, numbers, strict=True)
         ]
-    sentences = warnings_of(observations, signs, corrections, stated, focal_sd)
+    sentences = warnings_of(
+        *(observations, notes == "", signs, corrections),
+        *(stated.cameras, stated.rules.camera.focal_sd),
+    )
     sentences += told(rules.noise.stamp_sd_s, [d.t_ns for d in detections])
     unused = 0 if control is None else len(control) - len(passes.controlled)
     if control is not None and unused:

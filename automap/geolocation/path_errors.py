@@ -70,12 +70,13 @@ class Network:
 
 @dataclass(frozen=True)
 class Solution:
-    """``place`` [m, a] of the signs in m and ``error`` [k, a] of the paths in sigmas; ``square``
-    [n] of the sightings' distances from their signs, the path's error taken off, in sigmas of
-    their own."""
+    """``place`` [m, a] of the signs in m and ``error`` [k, a] of the paths in sigmas, which is
+    ``moved`` [n, a] m at the sightings; ``square`` [n] of their distances from their signs without
+    that, in sigmas of their own."""
 
     place: FloatArray
     error: FloatArray
+    moved: FloatArray
     square: FloatArray
     factor: Factor
 
@@ -146,9 +147,10 @@ class Equations:
         right = np.bincount(self._at.ravel(), parts, size).astype(np.float64)
         x = factor.solve(right)
         error, place = np.split(x.reshape(-1, axes), [self.nodes])
-        miss = net.measured - place[net.sign] - (net.sd * error[net.node]).sum(axis=1)
+        moved = (net.sd * error[net.node]).sum(axis=1)
+        miss = net.measured - place[net.sign] - moved
         square = np.einsum("ni,nij,nj->n", miss, net.information, miss)
-        return Solution(place, error, square, factor)
+        return Solution(place, error, moved, square, factor)
 
     def components(
         self, found: Solution, weight: FloatArray, path: IntArray, own: IntArray, count: int

@@ -13,7 +13,7 @@ from automap.geolocation.facing import Faces
 from automap.geolocation.landmark import Landmark, direction_residuals
 from automap.geolocation.trajectory_adjustment import AdjustedTrajectory
 from automap.geolocation.views import CameraCorrection, MeasurementNoise, Views
-from automap.records import Camera, FloatArray, IntArray, Sign
+from automap.records import BoolArray, Camera, FloatArray, IntArray, Sign
 
 LEFT_OUT = {
     "no_pose": "lie outside the trajectory or in a long gap of it",
@@ -64,9 +64,10 @@ class GeolocationResult:
     faces: Faces
 
 
-def nothing_observed(total: int, views: Views | None = None) -> Observations:
-    """Nothing known yet of ``total`` detections but, by their views, which have no pose and no
-    direction."""
+def nothing_observed(notes: npt.NDArray[np.object_], views: Views) -> Observations:
+    """Nothing known yet of detections [n] but, by their views, which have no pose and no direction,
+    and by their ``notes`` [n] which are of no sign whatever the camera is."""
+    total = len(notes)
     observations = Observations(
         track=np.full(total, -1, np.int64),
         sign_id=np.full(total, "", np.object_),
@@ -75,9 +76,9 @@ def nothing_observed(total: int, views: Views | None = None) -> Observations:
         used=np.zeros(total, np.bool_),
         note=np.full(total, "no_place", np.object_),
     )
-    if views is not None:
-        observations.note[np.setdiff1d(np.arange(total), views.row)] = "no_direction"
-        observations.note[views.without_pose] = "no_pose"
+    observations.note[np.setdiff1d(np.arange(total), views.row)] = "no_direction"
+    observations.note[views.without_pose] = "no_pose"
+    observations.note[notes != ""] = notes[notes != ""]
     return observations
 
 
@@ -125,12 +126,14 @@ def left_out_sentences(notes: npt.NDArray[np.object_]) -> list[str]:
 
 def warnings_of(
     observations: Observations,
+    asked: BoolArray,
     signs: Sequence[Sign],
     corrections: Mapping[str, CameraCorrection],
     cameras: Mapping[str, Camera],
     focal_sd: float,
 ) -> list[str]:
-    """Sentences for the user; the ``cameras`` are as stated, ``focal_sd`` how well, as a part,
+    """Sentences for the user; which detections [n] were ``asked`` of the camera, the ``cameras`` as
+    stated, ``focal_sd`` how well, as a part,
     their focal lengths are known."""
     sentences = left_out_sentences(observations.note)
     apart = sum(sign.status == "contradictory" for sign in signs)
@@ -139,7 +142,7 @@ def warnings_of(
             f"{apart} of {len(signs)} signs are at another distance by their bearings than by the "
             "heights of their boxes (status contradictory); their ellipses hold both places."
         )
-    sentences += misfit(observations.used, observations.note, signs)
+    sentences += misfit(observations.used[asked], observations.note[asked], signs)
     for name, correction in corrections.items():
         camera = cameras[name]
         if correction.time_minima:

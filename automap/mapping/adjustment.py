@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Container
+from collections.abc import Callable, Container, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
@@ -12,7 +12,7 @@ import numpy as np
 from automap.earth import metres_per_radian
 from automap.frames import wrap_pi
 from automap.gates import gate
-from automap.geolocation.path_errors import Equations, Network, Solution, path_nodes
+from automap.geolocation.path_errors import Equations, Network, path_nodes
 from automap.mapping import limits
 from automap.mapping.association import Members
 from automap.mapping.sightings import Sightings
@@ -92,14 +92,15 @@ def adjust(
     members = Members(sign)
     tiles = list(cut_tiles(lat, lon, only=only))
 
-    def work(tile: Tile) -> tuple[TileData, Placed]:
+    def work(tile: Tile) -> tuple[IntArray, FloatArray]:
         data = tile_data(sightings, members, tile, lat, lon)
-        return data, _placed(sightings, data, levels, factors)
+        return _place(result, sightings, data, levels, factors)
 
     # cells are placed by several processes at once
     with ThreadPoolExecutor(max(1, os.cpu_count() or 1) if only is None else 1) as pool:
-        for done, (data, placed) in enumerate(pool.map(work, tiles)):
-            _store(result, data, placed, sightings.drive)
+        for done, (drives, told) in enumerate(pool.map(work, tiles)):
+            # neighbouring tiles share sightings, so their errors may be the same: sds are added
+            sums[:, drives] += told
             progress((done + 1) / len(tiles))
     with np.errstate(invalid="ignore"):
         sums[:2] /= sums[2]
@@ -114,12 +115,9 @@ def offsets_of(sightings: Sightings, sign: IntArray) -> FloatArray:
     members, levels = Members(sign), np.ones(3)
     for tile in cut_tiles(lat, lon):
         data = tile_data(sightings, members, tile, lat, lon)
-        own, order = data.sign < len(tile.core), None
-        for count, axes in ((2, slice(0, 2)), (1, slice(2, 3))):
-            equations = Equations(network_of(sightings, data, levels, count), order)
-            order, net = equations.order, equations.network
-            moved = (net.sd * equations.solve().error[net.node]).sum(axis=1)
-            offset[data.rows[own], axes] = moved[own]
+        own = data.sign < len(tile.core)
+        for equations, axes in _by_axes(sightings, data, levels):
+            offset[data.rows[own], axes] = equations.solve().moved[own]
     return offset
 
 
@@ -220,66 +218,53 @@ def network_of(
     return Network(alike, node, data.sign, sd, measured, information)
 
 
-@dataclass(frozen=True)
-class Placed:
-    """A tile's core signs [m]: ``place`` [m, 3] east, north, up and ``cov`` [m, 3, 3]; ``offset``
-    [n, 3] of its sightings; per drive of it the ``mean`` [d, 3] of these and its ``sd`` [d, 3]."""
-
-    place: FloatArray
-    cov: FloatArray
-    offset: FloatArray
-    mean: FloatArray
-    sd: FloatArray
-
-
-def _placed(
+def _by_axes(
     sightings: Sightings, data: TileData, levels: FloatArray, factors: FloatArray | None = None
-) -> Placed:
+) -> Iterator[tuple[Equations, slice]]:
+    """The equations of a tile in plan and in height, and which of the three axes these are."""
     plan = Equations(network_of(sightings, data, levels, 2, factors))
-    up = Equations(network_of(sightings, data, levels, 1, factors), plan.order)
-    weight = stray_weights(plan)
-    m, n, drives = len(data.tile.core), len(data.rows), len(data.first) - 1
-    result = Placed(
-        np.zeros((m, 3)), np.zeros((m, 3, 3)), np.zeros((n, 3)), *np.zeros((2, drives, 3))
-    )
-    lengths = np.diff(data.first)
-    drive = np.repeat(np.arange(drives), lengths)
+    yield plan, slice(0, 2)
+    yield Equations(network_of(sightings, data, levels, 1, factors), plan.order), slice(2, 3)
+
+
+def _place(
+    result: Adjusted,
+    sightings: Sightings,
+    data: TileData,
+    levels: FloatArray,
+    factors: FloatArray | None,
+) -> tuple[IntArray, FloatArray]:
+    """Put a tile's signs and offsets into the ``result``. Returns its drives [d], and [3, d, 3]
+    their offsets and standard deviations, each by how many sightings of the tile's own signs they
+    are of, and these numbers."""
+    core, rows, first = data.tile.core, data.rows, data.first
+    m, drives, lengths = len(core), len(first) - 1, np.diff(first)
+    own, drive = data.sign < m, np.repeat(np.arange(drives), lengths)
+    count = np.bincount(drive[own], minlength=drives).astype(np.float64)
+    place, cov = np.zeros((m, 3)), np.zeros((m, 3, 3))
+    told, weight = np.repeat(count[None, :, None], 3, axis=0) * np.ones(3), None
     # the sightings of each drive, as many columns as the longest has
     columns = np.arange(int(lengths.max()))
-    rows = np.where(columns < lengths[:, None], data.first[:-1, None] + columns, -1)
-    for equations, axes in ((plan, slice(0, 2)), (up, slice(2, 3))):
-        found: Solution = equations.solve(weight)
+    members = np.where(columns < lengths[:, None], first[:-1, None] + columns, -1)
+    for equations, axes in _by_axes(sightings, data, levels, factors):
+        weight = stray_weights(equations) if weight is None else weight
+        found = equations.solve(weight)
         sd, node = equations.network.sd, equations.network.node
-        count = sd.shape[2]
-        result.place[:, axes] = found.place[:m]
-        result.cov[:, axes, axes] = found.place_variances(m)
-        result.offset[:, axes] = (sd * found.error[node]).sum(axis=1)
+        place[:, axes], cov[:, axes, axes] = found.place[:m], found.place_variances(m)
+        result.offset[rows[own], axes] = found.moved[own]
         for k, axis in enumerate(range(axes.start, axes.stop)):
-            result.mean[:, axis] = np.bincount(drive, result.offset[:, axis]) / lengths
-            index = np.where(rows[:, :, None] >= 0, count * node[rows] + k, -1)
-            share = sd[rows, :, k] / lengths[:, None, None]
+            told[0, :, axis] *= np.bincount(drive, found.moved[:, k]) / lengths
+            index = np.where(members[:, :, None] >= 0, sd.shape[2] * node[members] + k, -1)
+            share = sd[members, :, k] / lengths[:, None, None]
             index, share = index.reshape(drives, -1), share.reshape(drives, -1)
-            result.sd[:, axis] = np.sqrt(found.factor.variances_of(index, share))
-    return result
-
-
-def _store(result: Adjusted, data: TileData, placed: Placed, drive: IntArray) -> None:
-    """Put a tile's signs and offsets into the whole, and add up what it tells of its drives."""
-    core = data.tile.core
+            told[1, :, axis] *= np.sqrt(found.factor.variances_of(index, share))
     north, east = (float(v) for v in metres_per_radian(data.origin[0], data.origin[2]))
-    result.lat[core] = data.origin[0] + placed.place[:, 1] / north
-    result.lon[core] = wrap_pi(data.origin[1] + placed.place[:, 0] / east)
-    common = data.common[: len(core)]
-    cov = placed.cov + common[:, :, None] * common[:, None, :]
+    result.lat[core] = data.origin[0] + place[:, 1] / north
+    result.lon[core] = wrap_pi(data.origin[1] + place[:, 0] / east)
+    common = data.common[:m]
+    cov += common[:, :, None] * common[:, None, :]
     known = cov[:, 2, 2] < 1e-3 * _NO_HEIGHT
-    result.height[core] = np.where(known, data.origin[2] + placed.place[:, 2], np.nan)
+    result.height[core] = np.where(known, data.origin[2] + place[:, 2], np.nan)
     cov[:, 2, 2] = np.where(known, cov[:, 2, 2], np.nan)
     result.cov_enu[core] = cov + limits.COMMON_SD_M**2 * np.eye(3)
-    own = data.sign < len(core)
-    result.offset[data.rows[own]] = placed.offset[own]
-    count = np.add.reduceat(own.astype(np.float64), data.first[:-1])[:, None]
-    who = drive[data.rows[data.first[:-1]]]
-    np.add.at(result.drive_offset, who, count * placed.mean)
-    # neighbouring tiles share sightings, so their errors may be the same: sds are added
-    np.add.at(result.drive_sd, who, count * placed.sd)
-    np.add.at(result.drive_count, who, count)
+    return sightings.drive[rows[first[:-1]]], told

@@ -21,7 +21,6 @@ OTHER_CODES = {
         "R3-2": "regulatory--no-left-turn--g1",
         "R3-4": "regulatory--no-u-turn--g1",
         "R4-7": "regulatory--keep-right--g9",
-        "R4-8": "regulatory--keep-left--g7",
         "R5-1": "regulatory--no-entry--g1",
         "R5-1A": "regulatory--wrong-way--g1",
         "W1-1L": "warning--turn-left--g1",
@@ -89,8 +88,8 @@ OTHER_CODES = {
 }
 """Convention on Road Signs and Signals of 1968 with the amendments of 1995, annex 1, where each
 stands so (as the Dutch government prints it, wetten.overheid.nl, BWBV0004310). MUTCD, chapters 2B
-and 2C, by the descriptions of its figures (mutcd.fhwa.dot.gov) and what authorities quote of it:
-R4-8, W2-4, W2-6 and W7-1 alone are from no text that was at hand."""
+and 2C, by the descriptions of its figures (mutcd.fhwa.dot.gov) and what others quote of it (W2-4:
+engineerfix.com, W2-6: mutcd.info)."""
 
 LIMITS = {"US": "R2-1", "VIENNA": "C14"}
 """Codes of the speed limits, whose number is written after them."""

@@ -86,9 +86,12 @@ def _figures(radius: FloatArray, summary: dict[str, Any]) -> list[Figure]:
     if len(radius):
         text = f"{np.median(radius):.2f} m"
         figures.append(Figure(text, "95 % radius, median", "trajectory errors included"))
-    if len(summary["drives"]) >= TELLING_DRIVES:
-        rate = f"{100 * summary['detection_rate']:.0f} %"
-        figures.append(Figure(rate, "seen when in view", "by one drive"))
+    seen, in_view = (
+        sum(drive[name] for drive in summary["drives"]) for name in ("seen_of_in_view", "in_view")
+    )
+    if len(summary["drives"]) >= TELLING_DRIVES and in_view:
+        share = f"{100.0 * seen / in_view:.0f} %"
+        figures.append(Figure(share, "seen when in view", f"{seen} of {in_view} times"))
     if "changes" in summary:
         count = sum(summary["changes"][kind] for kind in _KINDS)
         figures.append(Figure(str(count), "changes", "against the older map"))
@@ -193,10 +196,17 @@ def _error_section(summary: dict[str, Any]) -> Section:
     usual = ", as is usual: two drives do not tell" if few else ""
     section.sentences.append(
         f"A drive that has a sign in view sees it with probability "
-        f"{summary['detection_rate']:.2f}{usual}. "
-        f"{summary['unlikely_signs']} places where something was seen are left out of the map, "
-        "because drives that should have seen a sign there did not."
+        f"{summary['detection_rate']:.2f}{usual}."
     )
+    unlikely = summary["unlikely_signs"]
+    if unlikely:
+        places = "1 place where something was seen is" if unlikely == 1 else (
+            f"{unlikely} places where something was seen are"
+        )  # fmt: skip
+        section.sentences.append(
+            f"{places} left out of the map, because drives that should have seen a sign there did "
+            "not."
+        )
     return section
 
 

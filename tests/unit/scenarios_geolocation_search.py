@@ -335,7 +335,7 @@ def geolocation_hand() -> Any:
         except ValueError as error:
             return str(error)
 
-    seen = of.nothing_observed(len(drive.owner[0]) + len(drive.owner[1]), views)
+    seen = of.nothing_observed(np.full(sum(map(len, drive.owner)), "", object), views)
     before = seen.note.copy()
     for number, mark in enumerate(_settled(views, (1, 4, 7))):
         of.record_sign(seen, views, mark, number, f"s{number}", np.array([950.0, 810.0]))
@@ -358,7 +358,8 @@ def geolocation_hand() -> Any:
             "before": before,
             "observed": seen,
             "told": [
-                of.warnings_of(o, signs, corrections, drive.cameras, 0.005) for o in (seen, gone)
+                of.warnings_of(o, o.note != "fixed", signs, corrections, drive.cameras, 0.005)
+                for o in (seen, gone)
             ],
         }
     )

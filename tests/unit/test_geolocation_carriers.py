@@ -181,12 +181,19 @@ def test_what_is_followed_further_than_signs_are_seen_is_left_out_before_anythin
     path = drive_path(40.0, SPEED, 0.02)
     both = jam(path, SPEED + 0.5)
     rules = GeolocationRules()
-    far = carriers.far_carried(path, both, camera(), rules.noise, rules.size)
+    far = carriers.far_carried(path, both, camera(), rules)
+    assert far[both.track == 999].mean() > 0.95
+    assert not far[both.track != 999].any()
+    # a camera that is turned moves no sign along
+    turned = replace(
+        camera(), mount_rpy=camera().mount_rpy + np.radians([0.0, 2.0, -3.0]), mount_sd=0.05
+    )
+    far = carriers.far_carried(path, both, turned, rules)
     assert far[both.track == 999].mean() > 0.95
     assert not far[both.track != 999].any()
     # nor are signs and a lorry that a bad tracker gives one number
     mixed = replace(both, track=both.track % 2)
-    assert not carriers.far_carried(path, mixed, camera(), rules.noise, rules.size).any()
+    assert not carriers.far_carried(path, mixed, camera(), rules).any()
     result = locate_signs(path, [both], {"front": camera()})
     moving = int((result.observations.note == "moving").sum())
     assert moving == (both.track == 999).sum()

@@ -10,7 +10,6 @@ from geolocation_scene import boxes, camera, drive_path, roadside
 from test_geolocation_carriers import together
 
 from automap.geolocation.fixed_in_picture import fixed_boxes
-from automap.geolocation.left_out import with_left_out
 from automap.geolocation.locate import locate_signs
 from automap.geolocation.views import MeasurementNoise
 from automap.records import Detections, Trajectory
@@ -104,4 +103,3 @@ def test_the_signs_are_those_without_it_and_its_boxes_are_told() -> None:
     assert len(note) == len(both)
     assert np.count_nonzero(note == "fixed") == 150
     assert any(f"150 of {len(both)} detections stay at one place" in w for w in found.warnings)
-    assert with_left_out(alone, np.full(len(signs), "", np.object_)) is alone

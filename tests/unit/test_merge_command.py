@@ -98,7 +98,13 @@ def test_the_map_has_the_files_of_a_run(folders: list[Path], tmp_path: Path) -> 
         assert feature["properties"]["sd_above_road_m"] == pytest.approx(0.1, abs=1e-3)
     summary = json.loads((out / "merge.json").read_text(encoding="utf-8"))
     assert [d["name"] for d in summary["drives"]] == ["d0", "d1", "d2", "d3"]
-    assert "seen when in view" in (out / "report.html").read_text(encoding="utf-8")
+    page = (out / "report.html").read_text(encoding="utf-8")
+    seen, in_view = (sum(d[k] for d in summary["drives"]) for k in ("seen_of_in_view", "in_view"))
+    # what was counted, not the rate as it is held to limits
+    assert "seen when in view" in page
+    assert f"{seen} of {in_view} times" in page
+    assert ("left out of the map" in page) == (summary["unlikely_signs"] > 0)
+    assert 'probability">95 % radius' in page
     header = json.loads((out / "signs.geojson").read_text(encoding="utf-8"))["automap"]
     assert header["drives"] == ["d0", "d1", "d2", "d3"]
     assert all(Path(d["folder"]).is_absolute() for d in summary["drives"])

@@ -15,8 +15,11 @@ from automap.io.clock_json import write_clock
 from automap.io.map_tables import SIGHTINGS, write_sightings
 from automap.io.review_json import read_review
 from automap.io.signs_table import write_signs
+from pipeline.view.command import serving
 from pipeline.view.opening import open_map
 from pipeline.view.reviewing import Reviewing
+from tests.browser import launched
+from tests.unit.view_page_case import opened, until
 
 
 @pytest.fixture
@@ -84,6 +87,20 @@ def test_a_merged_sign_has_the_views_of_all_its_drives(merged: Path) -> None:
     assert second is not None
     assert [(v["drive"], v["frame"]) for v in second["views"]] == [(1, 0), (1, 1)]
     assert shown.drives[1].overview()["path"] is not None
+
+
+@pytest.mark.slow
+def test_views_stand_under_the_names_of_their_drives(merged: Path) -> None:
+    for name in ("monday", "tuesday"):
+        make_boxes(merged.parent / name)
+    with launched() as browser, serving(merged) as server:
+        page, troubles = opened(browser, server.url)
+        page.keyboard.press("n")
+        until(page, "() => document.querySelectorAll('#views button').length === 3")
+        assert page.locator("#views span").all_inner_texts() == ["monday", "tuesday"]
+        label = page.locator("#views button").last.get_attribute("aria-label")
+        assert label == "View in frame 2 of tuesday, 12 px"
+        assert not troubles
 
 
 def test_a_review_of_a_merged_map_lies_in_the_map(merged: Path) -> None:

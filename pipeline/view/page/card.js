@@ -144,13 +144,20 @@ export class Card {
     list.id = "views";
     // a long row of buttons tells nothing: at most some thirty, evenly chosen
     const step = splitting ? 1 : Math.max(1, Math.ceil(views.length / 30));
-    views.forEach((v, i) => {
+    const { drives } = this.app.overview;
+    const order = views.map((_, i) => i).sort((a, b) => views[a].drive - views[b].drive || a - b);
+    const several = views.some((v) => v.drive !== views[0].drive);
+    let drive;
+    order.forEach((i) => {
+      const v = views[i];
       if (i % step && i !== this.view) return;
+      if (several && v.drive !== drive) element("span", drives[v.drive], list);
+      drive = v.drive;
       const b = element("button", v.height_px === undefined ? "click" : `${v.height_px.toFixed(0)} px`, list);
       b.type = "button"; b.dataset.view = i;
       const chosen = splitting ? splitting.has(i) : i === this.view;
       b.setAttribute("aria-pressed", String(chosen));
-      b.setAttribute("aria-label", `View in frame ${v.frame}, ${b.textContent}`);
+      b.setAttribute("aria-label", `View in frame ${v.frame}${several ? ` of ${drives[drive]}` : ""}, ${b.textContent}`);
       b.title = [`frame ${v.frame} of ${v.camera}`, v.residual_px === null || v.residual_px === undefined ? null : `residual ${v.residual_px} px`, v.used ? null : "not used"].filter(Boolean).join(", ");
       b.onclick = () => {
         if (splitting) {
@@ -236,7 +243,7 @@ export class Card {
     if (!v) return;
     this.view = index;
     if (!this.app.state.splitting) {
-      for (const b of this.app.byId("views")?.children ?? []) b.setAttribute("aria-pressed", String(Number(b.dataset.view) === index));
+      for (const b of this.app.byId("views")?.querySelectorAll("button") ?? []) b.setAttribute("aria-pressed", String(Number(b.dataset.view) === index));
     }
     await this.app.player.showFrame(v.drive, v.camera, v.frame, v.t);
   }
