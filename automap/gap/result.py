@@ -43,8 +43,8 @@ def _of_term(channel: str, text: str) -> str:
 
 @dataclass(frozen=True)
 class ParameterValue:
-    """A number of an effect with one sigma and unit; infinite is the sigma of what lies at the upper
-    end of where it was sought, and is ``value`` at least."""
+    """A number of an effect with one sigma and unit; the sigma is infinite where it lies at the
+    upper end of where it was sought, and is ``value`` at least."""
 
     value: float
     sd: float
