@@ -7,6 +7,7 @@ TOML, functions in Python and the formulas that the gap finder reports.
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
+from typing import NamedTuple
 
 import numpy as np
 
@@ -95,7 +96,28 @@ def signals_of(
     speed = np.linalg.norm(vel_ned, axis=1)
     warm = _temperature(temp_c, len(time))
     side = speed * rate[:, 2]
-    return _signals(time, speed, heading, acceleration, side, rate, force, warm)
+    change = _change(rate, time), _change(force, time)
+    calm = CalmReadings(rate, force, *change)
+    return _signals(time, speed, heading, acceleration, side, calm, warm)
+
+
+class CalmReadings(NamedTuple):
+    """Turn rates in rad/s, specific forces in m/s^2 and their changes a second [n, 3], without
+    vibration."""
+
+    rate: FloatArray
+    force: FloatArray
+    turning: FloatArray
+    jerk: FloatArray
+
+
+def calm_readings(time: FloatArray, gyro: FloatArray, accel: FloatArray) -> CalmReadings:
+    """Readings [n, 3] at instants [n] in s without vibration, with their changes."""
+    from scipy.ndimage import gaussian_filter1d
+
+    step = max(float(np.median(np.diff(time))), LEAST_STEP_S)
+    rate, force = (gaussian_filter1d(each, FORCE_S / step, axis=0) for each in (gyro, accel))
+    return CalmReadings(rate, force, _change(rate, time), _change(force, time))
 
 
 def travel_of_fixes(time: FloatArray, fix_time: FloatArray, fix_vel: FloatArray) -> FloatArray:
@@ -111,22 +133,23 @@ def signals_of_readings(
     temp_c: FloatArray | None,
     fix_time: FloatArray,
     fix_vel: FloatArray,
+    calm: CalmReadings | None = None,
 ) -> Signals:
-    """Quantities at IMU samples [n] from the readings and the velocities of fixes [m, 3] NED.
+    """Quantities at IMU samples [n] from the readings and the velocities of fixes [m, 3] NED;
+    ``calm`` readings where they are known.
 
     Acceleration along the track is slow from the fixes' speed and fast from the accelerometer.
     """
     from scipy.ndimage import gaussian_filter1d
 
+    calm = calm or calm_readings(time, gyro, accel)
     step = max(float(np.median(np.diff(time))), LEAST_STEP_S)
-    forces = gaussian_filter1d(accel, FORCE_S / step, axis=0)
-    rates = gaussian_filter1d(gyro, FORCE_S / step, axis=0)
     speed, heading = _shown(time, fix_time, fix_vel)
-    slow = gaussian_filter1d(np.gradient(speed, time), BLEND_S / step)
-    along = forces[:, 0] - gaussian_filter1d(forces[:, 0], BLEND_S / step) + slow
+    force = calm.force[:, 0]
+    along = force + gaussian_filter1d(np.gradient(speed, time) - force, BLEND_S / step)
     warm = _temperature(temp_c, len(time))
-    side = speed * rates[:, 2]
-    return _signals(time, speed, heading, along, side, rates, forces, warm)
+    side = speed * calm.rate[:, 2]
+    return _signals(time, speed, heading, along, side, calm, warm)
 
 
 def _signals(
@@ -135,11 +158,10 @@ def _signals(
     heading: FloatArray,
     along: FloatArray,
     side: FloatArray,
-    rate: FloatArray,
-    force: FloatArray,
+    calm: CalmReadings,
     warm: FloatArray,
 ) -> Signals:
-    turning, jerk = _change(rate, time), _change(force, time)
+    rate, force, turning, jerk = calm
     return Signals(
         time=time,
         speed=speed,

@@ -9,7 +9,7 @@ import numpy as np
 
 from automap.effects import Signals
 from automap.effects.inertial_signals import asks_for_the_drive
-from automap.effects.signals import signals_of_readings, travel_of_fixes
+from automap.effects.signals import CalmReadings, signals_of_readings, travel_of_fixes
 from automap.effects.terms import TRAVEL
 from automap.errors import StageError
 from automap.fusion import limits
@@ -35,7 +35,7 @@ from automap.fusion.nodes import FixModel, Nodes, Shift, build_nodes, fix_speed
 from automap.fusion.options import FusionOptions
 from automap.fusion.problem import LateChange, Problem, make_problem, with_late_change
 from automap.fusion.rest_noise import least_levels
-from automap.fusion.sections import filter_and_smooth
+from automap.fusion.sections import SECTION_NODES, filter_and_smooth
 from automap.fusion.tuning import Tuned, tune_noise
 from automap.fusion.wheel_limits import MAX_WHEELS_S, TURN_WINDOW_S
 from automap.records import FloatArray, ImuData
@@ -48,7 +48,8 @@ class Session:
     ``means`` and ``sds`` are priors by parameter name, ``standstill`` intervals and ``span`` in
     s from the first sample, which was taken ``begin_s`` into the drive; ``made_noise`` [n, 2]
     the PSD of what force and rate err by where they were made up; ``late_change`` how late
-    velocities change; ``readings`` as the filter takes them, where many models are asked of them.
+    velocities change; ``readings`` as the filter takes them, and ``calm`` ones, where many models
+    are asked of them; ``section_nodes`` the longest stretch of whose filter all is kept.
     """
 
     imu: ImuData
@@ -63,6 +64,8 @@ class Session:
     made_noise: FloatArray | None = None
     late_change: LateChange | None = None
     readings: Samples | None = None
+    calm: CalmReadings | None = None
+    section_nodes: int = SECTION_NODES
 
 
 @dataclass(frozen=True)
@@ -100,8 +103,9 @@ def rate_of_turn(t: FloatArray, gyro: FloatArray) -> FloatArray:
 def session_signals(session: Session) -> Signals:
     """The quantities of a drive at its IMU samples, as readings and fixes show them."""
     imu = session.imu
-    t, *shown = _velocities(session)
-    return signals_of_readings(t, imu.gyro, imu.accel, imu.temp_c, *shown)
+    t, fix_t, fix_vel = _velocities(session)
+    readings = t, imu.gyro, imu.accel, imu.temp_c
+    return signals_of_readings(*readings, fix_t, fix_vel, session.calm)
 
 
 def _velocities(session: Session) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -245,7 +249,7 @@ def run_passes(
         # only a relinearised pass can be the last
         final = number > 1 or options.iterations == 0
         forward, smooth = filter_and_smooth(
-            problem, nodes, start, shift, linearised_at=linearised_at, with_cov=final
+            *(problem, nodes, start, shift, linearised_at, final, session.section_nodes)
         )
         del linearised_at
         last = Pass(problem, nodes, forward, smooth, shift, factors, tuned, untuned)

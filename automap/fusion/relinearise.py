@@ -39,7 +39,8 @@ def relinearise(session: Session, earlier: Pass, start: Start) -> tuple[Pass, St
         start = Start(linearised_at.nominal[0].copy(), start.sd)
         nodes = scale_nodes(nodes, factors)
         forward, smooth = filter_and_smooth(
-            problem, nodes, start, shift, linearised_at=linearised_at
+            *(problem, nodes, start, shift, linearised_at),
+            section_nodes=session.section_nodes,
         )
         last = Pass(problem, nodes, forward, smooth, shift, factors)
         following = next_shift(problem.model, smooth, shift, options.retime)

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from automap.effects.signals import calm_readings
 from automap.errors import InputError
 from automap.fusion.engine import fuse_imu_gnss
 from automap.fusion.layout import HAS_POS_H
@@ -147,6 +148,7 @@ def open_drive(drive: GapDrive, options: FusionOptions) -> OpenDrive:
     session = Session(
         *(drive.imu, fixes, options, still, means, sds, span, speeds, drive.begin_s),
         readings=samples_of(drive.imu, options),
+        calm=calm_readings(t + drive.begin_s, drive.imu.gyro, drive.imu.accel),
     )
     return OpenDrive(drive, session, screened.n_outliers)
 

@@ -3,6 +3,7 @@ one drive: smoothed trajectory, innovations, the estimated effects."""
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 
@@ -268,7 +269,9 @@ def session_with(
         factors=dict(model.factors),
         earth_rotation=earth,
     )
-    return replace(session, options=scaled, means=means, sds=sds), where
+    session = replace(session, options=scaled, means=means, sds=sds)
+    # the whole filter is looked into, however long the drive
+    return replace(session, section_nodes=sys.maxsize), where
 
 
 def whitened_innovations(fit: Fit) -> tuple[FloatArray, FloatArray, IntArray]:

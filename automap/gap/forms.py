@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from automap.effects.formula_text import REMEMBERING, parse_formula
+from automap.effects.formula_text import parse_formula
 from automap.effects.signals import Signals
 from automap.gap import limits
 from automap.gap.evidence import apart, evidence, nats_of_parts
@@ -112,8 +112,9 @@ INSTEAD = (
 )
 """Quantities that are much the same in a vehicle."""
 SHAPED = ("abs", "max", "min", "tanh", "sqrt")
-FORMED = (*(f"{name}(" for name in REMEMBERING), "step(", "min(max(")
-"""What a factor with another shape upon it has too many of: only its amounts are moved."""
+FORMED = ("play(", "step(", "min(max(")
+"""What a factor with another shape upon it has too many of: only its amounts are moved. What is
+remembered has shapes, and no second memory."""
 
 
 def neighbours(text: str, signals: Signals) -> list[str]:
@@ -183,8 +184,9 @@ def _forms(factor: ast.expr, signals: Signals) -> list[str]:
     elif value.min() >= 0.0:
         out += [f"sqrt({inner})", *(f"(1 / max({inner}, {a}))" for a in sizes)]
         out += [f"max({inner} - {a}, 0)" for a in sizes]
-    out += [f"lag({text}, {t})" for t in MEMORIES_S]
-    out += [f"({text} - lag({text}, {t}))" for t in MEMORIES_S]
+    if "lag(" not in text:
+        out += [f"lag({text}, {t})" for t in MEMORIES_S]
+        out += [f"({text} - lag({text}, {t}))" for t in MEMORIES_S]
     return out
 
 

@@ -14,7 +14,7 @@ OUTSIDE_LIBRARY = 0.1
 data sheets and the literature name; one in ten leaves room for what they do not."""
 ANISOTROPY = 0.2
 """Share by which what is much the same on all axes differs between them: capacitors of a filter
-are good to a fifth."""
+are good to a fifth. Of a drift that is fitted as one level of three axes it is taken likewise."""
 CLOSE_NATS = math.log(20.0)
 """Rivals with odds of less than twenty to one between them are not told apart."""
 CLOSE = 0.03

@@ -35,8 +35,6 @@ _LIMITS = {
     "wander_tau": (0.02, 16.0),
     # from one fix to a minute: what lasts longer is an offset
     "velocity_wander_tau": (0.25, 16.0),
-    "accel_bias_walk": (0.01, 64.0),
-    "gyro_bias_walk": (0.01, 64.0),
     # no vehicle keeps to its path so well, but a simulated one does
     "nhc_y": (0.2, 64.0),
     "nhc_z": (1.0, 64.0),
@@ -279,6 +277,12 @@ def noise_slopes(
 def _most_nodes(fits: Sequence[Fit]) -> int:
     """Of each drive."""
     return max(MAX_NODES // len(fits), 500)
+
+
+def at_top(level: str, factor: float) -> bool:
+    """Whether a level of noise rests at the upper end of where it is sought: how far beyond it is,
+    nobody has asked."""
+    return factor >= (1.0 - 1e-9) * _limits(level)[1]
 
 
 def _limits(level: str) -> tuple[float, float]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -42,11 +43,17 @@ def _of_term(channel: str, text: str) -> str:
 
 @dataclass(frozen=True)
 class ParameterValue:
-    """A number of an effect with one sigma and unit."""
+    """A number of an effect with one sigma and unit; the sigma is infinite where it lies at the
+    upper end of where it was sought, and is ``value`` at least."""
 
     value: float
     sd: float
     unit: str
+
+    def __str__(self) -> str:
+        if math.isinf(self.sd):
+            return f"at least {self.value:.3g} {self.unit}".rstrip()
+        return f"{self.value:.3g} ± {self.sd:.2g} {self.unit}".rstrip()
 
 
 @dataclass(frozen=True)

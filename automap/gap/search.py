@@ -8,6 +8,7 @@ also proposed under the noise that the model was asked with, and judged with the
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from itertools import count
@@ -55,6 +56,7 @@ class Search:
         self.tried: dict[Key, int] = {}
         self.challenged: set[frozenset[frozenset[str]]] = set()
         self.outdone: set[tuple[str, str]] = set()
+        self.compared: Counter[tuple[str, str]] = Counter()
         self.spoken_against: list[Confirmed] = []
         self.stands = Confirmed({}, ())
         self.nats: dict[str, float] = {}
@@ -312,9 +314,10 @@ class Search:
             for name, twin in ((one, other), (other, one)):
                 if name not in chosen.names or twin not in selection.candidates:
                     continue
-                if (name, twin) in self.outdone:
+                if (name, twin) in self.outdone or self.compared[name, twin] == limits.TRIALS:
                     # beside what has come since it is asked again as a rival
                     continue
+                self.compared[name, twin] += 1
                 self.log(f"checking whether {name} is {twin}")
                 acts = selection.candidates[twin].parts[0]
                 instead = Chosen(

@@ -6,6 +6,7 @@ the biases, receivers whose figures are off, sensors that are noisier.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 
@@ -18,7 +19,7 @@ from automap.fusion.measurements.position import lasting_share
 from automap.fusion.nodes import model_fixes
 from automap.gap import limits
 from automap.gap.fit import Fit
-from automap.gap.noise import fit_noise, noise_score, rest_factors, rooms_of
+from automap.gap.noise import at_top, fit_noise, noise_score, rest_factors, rooms_of
 from automap.gap.noise_conditions import Ranged, conditional_noise, unconstrained
 from automap.gap.reading_steps import coarse
 from automap.gap.result import Finding, NoiseClaim, ParameterValue
@@ -56,10 +57,10 @@ def stochastic_findings(
         if nats < limits.NOISE_NATS:
             continue
         value = float(getattr(fits[0].model.options, name)) * fitted[name]
-        spread = value * _log_sd(score, fitted, name)
-        parameters = {
-            p.name: ParameterValue(value, spread, p.unit) for p in CATALOGUE[name].parameters
-        }
+        # one level is fitted to all axes, and each may have another
+        relative = math.hypot(_log_sd(score, fitted, name), limits.ANISOTROPY)
+        sd = math.inf if at_top(name, fitted[name]) else value * relative
+        parameters = {p.name: ParameterValue(value, sd, p.unit) for p in CATALOGUE[name].parameters}
         out.append(Finding(name, parameters, nats, _p(nats), gap, gap))
     found = _noise_scale(fits, fitted, stated_factors, score, gap)
     if found is not None and found.effect not in exclude:
@@ -206,8 +207,9 @@ def _noise_scale(
     nats = score(fitted) - score(_at_best(fits, null, GNSS_LEVELS)) - limits.OCCAM_NATS
     if nats < limits.NOISE_NATS:
         return None
-    spread = factor * max(float(np.std(logs)) / 2.0, 0.02)
-    parameters = {"factor": ParameterValue(factor, spread, "")}
+    open_ended = any(at_top(level, fitted[level]) for level in GNSS_LEVELS)
+    sd = math.inf if open_ended else factor * max(float(np.std(logs)) / 2.0, 0.02)
+    parameters = {"factor": ParameterValue(factor, sd, "")}
     return Finding("gnss_noise_scale", parameters, nats, _p(nats), gap, gap)
 
 

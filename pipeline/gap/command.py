@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
+from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -200,7 +201,8 @@ def _finding_json(f: Finding) -> dict[str, Any]:
     return {
         "effect": f.effect,
         "parameters": {
-            p: {"value": v.value, "sd": v.sd, "unit": v.unit} for p, v in f.parameters.items()
+            p: {"value": v.value, "sd": v.sd if isfinite(v.sd) else None, "unit": v.unit}
+            for p, v in f.parameters.items()
         },
         "evidence_nats": f.evidence_nats,
         "p_value": f.p_value,
@@ -237,9 +239,7 @@ def _lines(result: GapResult) -> list[str]:
 def _line(f: Finding, instead: Sequence[str] = ()) -> str:
     from automap.gap.result import p_text
 
-    numbers = ", ".join(
-        f"{p} {v.value:.3g} ± {v.sd:.2g} {v.unit}".rstrip() for p, v in f.parameters.items()
-    )
+    numbers = ", ".join(f"{p} {v}" for p, v in f.parameters.items())
     line = f"  {f.effect}: {numbers} ({f.evidence_nats:.0f} nats, p {p_text(f.p_value)})"
     if f.confusable_with:
         line += f"; not to be told from {', '.join(f.confusable_with)}"

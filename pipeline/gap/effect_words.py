@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 from automap.effects import CATALOGUE
@@ -62,16 +63,23 @@ def as_clause(text: str) -> str:
 
 def _part(part: Part, value: ParameterValue) -> tuple[str, str]:
     """A parameter in words, and what is unsure of it."""
-    size, sd = with_sd(part.factor * value.value, part.factor * value.sd, part.unit)
-    text = (part.more if value.value >= 0.0 else part.less).format(size)
-    return text, f" (give or take {sd})" if value.sd > 0.0 else ""
+    size, unsure = _size(part.factor * value.value, part.factor * value.sd, part.unit)
+    return (part.more if value.value >= 0.0 else part.less).format(size), unsure
+
+
+def _size(value: float, sd: float, unit: str) -> tuple[str, str]:
+    """A size as text, and what is unsure of it."""
+    size, unsure = with_sd(value, sd, unit)
+    if math.isinf(sd):
+        return f"at least {size}", ""
+    return size, f" (give or take {unsure})" if sd > 0.0 else ""
 
 
 def _summary(finding: Finding) -> str:
     known = CATALOGUE.get(finding.effect)
     numbers = []
     for name, v in finding.parameters.items():
-        size, sd = with_sd(v.value, v.sd, v.unit)
-        numbers.append(f"{name} is {'-' if v.value < 0.0 else ''}{size} (give or take {sd})")
+        size, unsure = _size(v.value, v.sd, v.unit)
+        numbers.append(f"{name} is {'-' if v.value < 0.0 else ''}{size}{unsure}")
     text = sentence_case(known.summary if known else finding.effect)
     return f"{text}: {listed(numbers)}." if numbers else f"{text}."

@@ -82,9 +82,7 @@ def findings_table(findings: Sequence[Finding]) -> Section:
         section.absent = "Nothing stands out above what chance gives."
         return section
     for f in findings:
-        values = ", ".join(
-            f"{p} {v.value:.3g} ± {v.sd:.1g} {v.unit}".strip() for p, v in f.parameters.items()
-        )
+        values = ", ".join(f"{p} {v}" for p, v in f.parameters.items())
         section.rows.append(
             (
                 f.effect,

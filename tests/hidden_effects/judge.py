@@ -288,7 +288,7 @@ def _describe(shown: Sequence[Mapping[str, Any]], answer: Mapping[str, Any]) -> 
     parts = []
     for f in shown:
         numbers = ", ".join(
-            f"{p} {v['value']:.3g}±{v['sd']:.1g}" for p, v in f["parameters"].items()
+            f"{p} {v['value']:.3g}±{v['sd'] or np.inf:.1g}" for p, v in f["parameters"].items()
         )
         parts.append(f"{f['effect']} ({numbers}) {f['evidence_nats']:.0f} nats")
     odd = answer.get("unexplained")
@@ -326,7 +326,7 @@ def _coverage(verdict: Verdict, drawn: Drawn, shown: Sequence[Mapping[str, Any]]
         told = list(finding["parameters"].items())
         for name, value in told:
             mine = SCALES[effect].parameters[0] if len(told) == 1 else str(name)
-            if sds.get((effect, mine), np.inf) > KNOWN_SHARE * size:
+            if sds.get((effect, mine), np.inf) > KNOWN_SHARE * size or value["sd"] is None:
                 continue
             pull = (float(value["value"]) - true[effect].get(mine, 0.0)) / float(value["sd"])
             verdict.counted += 1

@@ -97,6 +97,17 @@ def test_values_of_several_drives_are_their_joint_estimate() -> None:
     assert sd < min(f.sd_of("gyro_scale")["z"] for f in fits)
 
 
+def test_the_filter_is_kept_whole_however_long_a_drive() -> None:
+    model = base_model()
+    opened = open_drive(simulated({}), model.options)
+    in_sections = replace(opened, session=replace(opened.session, section_nodes=50))
+    fit = fit_drive(in_sections, model)
+    store = fit.last.forward.store
+    assert len(fit.last.nodes.t) > 2 * in_sections.session.section_nodes
+    assert len(store.gain) == len(store.nu)
+    assert len(store.cov) == 1
+
+
 def test_models_of_a_drive_share_its_readings_and_know_the_direction_of_travel() -> None:
     model = base_model()
     opened = open_drive(simulated({}), model.options)

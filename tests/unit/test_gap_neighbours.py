@@ -62,3 +62,12 @@ def test_amounts_are_moved_and_whole_numbers_stay() -> None:
     # where both ends of a dead zone are, it is moved at both
     zone = amounts("(rate_z - min(max(rate_z, -0.1), 0.1))")
     assert "(rate_z - min(max(rate_z, -0.2), 0.2))" in zone
+
+
+def test_what_is_remembered_has_shapes_and_no_second_memory(signals: Signals) -> None:
+    near = neighbours("lag(force_y, 0.5)", signals)
+    assert any(text.startswith("tanh(lag(force_y, 0.5) / ") for text in near)
+    assert "max(lag(force_y, 0.5), 0)" in near
+    assert not any("lag(lag(" in text or "lag((lag(" in text for text in near)
+    # a play is one shape already
+    assert not any("tanh(" in text for text in neighbours("play(force_y, 0.5)", signals))

@@ -10,10 +10,11 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from automap.gap import GapDrive, base_model
+from automap.gap import GapDrive, base_model, noise
 from automap.gap.drive import count_outliers, open_drive
 from automap.gap.fit import Fit, fit_drive
 from automap.gap.found import Found
+from automap.gap.limits import ANISOTROPY, LEVEL_RANGE
 from automap.gap.noise import Fitted, fit_noise, with_noise
 from automap.gap.receivers import usual_finding
 from automap.gap.stochastic import _floored, noise_claims, stochastic_findings
@@ -146,3 +147,28 @@ def test_speeds_that_are_all_too_low_are_no_silence(offset: float, told: bool) -
         value = finding.parameters["along"]
         assert value.value == pytest.approx(offset, abs=3.0 * value.sd)
         assert ("cut off" in finding.resembles) is (offset < 0.0)
+
+
+@pytest.mark.slow
+def test_a_level_at_the_end_of_what_is_sought_has_no_interval(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    true = 1.5e-3
+    drive, model = simulated({}), base_model()
+    imu = drive.imu
+    steps = np.random.default_rng(3).standard_normal(imu.gyro.shape)
+    steps *= true * np.sqrt(np.median(np.diff(imu.t_ns)) * 1e-9)
+    drifting = replace(drive, imu=replace(imu, gyro=imu.gyro + np.cumsum(steps, axis=0)))
+    fit = fit_drive(open_drive(drifting, model.options), model)
+    factors = fit_noise([fit])
+    fit = fit_drive(fit.opened, replace(model, factors=factors), linearised_at=fit)
+    told = []
+    for most in (LEVEL_RANGE, factors["gyro_bias_walk"]):
+        monkeypatch.setitem(noise._LIMITS, "gyro_bias_walk", (1.0 / most, most))
+        found = stochastic_findings([fit], model.factors, 0.0, ())
+        told.append({f.effect: f.parameters for f in found}["gyro_bias_walk"]["z"])
+    free, held = told
+    assert abs(free.value - true) < 2.0 * free.sd < true
+    # each axis may have another than what all have together
+    assert free.sd > ANISOTROPY * free.value
+    assert str(held) == f"at least {free.value:.3g} rad/s/sqrt(s)"

@@ -22,6 +22,7 @@ from automap.gap.result import (
     Refused,
 )
 from automap.gap.stochastic import FIGURES, SENSOR_LEVELS
+from pipeline.gap.command import as_json
 from pipeline.gap.effect_sentences import SENTENCES
 from pipeline.gap.effect_words import what_is_wrong
 from pipeline.gap.remedies import TAKE_MODEL, remedy
@@ -70,6 +71,14 @@ def test_what_is_the_same_in_another_channel_is_told_with_what_is_sure() -> None
     assert f"To these data {STRETCHED} would be the same: that the two differ is what is" in text
     _, text = finding_words(finding("gyro_scale", z=0.02), None)
     assert "would be the same" not in text
+
+
+def test_what_lies_beyond_what_was_sought_is_told_without_an_interval() -> None:
+    text = what_is_wrong(finding("gnss_noise_scale", math.inf, factor=256.0))
+    assert "at least 256" in text
+    assert "give or take" not in text
+    told = as_json(result(findings=(finding("gnss_noise_scale", math.inf, factor=256.0),)))
+    assert told["findings"][0]["parameters"]["factor"] == {"value": 256.0, "sd": None, "unit": ""}
 
 
 @pytest.mark.parametrize("name", sorted(SENTENCES))
