@@ -36,6 +36,7 @@ from automap.fusion.doubts.estimates import (
     impossible_ages,
     impossible_errors,
     levels_at_bound,
+    overturned_arm,
     unexpected_delay,
     unproven_arm,
 )
@@ -253,7 +254,8 @@ def _off_nose(path: Trajectory, sliding: Sequence[Reason]) -> Trajectory:
 def _of_arm(found: Estimates, stated: FloatArray | None, speed: float, sd_m: float) -> list[Reason]:
     """What the drive says of an arm of the antenna that was ``stated``, or that it says nothing."""
     at = found, stated, STATED_ARM_SD_M, speed
-    return contradicted_arm(*at) or unproven_arm(*at, sd_m)
+    overturned = overturned_arm(found, stated, STATED_ARM_SD_M)
+    return [*overturned, *(contradicted_arm(*at) or unproven_arm(*at, sd_m))]
 
 
 def _of_axes(found: Estimates, effect: str) -> FloatArray:
