@@ -173,7 +173,7 @@ def test_a_height_of_the_antenna_with_the_wrong_sign_is_told_by_its_sway() -> No
         for own in (stated, 0.1 * stated, -0.25 * stated):
             assert said(stated, own, 0.03) == []
         # what is beyond both is another fault's, and what is unsure chance's
-        assert said(stated, -7.0 * stated, 0.5) == said(stated, -stated, 0.3) == []
+        assert said(stated, -4.0 * stated, 0.7) == said(stated, -stated, 0.3) == []
     assert said(0.2, -0.2, 0.01) == []
     assert overturned_arm({}, None, 0.05) == overturned_arm({}, np.array(LEVER), 0.05) == []
 
