@@ -192,6 +192,18 @@ def test_heights_that_jump_by_more_than_they_err_are_told(
         assert 0.4 * abs(by_m) < widest < abs(by_m)
 
 
+@pytest.mark.parametrize("by_m", [0.0, 0.5])
+def test_heights_of_carrier_phases_that_jump_are_told_from_fix_to_fix(by_m: float) -> None:
+    """Over seconds a body's pitch and the way would make as much."""
+    motion, imu = drive(3)
+    fixes = exact()
+    late = (fixes.gps_s - GPS0 > 100.1)[:, None]
+    fixes = shifted(fixes, late * np.array([0.0, 0.0, -by_m]))
+    path = path_of(motion, imu, OFF_RAD)
+    found = height_jumps(model_fixes(fixes, fixes.gps_s, FusionOptions()), path)
+    assert [jump.by[2] for jump in found] == pytest.approx([by_m] * bool(by_m), abs=0.1)
+
+
 @pytest.mark.parametrize("off_m", [5.0, 60.0])
 def test_positions_that_come_back_to_where_the_filter_leads_were_not_aside_before(
     off_m: float,

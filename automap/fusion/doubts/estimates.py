@@ -143,9 +143,9 @@ def early_velocities(found: Estimates) -> list[Reason]:
         Reason(
             "velocities_early",
             f"the receiver's velocities seem to be {early:.2f} s ahead of its positions, as where "
-            "its filter overshoots bends: those of the path are as unsure; turn the receiver's "
-            "smoothing off",
-            moved_s=early,
+            "its filter overshoots bends, or its antenna is behind where it was stated: the path "
+            "is as unsure along the road; turn the receiver's smoothing off, measure its antenna",
+            late_s=early,
             state="good",
         )
     ]
