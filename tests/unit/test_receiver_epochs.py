@@ -278,6 +278,11 @@ def test_dates_of_a_past_era_are_moved_on() -> None:
     year, month, day, *_ = (2004, 5, 13)
     moved = tb.days_since_epoch(year, month, day) * tb.DAY_S + tb.ROLLOVER_S
     assert abs(log.fixes.gps_s[0] - moved) < tb.DAY_S + 20
+    # one that may as well be right is left, and told
+    (said,) = read(rmc(GPS, date="250906"), gga(GPS)).warnings
+    assert "starts at 2006-09-25" in said
+    assert "of 2026-05-11, 1024 weeks on" in said
+    assert read(rmc(GPS, date="110526"), gga(GPS)).warnings == []
 
 
 @pytest.mark.parametrize(
