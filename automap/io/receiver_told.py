@@ -14,8 +14,8 @@ from automap.io.ubx_names import message_name
 from automap.records import BoolArray, Fixes, FixType
 
 _EARLY_GPS_S = 1564.0 * tb.WEEK_S
-"""Start of 2010, from when on phones have gyros. Chosen: the dates that receivers of a past era give
-drives until August 2029 are before it."""
+"""Start of 2010, from when on phones have gyros. Chosen: receivers of a past era date drives until
+August 2029 before it."""
 _MANUAL, _SIMULATED = 7, 8
 """Qualities of GGA: typed in by hand; made by a simulator."""
 
