@@ -41,7 +41,7 @@ from automap.fusion.doubts.estimates import (
     unproven_arm,
 )
 from automap.fusion.doubts.heights import height_doubts, separation_doubts
-from automap.fusion.doubts.hole import come_back, hole_doubts, regained_jumps
+from automap.fusion.doubts.hole import hole_doubts, left_aside, regained_jumps
 from automap.fusion.doubts.path import fix_misses, off_the_fixes
 from automap.fusion.doubts.position_jump import (
     Jump,
@@ -56,6 +56,7 @@ from automap.fusion.doubts.reason import Reason
 from automap.fusion.doubts.receiver import (
     accuracy_doubts,
     dated_velocities,
+    no_further_aside,
     overstated,
     receiver_doubts,
     told_late,
@@ -157,8 +158,8 @@ def weigh(
         late = age - (0.0 if delay_is_clock else result.delay.mean)
         jumps = regained_jumps(stated, result.innovations, path, late)
         beside = fix_misses(path, stated, arm, age)
-        if come_back(receiver.parted, result.innovations, path, late, beside, age):
-            of_receiver = [r for r in of_receiver if r.code != "positions_aside"]
+        aside = left_aside(receiver.parted, result.innovations, path, late, beside, age)
+        of_receiver = list(no_further_aside(of_receiver, aside))
         of_receiver += hole_doubts(places, path, age, level_sd(part for _, part in known()))
     drifts: list[Drift] = []
     try:
