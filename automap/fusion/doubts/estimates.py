@@ -90,11 +90,13 @@ def impossible_ages(found: Estimates, dated_by_arrival: bool) -> list[Reason]:
         value = found.get(name, (0.0, 0.0))[0]
         if abs(value) > limits.AT_BOUND * bound:
             unit = "" if name == SKEW_STATE else " s"
+            why = "the clocks do not belong together; check the stamps with 'automap check'"
+            if name in (VEL_LATENCY_STATE, VEL_LAG_STATE):
+                why = "the receiver smooths them, or those clocks are two; log those of an instant"
             reasons.append(
                 Reason(
                     "delay_at_bound",
-                    f"{what} ran to {value:.3g}{unit}, the most that is searched: the clocks do "
-                    "not belong together; check the stamps with 'automap check'",
+                    f"{what} ran to {value:.3g}{unit}, the most that is searched: {why}",
                     inertial=True,
                 )
             )
