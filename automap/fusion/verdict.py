@@ -36,11 +36,12 @@ from automap.fusion.doubts.estimates import (
     impossible_ages,
     impossible_errors,
     levels_at_bound,
+    overturned_arm,
     unexpected_delay,
     unproven_arm,
 )
 from automap.fusion.doubts.heights import height_doubts, separation_doubts
-from automap.fusion.doubts.hole import come_back, hole_doubts, regained_jumps
+from automap.fusion.doubts.hole import hole_doubts, left_aside, regained_jumps
 from automap.fusion.doubts.path import fix_misses, off_the_fixes
 from automap.fusion.doubts.position_jump import (
     Jump,
@@ -55,6 +56,7 @@ from automap.fusion.doubts.reason import Reason
 from automap.fusion.doubts.receiver import (
     accuracy_doubts,
     dated_velocities,
+    no_further_aside,
     overstated,
     receiver_doubts,
     told_late,
@@ -158,8 +160,8 @@ def weigh(
         late = age - (0.0 if delay_is_clock else result.delay.mean)
         jumps = regained_jumps(stated, result.innovations, path, late)
         beside = fix_misses(path, stated, arm, age)
-        if come_back(receiver.parted, result.innovations, path, late, beside, age):
-            of_receiver = [r for r in of_receiver if r.code != "positions_aside"]
+        aside = left_aside(receiver.parted, result.innovations, path, late, beside, age)
+        of_receiver = list(no_further_aside(of_receiver, aside))
         of_receiver += hole_doubts(places, path, age, level_sd(part for _, part in known()))
     drifts: list[Drift] = []
     try:
@@ -255,7 +257,8 @@ def _off_nose(path: Trajectory, sliding: Sequence[Reason]) -> Trajectory:
 def _of_arm(found: Estimates, stated: FloatArray | None, speed: float, sd_m: float) -> list[Reason]:
     """What the drive says of an arm of the antenna that was ``stated``, or that it says nothing."""
     at = found, stated, STATED_ARM_SD_M, speed
-    return contradicted_arm(*at) or unproven_arm(*at, sd_m)
+    overturned = overturned_arm(found, stated, STATED_ARM_SD_M)
+    return [*overturned, *(contradicted_arm(*at) or unproven_arm(*at, sd_m))]
 
 
 def _of_axes(found: Estimates, effect: str) -> FloatArray:

@@ -8,11 +8,14 @@ from automap import timebase as tb
 from automap.earth import MEAN_RADIUS
 from automap.io.byte_scan import Scan, key_address, key_is_rtcm, key_is_ubx
 from automap.io.epoch_fix_type import GGA_FIX
-from automap.io.epoch_join import Joined
+from automap.io.epoch_join import EARLIEST_GPS_S, Joined
 from automap.io.nmea import NmeaTable
 from automap.io.ubx_names import message_name
 from automap.records import BoolArray, Fixes, FixType
 
+_EARLY_GPS_S = 1564.0 * tb.WEEK_S
+"""Start of 2010, from when on phones have gyros. Chosen: receivers of a past era date drives until
+August 2029 before it."""
 _MANUAL, _SIMULATED = 7, 8
 """Qualities of GGA: typed in by hand; made by a simulator."""
 
@@ -95,11 +98,18 @@ def join_warnings(joined: Joined, fixes: Fixes) -> list[str]:
         )
     if joined.untimed:
         warnings.append(f"{joined.untimed} messages belong to no epoch, having no readable time")
+    start = float(np.nanmin(fixes.gps_s)) if len(fixes) else np.nan
     if joined.moved_eras:
-        first = tb.gps_to_iso(float(np.nanmin(fixes.gps_s))) if len(fixes) else "unknown"
+        first = tb.gps_to_iso(start) if len(fixes) else "unknown"
         warnings.append(
             "the receiver's date lies in a past era of the ten-bit week and is moved on by "
             f"1024 weeks: the log starts at {first}"
+        )
+    elif EARLIEST_GPS_S <= start < _EARLY_GPS_S:
+        warnings.append(
+            f"the log starts at {tb.gps_to_iso(start)}: a receiver that has lost the era of its "
+            f"ten-bit week says so of {tb.gps_to_iso(start + tb.ROLLOVER_S)[:10]}, 1024 weeks on; "
+            "if the drive is of then, dates of the map are as wrong: give the log its right ones"
         )
     if joined.redated:
         warnings.append(

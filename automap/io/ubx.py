@@ -21,6 +21,8 @@ from automap.io.scan_kernel import Bytes
 from automap.io.ubx_layouts import LAYOUTS, Layout
 from automap.records import FloatArray, IntArray
 
+_ESTIMATES = ("hAcc", "vAcc", "pAcc", "sAcc")
+"""Accuracies: one of all bits, 4295 km, is none."""
 _BLOCK = 4096
 """Messages taken apart at once, few enough to stay in the processor's cache."""
 
@@ -146,14 +148,18 @@ def decode_ubx(data: bytes | Bytes) -> dict[str, Table]:
 def physical(
     name: str, table: Table, field: str, rows: IntArray | slice | None = None
 ) -> FloatArray:
-    """A field [m] of a table of type ``name`` in its unit (s, deg, m, m/s) as float64.
+    """A field [m] of a table of type ``name`` in its unit (s, deg, m, m/s) as float64, NaN for an
+    accuracy that the receiver does not know.
 
     With ``rows`` only those.
     """
     scale = next(scale for known, _, scale in LAYOUTS[name].fields if known == field)
     column = table[field]
+    counts = column if rows is None else column[rows]
     with np.errstate(invalid="ignore"):  # a signalling NaN is a NaN like any other
-        values = (column if rows is None else column[rows]).astype(np.float64)
+        values = counts.astype(np.float64)
+    if field in _ESTIMATES:
+        values[counts == np.iinfo(counts.dtype).max] = np.nan
     if scale != 1.0:
         # dividing by the exact power of ten rounds correctly, multiplying would not
         values /= round(1.0 / scale)

@@ -44,13 +44,14 @@ def match_climbs(path: ReceiverPath, use: BoolArray, worse: float) -> Vertical |
     sums = np.concatenate([[0.0], np.cumsum(0.5 * (climb[1:] + climb[:-1]) * np.diff(t))])
     told = over.change(np.interp(path.t, t, sums))
     seen = over.change(path.height)
+    way = np.abs(over.change(path.place))
     upwards = replace(path, velocity=path.climb.astype(complex))
     sd = worse * limits.VERTICAL_FACTOR * plausible_sd(upwards, over)
     scale = _scale(seen, told, sd)
 
     def nats(factor: float) -> float:
-        one, other = (cauchy_loss(((seen - s * told) / sd) ** 2).sum() for s in (1.0, factor))
-        return 0.5 * float(one - other)
+        one, other = (_apart(seen - s * told, way, sd) for s in (1.0, factor))
+        return 0.5 * (one - other)
 
     turned = nats(-1.0)
     unit = max((1.0 / FOOT_M, FOOT_M), key=nats)
@@ -64,15 +65,29 @@ def match_climbs(path: ReceiverPath, use: BoolArray, worse: float) -> Vertical |
     )
 
 
+def _apart(rest: FloatArray, way: FloatArray, sd: FloatArray) -> float:
+    """The loss of ``rest`` [m] m but for what goes with the ``way`` [m] m: a unit that leans in the
+    vehicle and mixes its own inertial velocity in seems to climb or fall all the way."""
+    leaning, _ = _times(rest, way, sd, 0.0)
+    return float(cauchy_loss(((rest - leaning * way) / sd) ** 2).sum())
+
+
 def _scale(seen: FloatArray, told: FloatArray, sd: FloatArray) -> Estimate | None:
-    """How many times ``seen`` [m] is ``told`` [m], by reweighted least squares."""
-    rate = 1.0
-    for _ in range(limits.MATCH_ROUNDS):
-        weight = cauchy_weight((seen - rate * told) / sd) / sd**2
-        power = float(weight @ told**2)
-        if power <= 0.0:
-            return None
-        rate = float(weight @ (seen * told)) / power
+    """How many times ``seen`` [m] is ``told`` [m]."""
+    rate, power = _times(seen, told, sd)
     if abs(rate) * np.sqrt(power) * limits.KNOWN_SHARE < 1.0:
         return None
     return Estimate(1.0 / rate, 1.0 / (rate**2 * np.sqrt(power)))
+
+
+def _times(y: FloatArray, x: FloatArray, sd: FloatArray, rate: float = 1.0) -> tuple[float, float]:
+    """How many times ``y`` [m] is ``x`` [m], by reweighted least squares from ``rate`` on,
+    and the inverse of its variance; zeros where ``x`` is nowhere."""
+    power = 0.0
+    for _ in range(limits.MATCH_ROUNDS):
+        weight = cauchy_weight((y - rate * x) / sd) / sd**2
+        power = float(weight @ x**2)
+        if power <= 0.0:
+            return 0.0, 0.0
+        rate = float(weight @ (y * x)) / power
+    return rate, power

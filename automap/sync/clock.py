@@ -10,7 +10,7 @@ from automap.sync import limits
 from automap.sync.arrival import fit_arrival_clock
 from automap.sync.coarse import CoarseOffset, find_offset
 from automap.sync.correlation import Lag, refine_lag
-from automap.sync.motion import ImuMotion, imu_motion
+from automap.sync.motion import ImuMotion, imu_motion, position_motion
 from automap.sync.motion_clock import (
     correlation_clock,
     gnss_motions,
@@ -183,7 +183,16 @@ def _compare_motions(result: SyncResult, imu: ImuData, fixes: Fixes) -> SyncResu
             lags[source] = seen
     warnings = list(result.warnings)
     if coarse is not None and coarse.certain and abs(coarse.offset_s) > limits.STATED_OFF_S:
-        _refuse(result.clock, coarse, _near_zero(motion, result.clock, imu, fixes), warnings)
+        own = in_imu_time(position_motion(fixes), result.clock, imu)
+        placed = find_offset(motion, own, reach_s=limits.STATED_REACH_S)
+        if placed is not None and placed.certain and abs(placed.offset_s) <= limits.STATED_OFF_S:
+            warnings.append(
+                f"the receiver's velocities show the motion {-coarse.offset_s:+.1f} s late and its "
+                "positions do not: its speeds and courses are smoothed; log those of an instant"
+            )
+            coarse = placed
+        else:
+            _refuse(result.clock, coarse, _near_zero(motion, result.clock, imu, fixes), warnings)
     best, lag = _best_lag(lags)
     return SyncResult(result.clock, result.fit, lag, best, lags, coarse, warnings)
 

@@ -9,7 +9,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from automap.fusion.doubts.hole import come_back, regained_jumps
+from automap.fusion.doubts.hole import left_aside, regained_jumps
 from automap.fusion.doubts.path import Misses
 from automap.fusion.doubts.position_jump import (
     Jump,
@@ -19,6 +19,8 @@ from automap.fusion.doubts.position_jump import (
     places_of,
     position_jumps,
 )
+from automap.fusion.doubts.reason import Reason
+from automap.fusion.doubts.receiver import no_further_aside
 from automap.fusion.nodes import model_fixes
 from automap.fusion.options import FusionOptions
 from automap.fusion.output import Innovations
@@ -192,6 +194,18 @@ def test_heights_that_jump_by_more_than_they_err_are_told(
         assert 0.4 * abs(by_m) < widest < abs(by_m)
 
 
+@pytest.mark.parametrize("by_m", [0.0, 0.5])
+def test_heights_of_carrier_phases_that_jump_are_told_from_fix_to_fix(by_m: float) -> None:
+    """Over seconds a body's pitch and the way would make as much."""
+    motion, imu = drive(3)
+    fixes = exact()
+    late = (fixes.gps_s - GPS0 > 100.1)[:, None]
+    fixes = shifted(fixes, late * np.array([0.0, 0.0, -by_m]))
+    path = path_of(motion, imu, OFF_RAD)
+    found = height_jumps(model_fixes(fixes, fixes.gps_s, FusionOptions()), path)
+    assert [jump.by[2] for jump in found] == pytest.approx([by_m] * bool(by_m), abs=0.1)
+
+
 @pytest.mark.parametrize("off_m", [5.0, 60.0])
 def test_positions_that_come_back_to_where_the_filter_leads_were_not_aside_before(
     off_m: float,
@@ -208,9 +222,14 @@ def test_positions_that_come_back_to_where_the_filter_leads_were_not_aside_befor
     told = Innovations(stamps, names, off / np.sqrt(2.0), one, one, one > 0.0)
     zero = np.zeros((len(tag), 3))
     near = Misses(tag - GPS0, zero, zero, zero)
-    assert come_back(jumps, told, path, 0.0, near, 0.0) == (off_m < 40.0)
+    aside = 0.0 if off_m < 40.0 else 80.0
+    assert left_aside(jumps, told, path, 0.0, near, 0.0) == aside
     # a path that goes on elsewhere was not come back to
-    assert not come_back(jumps, told, path, 0.0, replace(near, miss=zero + 60.0), 0.0)
+    assert left_aside(jumps, told, path, 0.0, replace(near, miss=zero + 60.0), 0.0) == 160.0
     # nothing is known of a jump that no fix follows, nor of none
-    assert not come_back([Interval(GPS0 + 60.3, GPS0 + 60.4, 80.0)], told, path, 0.0, near, 0.0)
-    assert not come_back([], told, path, 0.0, near, 0.0)
+    unseen = [*jumps, Interval(GPS0 + 60.3, GPS0 + 60.4, 80.0)]
+    assert left_aside(unseen, told, path, 0.0, near, 0.0) == np.inf
+    assert left_aside([], told, path, 0.0, near, 0.0) == np.inf
+    said = Reason("positions_aside", "up to 110 m", error_m=110.0)
+    assert [r.error_m for r in no_further_aside([said], aside)] == [aside] * bool(aside)
+    assert list(no_further_aside([said], np.inf)) == [said]

@@ -108,6 +108,16 @@ def test_vertical_velocities_tell_feet_from_metres(factor: float) -> None:
     assert separation_doubts(replace(log, geoid_sep_m=np.full(len(log), 157.0)), [reason]) == []
 
 
+@pytest.mark.parametrize("lean", [-0.03, 0.03])
+def test_a_unit_that_leans_is_not_in_feet(lean: float) -> None:
+    fixes = fixes_of(hilly(seconds=300, climb=0.02), 1.0, 0.2, 2)
+    velocity = fixes.vel_ned.copy()
+    velocity[:, 2] += lean * np.hypot(velocity[:, 0], velocity[:, 1])
+    found = velocity_consistency(replace(fixes, vel_ned=velocity)).vertical
+    assert found is not None
+    assert (found.feet, found.turned) == (1.0, False)
+
+
 @pytest.mark.parametrize("unit", ["", "feet"])
 def test_a_geoid_that_is_nowhere_on_earth_tells_feet(unit: str) -> None:
     factor = 1.0 / 0.3048 if unit else 1.0

@@ -12,6 +12,7 @@ from automap.fusion import limits
 from automap.fusion.doubts.estimates import (
     bend_speed,
     contradicted_arm,
+    overturned_arm,
     unproven_arm,
 )
 from automap.fusion.doubts.limits import BEND_STEP_S, TRIADS_APART_S
@@ -153,6 +154,28 @@ def test_an_arm_that_the_drive_moves_away_from_is_told() -> None:
     assert contradicted_arm(found, np.zeros(3), limits.STATED_ARM_SD_M, 5.0) == []
     found = {"gnss_lever_arm_x": (-0.03, 0.04986), "gnss_velocity_latency_s": (0.3, 0.01)}
     assert contradicted_arm(found, np.zeros(3), limits.STATED_ARM_SD_M, 28.0) == []
+
+
+def test_a_height_of_the_antenna_with_the_wrong_sign_is_told_by_its_sway() -> None:
+    def said(stated: float, own: float, sd: float) -> list[Reason]:
+        """Of a filter that holds what is ``stated`` while the drive alone has it at ``own``."""
+        before, tape = limits.HELD_ARM_SD_M, limits.STATED_ARM_SD_M
+        taken = before**4 / sd**2
+        moved = (own - stated) * taken / before**2
+        found = {"gnss_lever_arm_z": (stated + moved, np.sqrt(tape**2 + before**2 - taken))}
+        return overturned_arm(found, np.array([0.4, 0.1, stated]), tape)
+
+    for stated in (1.2, -1.2):
+        (reason,) = said(stated, -0.97 * stated, 0.07)
+        assert (reason.state, reason.height_m) == ("doubtful", pytest.approx(2.4))
+        assert f"2.4 m too {'high' if stated > 0.0 else 'low'}" in reason.text
+        # a receiver that smooths hides the sway, and one that lags turns some of it over
+        for own in (stated, 0.1 * stated, -0.25 * stated):
+            assert said(stated, own, 0.03) == []
+        # what is beyond both is another fault's, and what is unsure chance's
+        assert said(stated, -4.0 * stated, 0.7) == said(stated, -stated, 0.3) == []
+    assert said(0.2, -0.2, 0.01) == []
+    assert overturned_arm({}, None, 0.05) == overturned_arm({}, np.array(LEVER), 0.05) == []
 
 
 def test_an_arm_whose_sign_the_drive_would_not_show_is_named() -> None:

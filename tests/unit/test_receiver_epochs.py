@@ -78,6 +78,14 @@ def test_kinds_of_fix(fields: dict[str, float], kind: FixType) -> None:
     assert any("no valid position" in w for w in log.warnings) == (kind == FixType.NONE)
 
 
+def test_an_accuracy_of_all_bits_is_none() -> None:
+    unknown = dict.fromkeys(("hAcc", "vAcc", "sAcc"), 2**32 - 1)
+    fixes = read(pvt(GPS), pvt(GPS + 0.2, **unknown)).fixes
+    assert np.isfinite(fixes.lat_rad).all()
+    for told in (fixes.sd_pos_ned, fixes.sd_vel_ned):
+        assert np.isnan(told).all(axis=1).tolist() == [False, True]
+
+
 def test_the_old_set_makes_the_same_epoch() -> None:
     old = read(posllh(GPS), velned(GPS), sol(GPS)).fixes
     new = read(pvt(GPS)).fixes
@@ -270,6 +278,11 @@ def test_dates_of_a_past_era_are_moved_on() -> None:
     year, month, day, *_ = (2004, 5, 13)
     moved = tb.days_since_epoch(year, month, day) * tb.DAY_S + tb.ROLLOVER_S
     assert abs(log.fixes.gps_s[0] - moved) < tb.DAY_S + 20
+    # one that may as well be right is left, and told
+    (said,) = read(rmc(GPS, date="250906"), gga(GPS)).warnings
+    assert "starts at 2006-09-25" in said
+    assert "of 2026-05-11, 1024 weeks on" in said
+    assert read(rmc(GPS, date="110526"), gga(GPS)).warnings == []
 
 
 @pytest.mark.parametrize(

@@ -7,19 +7,31 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from automap.errors import InputError
-from automap.records import NO_TIME, ImuData
+from automap.records import NO_TIME, ClockModel, ImuData
 from automap.sync import limits, motion_clock
 from automap.sync.arrival import _few_points
-from automap.sync.clock import _refuse, _without_imu, gps_clock, rough_clock, unknown_clock
+from automap.sync.clock import (
+    _refuse,
+    _without_imu,
+    contradiction,
+    gps_clock,
+    rough_clock,
+    unknown_clock,
+)
 from automap.sync.coarse import CoarseOffset
 from automap.sync.correlation import Lag
 from automap.sync.finished import trajectory_clock
 from automap.sync.motion import GnssMotion
 from automap.sync.steps import find_step
 from automap.timebase import leap_seconds_at_gps
+from tests.unit.fusion_drive import BASE_NS
+from tests.unit.fusion_receiver import GPS0, receive
+from tests.unit.fusion_receiver import Receiver as Filter
 from tests.unit.receiver_scene import Receiver, simulated_fixes
+from tests.unit.test_fusion_velocity_step import drive
 
 
 @pytest.mark.parametrize("rate", [0.0, 30e-6, -80e-6])
@@ -143,6 +155,18 @@ def test_clocks_that_contradict_the_motions_are_refused_or_doubted() -> None:
     assert len(told) == 1
     with pytest.raises(InputError):
         _refuse(clock, CoarseOffset(7.4, sure, 0.0), CoarseOffset(0.1, -some, 0.0), told)
+
+
+def test_velocities_that_come_late_beside_positions_are_no_wrong_clock() -> None:
+    """Running means of five seconds, as for a display; both late by two are a clock's."""
+    motion, imu = drive(3)
+    fixes = receive(motion, Filter(rate=1.0), 3)
+    clock = ClockModel(BASE_NS, GPS0, 0.0, limits.GPS_SD_S, limits.GPS_DRIFT_SD, "identity", 0.0)
+    late = replace(fixes, vel_ned=lfilter(np.full(5, 0.2), [1.0], fixes.vel_ned, axis=0))
+    assert contradiction(clock, imu, late) is None
+    told = contradiction(clock, imu, replace(fixes, gps_s=fixes.gps_s + 2.2))
+    assert told is not None
+    assert "contradict" in told
 
 
 def test_without_an_imu_the_receiver_has_the_time() -> None:

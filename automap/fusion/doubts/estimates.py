@@ -19,7 +19,13 @@ from automap.fusion.delay_states import (
 )
 from automap.fusion.doubts import limits
 from automap.fusion.doubts.reason import Reason
-from automap.fusion.limits import DOUBT_PROBABILITY, MAX_DELAY_S, MAX_SKEW, MOST_ARM_M
+from automap.fusion.limits import (
+    DOUBT_PROBABILITY,
+    HELD_ARM_SD_M,
+    MAX_DELAY_S,
+    MAX_SKEW,
+    MOST_ARM_M,
+)
 from automap.fusion.result import FusionResult
 from automap.gates import OUTSIDE_95, sigmas
 from automap.records import FloatArray, Trajectory
@@ -84,11 +90,13 @@ def impossible_ages(found: Estimates, dated_by_arrival: bool) -> list[Reason]:
         value = found.get(name, (0.0, 0.0))[0]
         if abs(value) > limits.AT_BOUND * bound:
             unit = "" if name == SKEW_STATE else " s"
+            why = "the clocks do not belong together; check the stamps with 'automap check'"
+            if name in (VEL_LATENCY_STATE, VEL_LAG_STATE):
+                why = "the receiver smooths them, or those clocks are two; log those of an instant"
             reasons.append(
                 Reason(
                     "delay_at_bound",
-                    f"{what} ran to {value:.3g}{unit}, the most that is searched: the clocks do "
-                    "not belong together; check the stamps with 'automap check'",
+                    f"{what} ran to {value:.3g}{unit}, the most that is searched: {why}",
                     inertial=True,
                 )
             )
@@ -137,9 +145,9 @@ def early_velocities(found: Estimates) -> list[Reason]:
         Reason(
             "velocities_early",
             f"the receiver's velocities seem to be {early:.2f} s ahead of its positions, as where "
-            "its filter overshoots bends: those of the path are as unsure; turn the receiver's "
-            "smoothing off",
-            moved_s=early,
+            "its filter overshoots bends, or its antenna is behind where it was stated: the path "
+            "is as unsure along the road; turn the receiver's smoothing off, measure its antenna",
+            late_s=early,
             state="good",
         )
     ]
@@ -249,6 +257,39 @@ def contradicted_arm(
             "right and down (an antenna on the roof has a negative third number), or take the "
             "line out",
             error_m=off,
+        )
+    ]
+
+
+def overturned_arm(found: Estimates, stated: FloatArray | None, stated_sd: float) -> list[Reason]:
+    """The height of an antenna that was ``stated`` [3] m with the wrong sign, by how it sways.
+
+    The filter holds it, and only asks how far the drive would move it. Receivers' filters take from
+    the sway: the drive alone has the antenna between where it is and the IMU, or a bit beyond that
+    where they lag, and phones' errors put it metres off (4 m, six sigmas, on a recorded one). So it
+    is told where it is found nearer to the other sign than to the IMU, or to twice as far.
+    """
+    value, sd = found.get("gnss_lever_arm_z", (0.0, math.inf))
+    held = stated_sd <= sd < math.inf
+    before = HELD_ARM_SD_M if held else stated_sd
+    taken = before**2 - sd**2 + (stated_sd**2 if held else 0.0)
+    if stated is None or taken <= 0.0 or 2.0 * abs(stated[2]) < limits.ARM_OFF_M:
+        return []
+    size = abs(float(stated[2]))
+    # of the drive alone, how far on the other side
+    own = (stated[2] - value) * np.sign(stated[2]) * before**2 / taken - size
+    sure = sigmas(DOUBT_PROBABILITY) * before**2 / math.sqrt(taken)
+    if not max(sure, 0.5 * size) < own < 1.5 * size:
+        return []
+    return [
+        Reason(
+            "lever_arm",
+            f"lever_arm_m of [gnss] has the antenna {size:.1f} m "
+            f"{'below' if stated[2] > 0.0 else 'above'} the IMU, and it sways as one on the other "
+            "side of it does: its third number has the wrong sign (down is positive, an antenna on "
+            f"the roof has a negative one), and path and signs are {2.0 * size:.1f} m too "
+            f"{'high' if stated[2] > 0.0 else 'low'}",
+            height_m=2.0 * size,
         )
     ]
 

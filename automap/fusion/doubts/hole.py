@@ -8,6 +8,7 @@ Fixed carrier phases behind others, or none, lie where the filter leads, to what
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 
 import numpy as np
@@ -119,26 +120,28 @@ def regained_jumps(
     return found
 
 
-def come_back(
+def left_aside(
     parted: Sequence[Interval],
     told: Innovations,
     path: Trajectory,
     late_s: float,
     misses: Misses,
     age_s: float,
-) -> bool:
-    """Whether positions come back to where the filter leads, and to the path, by each of the jumps
-    by which they part from the receiver's velocities, as behind places that it made up; ``misses``
-    of fixes ``age_s`` old, the rest as above."""
+) -> float:
+    """How far, m, positions may lie aside by those of the jumps, by which they part from the
+    receiver's velocities, that do not come back to where the filter leads, and to the path, as
+    those do behind places that a receiver made up; endless where that is not known of one.
+    ``misses`` of fixes ``age_s`` old, the rest as above."""
     tag = misses.t + float(path.gps_s[0]) + age_s
+    left = 0.0 if parted else math.inf
     for jump in parted:
         row, by = _led_off(told, path, jump.end_gps_s - late_s, limits.BACK_S)
         off = misses.miss[np.abs(tag - jump.end_gps_s) < limits.BACK_S]
         if row < 0 or not len(off):
-            return False
+            return math.inf
         if max(np.hypot(by[0], by[1]), np.hypot(off[0, 0], off[0, 1])) > 0.5 * jump.metres:
-            return False
-    return len(parted) > 0
+            left += jump.metres
+    return left
 
 
 def _led_off(

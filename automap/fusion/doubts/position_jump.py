@@ -132,7 +132,9 @@ def height_jumps(model: FixModel, path: Trajectory) -> list[Jump]:
         return []
     at = np.stack([high, np.zeros(len(t))], axis=1)
     seen = Places(t, at, sd, *_without_witness(len(t)))
-    before, half = _between(seen)
+    # carrier phases need no mean over seconds, in which a body pitches and drives far
+    exact = float(np.median(sd)) < ARM_TOLD_SD_M
+    before, half = _between(seen, 0.0 if exact else limits.STEP_WINDOW_S)
     if len(before) < LEAST_JUDGED:
         return []
     jump, least, beside = _jumps(seen, before, half, 1)
@@ -182,10 +184,10 @@ def _beside_witness(seen: Places) -> _Found:
     return before, jump, least, seen.slack[before], np.hypot(usual, sd)
 
 
-def _between(seen: Places) -> tuple[IntArray, int]:
+def _between(seen: Places, window_s: float = limits.STEP_WINDOW_S) -> tuple[IntArray, int]:
     """The fixes [k] with a window of fixes on either side, and how many such a window has."""
     spacing = float(np.median(np.diff(seen.t)))
-    half = max(round(limits.STEP_WINDOW_S / spacing), limits.STEP_FIXES)
+    half = max(round(window_s / spacing), limits.STEP_FIXES)
     before = np.arange(half - 1, len(seen.t) - half)
     return filled(seen.t, seen.lost_s, before, half, spacing), half
 
@@ -272,7 +274,7 @@ def jump_doubts(jumps: Sequence[Jump], path: Trajectory) -> Iterator[Reason]:
         "antenna, base or receiver"
         if level > 0.0
         else "heights jump {}, which no road does: a model of sea level or a barometer that was "
-        "switched, or another receiver"
+        "switched, ambiguities that were fixed wrongly, or another receiver"
     )
     yield Reason(
         code,

@@ -4,7 +4,7 @@ beyond doubt."""
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -130,6 +130,18 @@ def receiver_doubts(
     nothing says which is wrong, the path may be off by as much.
     """
     return list(_doubts(found, start_gps_s, felt))
+
+
+def no_further_aside(reasons: Iterable[Reason], most_m: float) -> Iterator[Reason]:
+    """The ``reasons`` with positions aside by no more than ``most_m`` m, which an IMU shows."""
+    for reason in reasons:
+        if reason.code != "positions_aside" or reason.error_m <= most_m:
+            yield reason
+        elif most_m:
+            text = (
+                f"{reason.text}; beside the way that the IMU shows, by no more than {most_m:.0f} m"
+            )
+            yield replace(reason, text=text, error_m=most_m)
 
 
 def accuracy_doubts(fixes: Fixes, options: FusionOptions) -> list[Reason]:

@@ -169,7 +169,7 @@ def sensor_input(drive: Drive) -> Path | None:
 
 STAGE = Stage(
     name="ingest",
-    version=13,
+    version=14,
     run=run,
     inputs=_inputs,
     needs=(),
