@@ -21,24 +21,27 @@ from automap.fusion.consistency import (
     on_straights,
     slides,
 )
-from automap.fusion.delay_states import LATENCY_STATE, SKEW_STATE
+from automap.fusion.delay_states import LATENCY_STATE
 from automap.fusion.doubts import limits, outcome
+from automap.fusion.doubts.antenna import (
+    arm_by_drive,
+    bend_speed,
+    contradicted_arm,
+    overturned_arm,
+    unproven_arm,
+)
 from automap.fusion.doubts.constancy import constancy_doubts
 from automap.fusion.doubts.difference import off_course
 from automap.fusion.doubts.estimates import (
     Estimates,
-    arm_by_drive,
-    bend_speed,
     beside_scale,
-    contradicted_arm,
     early_velocities,
     final_estimates,
     impossible_ages,
     impossible_errors,
     levels_at_bound,
-    overturned_arm,
+    of_axes,
     unexpected_delay,
-    unproven_arm,
 )
 from automap.fusion.doubts.heights import height_doubts, separation_doubts
 from automap.fusion.doubts.hole import hole_doubts, left_aside, regained_jumps
@@ -51,7 +54,6 @@ from automap.fusion.doubts.position_jump import (
     places_of,
     position_jumps,
 )
-from automap.fusion.doubts.readings import reading_doubts
 from automap.fusion.doubts.reason import Reason
 from automap.fusion.doubts.receiver import (
     accuracy_doubts,
@@ -63,12 +65,11 @@ from automap.fusion.doubts.receiver import (
 )
 from automap.fusion.doubts.sideways import sideways
 from automap.fusion.doubts.slow_drift import Drift, drifting, pattern_doubts
-from automap.fusion.doubts.triads import triad_doubts
-from automap.fusion.doubts.turns import turn_doubts
 from automap.fusion.doubts.velocity_step import compare, step_doubts, told_times, velocity_steps
 from automap.fusion.fix_levels import fix_levels
-from automap.fusion.free_inertial import FreeInertial, free_inertial
+from automap.fusion.free_inertial import FreeInertial
 from automap.fusion.gnss_only import as_sure_as_fixes, smooth_fixes, uncorrected
+from automap.fusion.inertial_evidence import of_readings
 from automap.fusion.levels import VELOCITY_WANDER
 from automap.fusion.limits import STATED_ARM_SD_M, UNKNOWN_HEADING_SD
 from automap.fusion.measurements.position import age_sd_of, by_carrier
@@ -76,7 +77,6 @@ from automap.fusion.nodes import as_shown, model_fixes
 from automap.fusion.options import FusionOptions
 from automap.fusion.result import FusionResult, Prior
 from automap.fusion.unread import driven_m, joined, later, unread
-from automap.fusion.unusable_readings import Bridged, bridge_unusable
 from automap.fusion.verdict_alone import at_sensor
 from automap.fusion.weighed import Weighed, level_sd, weighed_path
 from automap.fusion.widening import widen, widening
@@ -87,7 +87,7 @@ from automap.sync.velocity_consistency import VelocityConsistency
 def weigh(
     result: FusionResult,
     fused: Aside,
-    imu: ImuData,
+    read_imu: Callable[[], ImuData],
     as_read: Callable[[ImuData], ImuData],
     fixes: Fixes,
     clock: ClockModel,
@@ -99,25 +99,29 @@ def weigh(
 ) -> Weighed:
     """Judge a fused path, put aside, by what it was made of.
 
-    ``as_read`` gives readings in the sensor's own axes, ``fixes`` as they were fused,
-    ``delay`` and ``delay_is_clock`` as in ``fuse_imu_gnss``; ``receiver`` what the fixes as
-    recorded say of each other; ``lever_arm`` [3] m to the antenna as it was stated.
+    ``read_imu`` reads the readings, ``as_read`` gives them in the sensor's own axes; ``fixes`` as
+    they were fused, ``delay`` and ``delay_is_clock`` as in ``fuse_imu_gnss``; ``receiver`` what the
+    fixes as recorded say of each other; ``lever_arm`` [3] m to the antenna as it was stated.
     """
     found = final_estimates(result)
     path = fused.motion()
-    # it may begin behind readings that told nothing
-    imu = imu.at(slice(int(np.searchsorted(imu.t_ns, path.t_ns[0])), None))
-    bridged = bridge_unusable(imu)
     speed = np.hypot(path.vel_ned[:, 0], path.vel_ned[:, 1])
-    told = np.isfinite(fixes.vel_ned[:, :2]).all(axis=1)
-    fix_s = np.asarray((clock.t_ns(fixes.gps_s[told]) - int(imu.t_ns[0])) * 1e-9)
-    of_imu = [
-        *reading_doubts(as_read(imu), bridged, np.interp(imu.t_ns, path.t_ns, speed)),
-        *turn_doubts(bridged.imu, result.mounting.matrix, fix_s, fixes.vel_ned[told]),
+    stated = model_fixes(fixes, fixes.gps_s, options)
+    places = places_of(stated)
+    wanted = np.concatenate([*told_times(fixes, path, found), places.t - path.gps_s[0]])
+    of_estimates = [
         *impossible_ages(found, dated_by_arrival=delay_is_clock and clock.method == "arrival"),
         *impossible_errors(found),
         *outcome.leaning(path),
     ]
+    gps_s = path.gps_s
+    del path  # readings and path of ten hours are not looked at side by side
+    readings = of_readings(
+        *(read_imu, as_read, result, fused.t_ns, gps_s, speed, fixes, clock),
+        *(found, wanted, delay_is_clock, of_estimates),
+    )
+    path = fused.motion()
+    of_imu = [*readings.alone, *of_estimates]
     at_bound = levels_at_bound(result.noise_factors, options.tune)
     felt = not any(reason.inertial for reason in (*of_imu, *at_bound))
     of_receiver = receiver_doubts(receiver, float(path.gps_s[0]), felt)
@@ -131,31 +135,25 @@ def weigh(
             unsure = beside_scale(replace(stretch, sd_rpy=leaning_too), found)
             yield rows, uncorrected(unsure, fixes, options)
 
-    # an IMU that errs by itself is no witness, and what errs in one way seems to in others
-    if not any(reason.inertial for reason in of_imu):
-        of_imu += triad_doubts(
-            bridged.imu, result.mounting.matrix, np.interp(imu.t_ns, path.t_ns, speed)
-        )
+    of_imu += readings.triads
+    free, t_read = readings.free, readings.t_ns
+    believed = free is not None
+    del readings
     if any(reason.code == "path_leans" for reason in of_imu):
         askew = []  # the same, and worse
-    believed = not any(reason.inertial for reason in of_imu)
     # an arm that is wrong makes jumps of velocity in bends
     bends = bend_speed(path.gps_s - path.gps_s[0], path.rpy[:, 2], speed)
     arm = arm_by_drive(found, lever_arm, STATED_ARM_SD_M, bends)
-    arm = _of_axes(found, "gnss_lever_arm") if arm is None else arm
-    axle = _of_axes(found, "nhc_lever_arm")
+    arm = of_axes(found, "gnss_lever_arm") if arm is None else arm
+    axle = of_axes(found, "nhc_lever_arm")
     lifts = found.get("vehicle_pitch_coefficient", (0.0, 0.0))[0]
     steps: list[Reason] = []
     jumps: list[Jump] = []
-    stated = model_fixes(fixes, fixes.gps_s, options)
-    places = places_of(stated)
-    if believed:
-        wanted = np.concatenate([*told_times(fixes, path, found), places.t - path.gps_s[0]])
-        free = _free(result, path, bridged, found, wanted, delay_is_clock)
+    if free is not None:
         steps = _steps(result, path, free, found, fixes, options, arm)
         age = found.get(LATENCY_STATE, (0.0, 0.0))[0]
         places = beside_readings(places, free, path, arm, age)
-        del free, wanted  # of ten hours a hundred megabytes
+        free = None  # of ten hours a hundred megabytes
         # readings of an instant are stamped later by the delay
         late = age - (0.0 if delay_is_clock else result.delay.mean)
         jumps = regained_jumps(stated, result.innovations, path, late)
@@ -174,7 +172,7 @@ def weigh(
         of_receiver += more
         if delay_is_clock:
             alone = replace(alone, t_ns=alone.t_ns + round(result.delay.mean * 1e9))
-        unread_m = driven_m(unread(alone, imu.t_ns))
+        unread_m = driven_m(unread(alone, t_read))
     except InputError:
         alone, unread_m = None, 0.0
     scaled = any(reason.code == "height_scale" for reason in of_receiver)
@@ -211,7 +209,7 @@ def weigh(
         *sliding,
     ]
     model = as_shown(stated, options, result.noise_factors)
-    at = _of_axes(found, "gnss_lever_arm"), found.get(LATENCY_STATE, (0.0, 0.0))[0]
+    at = of_axes(found, "gnss_lever_arm"), found.get(LATENCY_STATE, (0.0, 0.0))[0]
     misses = fix_misses(path, model, *at)
     reasons += overstated(fix_misses(path, stated, *at))
     far, share = off_the_fixes(misses, options.wander_tau_s)
@@ -259,32 +257,6 @@ def _of_arm(found: Estimates, stated: FloatArray | None, speed: float, sd_m: flo
     at = found, stated, STATED_ARM_SD_M, speed
     overturned = overturned_arm(found, stated, STATED_ARM_SD_M)
     return [*overturned, *(contradicted_arm(*at) or unproven_arm(*at, sd_m))]
-
-
-def _of_axes(found: Estimates, effect: str) -> FloatArray:
-    """An estimate's three axes, zero where it was not estimated."""
-    return np.array([found.get(f"{effect}_{axis}", (0.0, 0.0))[0] for axis in "xyz"])
-
-
-def _free(
-    result: FusionResult,
-    path: Trajectory,
-    bridged: Bridged,
-    found: Estimates,
-    wanted: FloatArray,
-    delay_is_clock: bool,
-) -> FreeInertial:
-    """The readings by themselves, timed in s from the path's first row, beside ``wanted`` [m] s."""
-    turn, imu = result.mounting.matrix, bridged.imu
-    stamps = (imu.t_ns - imu.t_ns[0]) * 1e-9
-    # the path's rows are of the stamps' instants; readings may be of earlier ones
-    late = 0.0 if delay_is_clock else result.delay.mean + found.get(SKEW_STATE, (0.0,))[0] * stamps
-    # the path has rows in holes between readings too; both rise
-    row = np.searchsorted(path.t_ns, imu.t_ns)
-    row = row[np.take(path.t_ns, row, mode="clip") == imu.t_ns]
-    at = path.gps_s[row] - path.gps_s[0] - late
-    bias = np.concatenate([_of_axes(found, "gyro_bias"), _of_axes(found, "accel_bias")])
-    return free_inertial(at, imu.gyro, imu.accel, bridged.stretch_s, wanted, turn, bias)
 
 
 def _steps(

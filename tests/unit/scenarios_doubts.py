@@ -120,7 +120,7 @@ def fusion_offsets() -> Any:
 @scenario
 def fusion_estimate_doubts() -> Any:
     """Estimates just within and just beyond what can be; gyro against accelerometer; readings."""
-    from automap.fusion.doubts import estimates, readings, triads
+    from automap.fusion.doubts import antenna, estimates, readings, triads
     from automap.fusion.unusable_readings import bridge_unusable
 
     rng = np.random.default_rng(5)
@@ -166,13 +166,13 @@ def fusion_estimate_doubts() -> Any:
                     "gnss_velocity_lag_tau": (-0.05, 0.1),
                 }
                 found[f"arm {lag} {sd} {off}"] = [
-                    estimates.arm_by_drive(arm, stated, 0.05, 3.0),
-                    words_of(estimates.contradicted_arm(arm, stated, 0.05, 3.0)),
+                    antenna.arm_by_drive(arm, stated, 0.05, 3.0),
+                    words_of(antenna.contradicted_arm(arm, stated, 0.05, 3.0)),
                 ]
     found["no arm"] = [
-        estimates.arm_by_drive(arm, None, 0.05, 3.0),
-        estimates.contradicted_arm(arm, None, 0.05, 3.0),
-        estimates.arm_by_drive({}, stated, 0.05, 3.0),
+        antenna.arm_by_drive(arm, None, 0.05, 3.0),
+        antenna.contradicted_arm(arm, None, 0.05, 3.0),
+        antenna.arm_by_drive({}, stated, 0.05, 3.0),
     ]
     levels = {
         "accel": 15.9,

@@ -49,7 +49,7 @@ def _judged(result: Any, imu: ImuData, fixes: Fixes, options: Any, **changes: An
     given: dict[str, Any] = {
         "result": result,
         "fused": put_aside(result.path_run(), result.t_ns, BytesIO()),
-        "imu": imu,
+        "read_imu": lambda: imu,
         "as_read": lambda readings: readings,
         "fixes": fixes,
         "clock": CLOCK,

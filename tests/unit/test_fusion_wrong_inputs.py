@@ -91,7 +91,7 @@ def fused(
     with TemporaryFile() as file:
         aside = put_aside(result.path_run(), result.t_ns, file)
         weighed = weigh(
-            *(result, aside, imu, lambda read: read, fixes, clock, options),
+            *(result, aside, lambda: imu, lambda read: read, fixes, clock, options),
             *(delay, is_clock, seen, arm),
         )
         path = weighed.trajectory

@@ -9,12 +9,7 @@ import pytest
 from scipy.signal import lfilter
 
 from automap.fusion import limits
-from automap.fusion.doubts.estimates import (
-    bend_speed,
-    contradicted_arm,
-    overturned_arm,
-    unproven_arm,
-)
+from automap.fusion.doubts.antenna import bend_speed, contradicted_arm, overturned_arm, unproven_arm
 from automap.fusion.doubts.limits import BEND_STEP_S, TRIADS_APART_S
 from automap.fusion.doubts.outcome import leaning, mounted_askew
 from automap.fusion.doubts.reason import Reason

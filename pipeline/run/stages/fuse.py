@@ -125,7 +125,7 @@ def _fuse(context: StageContext) -> None:
         weighed = weigh(
             result,
             fused,
-            inputs.imu,
+            lambda: inputs.imu,
             context.drive.imu_axes.as_read,
             inputs.fixes,
             inputs.clock,

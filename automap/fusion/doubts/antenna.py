@@ -1,0 +1,138 @@
+"""Where a drive has the antenna, held against where it was said to be."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from automap.fusion.delay_states import COURSE_STATE, VEL_LAG_STATE, VEL_LATENCY_STATE
+from automap.fusion.doubts import limits
+from automap.fusion.doubts.estimates import Estimates
+from automap.fusion.doubts.reason import Reason
+from automap.fusion.limits import DOUBT_PROBABILITY, HELD_ARM_SD_M, MOST_ARM_M
+from automap.gates import sigmas
+from automap.records import FloatArray
+
+
+def bend_speed(t: FloatArray, yaw: FloatArray, speed: FloatArray) -> float:
+    """The speed, m/s, of the bends that tell an arm: of speeds [n] m/s at ``t`` [n] s, by the
+    squared turn rate of the heading ``yaw`` [n] rad, as least squares weigh them."""
+    weight = np.gradient(np.unwrap(yaw), t) ** 2 if len(t) > 1 else np.zeros(len(t))
+    total = float(weight.sum())
+    return float((weight * speed).sum()) / total if total > 0.0 else float(speed.max(initial=0.0))
+
+
+def arm_by_drive(
+    found: Estimates, stated: FloatArray | None, stated_sd: float, speed: float
+) -> FloatArray | None:
+    """The arm [3] m of the antenna by the drive itself where it contradicts that ``stated`` [3] m
+    with a sigma of each; None where it does not.
+
+    A right statement and what the drive makes of it differ by no more than the sigma that the drive
+    took from it. The drive by itself has it as much further as the statement held it back. In bends
+    at ``speed`` m/s an arm looks like a course that is late by the arm over the speed, and
+    receivers that are late are so by differing times: an arm is told beyond all of their age.
+    """
+    if stated is None:
+        return None
+    own = np.array(stated, np.float64)
+    for k, axis in enumerate("xyz"):
+        estimate, sd = found.get(f"gnss_lever_arm_{axis}", (float(stated[k]), stated_sd))
+        off = estimate - float(stated[k])
+        # of a prior that is looser than the tape the estimate is the drive's own
+        taken = stated_sd**2 - sd**2 if sd < stated_sd else stated_sd**2
+        if abs(off) > sigmas(DOUBT_PROBABILITY) * math.sqrt(taken):
+            own[k] += float(np.clip(off * stated_sd**2 / taken, -MOST_ARM_M, MOST_ARM_M))
+    # bends tell the level arm; the upright one moves with whatever a receiver's filter does
+    far = float(np.hypot(*(own - stated)[:2]))
+    return own if far > limits.ARM_OFF_M + _velocity_lag(found) * speed else None
+
+
+def _velocity_lag(found: Estimates, *more: str) -> float:
+    """How late velocities are, s, and by the states ``more``."""
+    names = (VEL_LATENCY_STATE, VEL_LAG_STATE, *more)
+    return abs(sum(found.get(name, (0.0, 0.0))[0] for name in names))
+
+
+def contradicted_arm(
+    found: Estimates, stated: FloatArray | None, stated_sd: float, speed: float
+) -> list[Reason]:
+    """An arm of the antenna, as in ``arm_by_drive``, that the drive moves away from."""
+    own = arm_by_drive(found, stated, stated_sd, speed)
+    if own is None or stated is None:
+        return []
+    off = float(np.linalg.norm(own - stated))
+    return [
+        Reason(
+            "lever_arm",
+            f"the drive puts the antenna {off:.1f} m or more from lever_arm_m of [gnss], near "
+            f"[{', '.join(f'{value:.1f}' for value in own)}]: measure again from the IMU forward, "
+            "right and down (an antenna on the roof has a negative third number), or take the "
+            "line out",
+            error_m=off,
+        )
+    ]
+
+
+def overturned_arm(found: Estimates, stated: FloatArray | None, stated_sd: float) -> list[Reason]:
+    """The height of an antenna that was ``stated`` [3] m with the wrong sign, by how it sways.
+
+    The filter holds it, and only asks how far the drive would move it. Receivers' filters take from
+    the sway: the drive alone has the antenna between where it is and the IMU, or a bit beyond that
+    where they lag, and phones' errors put it metres off (4 m, six sigmas, on a recorded one). So it
+    is told where it is found nearer to the other sign than to the IMU, or to twice as far.
+    """
+    value, sd = found.get("gnss_lever_arm_z", (0.0, math.inf))
+    held = stated_sd <= sd < math.inf
+    before = HELD_ARM_SD_M if held else stated_sd
+    taken = before**2 - sd**2 + (stated_sd**2 if held else 0.0)
+    if stated is None or taken <= 0.0 or 2.0 * abs(stated[2]) < limits.ARM_OFF_M:
+        return []
+    size = abs(float(stated[2]))
+    # of the drive alone, how far on the other side
+    own = (stated[2] - value) * np.sign(stated[2]) * before**2 / taken - size
+    sure = sigmas(DOUBT_PROBABILITY) * before**2 / math.sqrt(taken)
+    if not max(sure, 0.5 * size) < own < 1.5 * size:
+        return []
+    return [
+        Reason(
+            "lever_arm",
+            f"lever_arm_m of [gnss] has the antenna {size:.1f} m "
+            f"{'below' if stated[2] > 0.0 else 'above'} the IMU, and it sways as one on the other "
+            "side of it does: its third number has the wrong sign (down is positive, an antenna on "
+            f"the roof has a negative one), and path and signs are {2.0 * size:.1f} m too "
+            f"{'high' if stated[2] > 0.0 else 'low'}",
+            height_m=2.0 * size,
+        )
+    ]
+
+
+def unproven_arm(
+    found: Estimates, stated: FloatArray | None, stated_sd: float, speed: float, sd_m: float
+) -> list[Reason]:
+    """A level arm, as in ``arm_by_drive``, that with the wrong sign would not be told, where that
+    is more than what the path is good to anyway, ``sd_m`` m an axis."""
+    if stated is None:
+        return []
+    twice = 2.0 * np.abs(stated[:2])
+    sd = np.array([found.get(f"gnss_lever_arm_{a}", (0.0, stated_sd))[1] for a in "xy"])
+    taken = np.maximum(stated_sd**2 - sd**2, 0.0)
+    seen = twice * np.sqrt(taken) > sigmas(DOUBT_PROBABILITY) * stated_sd**2
+    # an arm looks like an age of the course, which may be another than the speed's
+    lag = max(_velocity_lag(found), _velocity_lag(found, COURSE_STATE))
+    seen &= twice > limits.ARM_OFF_M + lag * speed
+    hidden = twice[~seen & (twice > max(limits.ARM_OFF_M, sd_m))]
+    if not len(hidden):
+        return []
+    return [
+        Reason(
+            "lever_arm_unproven",
+            "nothing in the drive shows whether lever_arm_m of [gnss] has the right signs: with a "
+            f"wrong one path and signs would be {hidden.max():.1f} m off. In its bends, at "
+            f"{speed:.0f} m/s, an arm looks like a receiver's delay; turn once at walking pace, or "
+            "measure again from the IMU forward, right and down",
+            state="good",
+            handled=True,
+        )
+    ]
