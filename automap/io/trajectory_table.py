@@ -73,14 +73,11 @@ def from_columns(
     """A record from ``column(name) -> [n]`` in file units of the columns that are ``there``, and
     int64 stamps [n]."""
 
-    def triple(*names: str) -> FloatArray:
-        return vector(column, names)
-
     def angles(*names: str) -> FloatArray:
-        degrees = triple(*names)
+        degrees = vector(column, names)
         return np.asarray(np.radians(degrees, out=degrees))
 
-    def sigmas(*names: str) -> FloatArray:
+    def short(*names: str) -> FloatArray:
         # seven digits are more than is known of them, and half the memory of long drives
         return vector(column, names, np.float32)
 
@@ -97,11 +94,11 @@ def from_columns(
         lat_rad=np.radians(column("lat_deg")),
         lon_rad=np.radians(column("lon_deg")),
         height_m=column("height_m"),
-        vel_ned=triple("vn", "ve", "vd"),
+        vel_ned=short("vn", "ve", "vd"),
         rpy=angles("roll_deg", "pitch_deg", "yaw_deg"),
-        sd_pos_ned=sigmas("sd_n_m", "sd_e_m", "sd_d_m"),
-        sd_vel_ned=sigmas("sd_vn", "sd_ve", "sd_vd"),
-        sd_rpy=np.radians(sigmas("sd_roll_deg", "sd_pitch_deg", "sd_yaw_deg")),
+        sd_pos_ned=short("sd_n_m", "sd_e_m", "sd_d_m"),
+        sd_vel_ned=short("sd_vn", "sd_ve", "sd_vd"),
+        sd_rpy=np.radians(short("sd_roll_deg", "sd_pitch_deg", "sd_yaw_deg")),
         slip_sd=slip(),
     )
 

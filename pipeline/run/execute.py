@@ -11,6 +11,7 @@ from pathlib import Path
 from automap.errors import AutoMapError, StageError, of_system
 from automap.io.atomic import is_temporary, make_folder, put_in_place, write_failure
 from pipeline.run.stage import Stage, StageContext
+from pipeline.shared.freed import trim
 
 log = logging.getLogger(__name__)
 
@@ -94,6 +95,8 @@ def _remove_others(folder: Path, out: Path, written: list[str]) -> None:
 
 
 def _call(stage: Stage, context: StageContext) -> None:
+    # what the stage before has freed
+    trim()
     try:
         stage.run(context)
     except AutoMapError:
