@@ -15,7 +15,12 @@ import numpy as np
 
 from automap.fusion import kernels
 from automap.fusion.aside import Columns, Matrices, columns_in
-from automap.fusion.filtered import filtered_variances, full_covariance, reported_cov
+from automap.fusion.filtered import (
+    filtered_states,
+    filtered_variances,
+    full_covariance,
+    reported_cov,
+)
 from automap.fusion.kernel_runs import (
     AnyFloats,
     FilterState,
@@ -182,9 +187,14 @@ def _state_after(problem: Problem, run: ForwardRun) -> FilterState:
 
 
 def _light(problem: Problem, run: ForwardRun, with_cov: bool) -> ForwardRun:
-    """The run without what only the smoother needs; variances are kept to seven digits."""
+    """The run without what only the smoother needs: states have their corrections, and variances
+    seven digits."""
     n = problem.model.size
+    nominal, params, _ = filtered_states(problem, run)
     store = run.store._replace(
+        nominal=nominal,
+        params=params,
+        mean=np.zeros((0, n)),
         trans=np.zeros((0, 9, n)),
         cov=np.zeros((0, n * (n + 1) // 2)),
         h=np.zeros((0, n)),
@@ -209,8 +219,10 @@ def _join_forward(nodes: Nodes, parts: list[ForwardRun]) -> ForwardRun:
         part.store._asdict() | {"of_cov": part.cov, "of_params": part.param_var} for part in parts
     ]
     parts.clear()
-    of_nodes = ("nominal", "params", "mean", "scalars", "nis", "of_cov", "of_params")
+    of_nodes = ("nominal", "params", "scalars", "nis", "of_cov", "of_params")
     done = {name: _joined(columns, name, shared=True) for name in of_nodes}
+    # nothing is left to correct; pages that nobody writes to take no room
+    done["mean"] = np.zeros((len(nodes.t), _joined(columns, "mean", shared=False).shape[1]))
     done |= {name: _joined(columns, name, shared=False) for name in columns[0].copy()}
     cov, variance = done.pop("of_cov"), done.pop("of_params")
     return ForwardRun(nodes, ForwardStore(**done), score, cov, variance)
