@@ -65,9 +65,8 @@ class Marks:
 @dataclass(frozen=True)
 class Double:
     """Two runs, by their places: ``part`` is left out, as the recording of ``whole`` has it all
-    (``alike``: and the other way round);
-    without one ``same`` says whether they have the same fixes, ``apart_m`` how far apart they are
-    in the median, and ``from_s`` to ``to_s`` (GPS) when."""
+    (``alike``: and the other way round); without one ``same`` says whether they have the same
+    fixes, ``apart_m`` how far apart they are in the median, ``from_s`` to ``to_s`` (GPS) when."""
 
     part: int
     whole: int
@@ -156,9 +155,9 @@ def doubles(marks: Sequence[Marks | None]) -> list[Double]:
         left_out = same and _holds(marks[part], len(at)) and _same_frames(first, at, second, there)
         if left_out:
             out.add(part)
-        times = first.count[at[[0, -1]]] * EVERY_S
+        start, end = (first.count[at[[0, -1]]] * EVERY_S).tolist()
         found.append(
-            Double(part, whole, left_out, same, float(np.median(apart)), *map(float, times), alike)
+            Double(part, whole, left_out, same, float(np.median(apart)), start, end, alike)
         )
     # what a part has in common with others its whole has as well
     return [d for d in found if d.left_out or not {d.part, d.whole} & out]
