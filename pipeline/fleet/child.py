@@ -70,7 +70,7 @@ def run_one(drive: Path, out: Path, echo: dict[str, Any]) -> dict[str, Any]:
     return {
         "name": outcome.name,
         "recording": run.signs.key,
-        "marks": None if run.marks is None else run.marks.told(),
+        "marks": None if run.candidate.marks is None else run.candidate.marks.told(),
         "country": run.country,
         "signs": len(run.signs),
         "start_gps_s": run.signs.start_gps_s,

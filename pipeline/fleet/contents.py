@@ -17,7 +17,8 @@ from automap.io.atomic import write_json
 from automap.mapping.sightings import DriveSigns
 from pipeline.fleet.store import DONE, Entry, Store
 from pipeline.merge.cell_store import DRIVES, PATHS, SIGHTINGS, add_drives, read_drives
-from pipeline.merge.doubles import doubles, marks_told, sentence
+from pipeline.merge.distinct import candidate, distinct, doubted
+from pipeline.merge.doubles import marks_told
 from pipeline.merge.inputs import read_run
 from pipeline.shared.beside import ahead, beside
 from pipeline.shared.run_record import unlike_record
@@ -27,33 +28,37 @@ CONTENTS = "contents.json"
 BATCH = 100
 """Drives that are read before they are put into cells: a hundred with a thousand signs each are
 100 MB, and each batch is a file in every cell that it touches."""
+_NAMED = 10
+"""Drives of which a warning has the names: a line or two."""
 _READ = (
     names.RUN, names.SYNC, names.SIGNS_RAW, names.SIGNS_GEOJSON, names.TRAJECTORY_ADJUSTED,
     names.TRAJECTORY, names.OBSERVATIONS,
 )  # fmt: skip
 
 
-def wanted(entries: Sequence[Entry], warnings: list[str]) -> dict[str, Entry]:
+def wanted(store: Store, warnings: list[str]) -> dict[str, Entry]:
     """Drives that are done by the names of their recordings; one recording counts once, and so do
     its parts."""
-    found: dict[str, Entry] = {}
-    for entry in entries:
-        if entry.state() == "done":
-            key = recording(entry)
-            if key in found:
-                warnings.append(
-                    f"left out: {entry.path} is another copy of {found[key].path}; one recording "
-                    "counts once."
-                )
-            else:
-                found[key] = entry
-    keys = list(found)
-    pairs = doubles([marks_told(found[key].done.get("marks")) for key in keys])
-    warnings += [sentence(d, found[keys[d.part]].path, found[keys[d.whole]].path) for d in pairs]
-    for pair in pairs:
-        if pair.left_out:
-            del found[keys[pair.part]]
-    return found
+    entries = [entry for entry in store.entries() if entry.state() == "done"]
+    here = store.place.folder
+    runs = [
+        candidate(
+            entry.path, recording(entry), marks_told(entry.done.get("marks")),
+            entry.done.get("verdict"), None if here is None else here / store.result(entry),
+        )
+        for entry in entries
+    ]  # fmt: skip
+    places, told = distinct(runs, "another copy of")
+    warnings += told
+    found = doubted([runs[k] for k in places])
+    if found:
+        more = f" and {len(found) - _NAMED} more" if len(found) > _NAMED else ""
+        each = ", ".join(f"{run.name} ({run.verdict})" for run in found[:_NAMED])
+        warnings.append(
+            f"paths in the map that are doubtful or unusable: {each}{more}; automap fleet status "
+            "says why."
+        )
+    return {runs[k].key: entries[k] for k in places}
 
 
 def older_results(drives: Iterable[Entry], key: str | None) -> list[str]:

@@ -77,7 +77,7 @@ def merge(
     cells = make_folder(cells_folder(store.place, scratch))
     warnings: list[str] = []
     with _told(store), locked(cells):
-        drives = wanted(store.entries(), warnings)
+        drives = wanted(store, warnings)
         if not drives:
             raise InputError(f"{store.place.url}: no drive is done; automap fleet run does them.")
         older = older_results(drives.values(), current_key(store))
@@ -91,7 +91,8 @@ def merge(
                 return FleetMap(
                     current(store), False, len(summary["drives"]), summary["sightings"],
                     summary["signs"], (0, 0, summary["cells"]), None,
-                    [*older, *warnings, *summary["warnings"]], time.monotonic() - started,
+                    [*older, *dict.fromkeys([*warnings, *summary["warnings"]])],
+                    time.monotonic() - started,
                 )  # fmt: skip
             named = update_contents(
                 store, cells, drives, warnings,

@@ -12,7 +12,7 @@ import numpy as np
 
 from automap.errors import ConfigError, InputError, closed
 from automap.io import names
-from pipeline.merge.doubles import doubles, sentence
+from pipeline.merge.distinct import distinct, doubted
 from pipeline.merge.inputs import RunSigns, read_run
 from pipeline.merge.outcome import MergeOutcome
 from pipeline.shared.progress import Progress
@@ -136,28 +136,20 @@ def _distinct(runs: list[RunSigns], warnings: list[str]) -> list[RunSigns]:
     """
     from automap.mapping.sightings import canonical_order
 
-    order = canonical_order([run.signs for run in runs])
-    runs = [runs[k] for k in order]
-    by_key: dict[str, RunSigns] = {}
-    single: list[RunSigns] = []
-    for run in runs:
-        key = run.signs.key
-        if key and key in by_key:
-            warnings.append(
-                f"left out: {run.folder} is another run of the drive of {by_key[key].folder}; "
-                "one drive counts once."
-            )
-            continue
-        by_key[key] = run
-        single.append(run)
-    found = doubles([run.marks for run in single])
+    # of runs that started at once under one name the first is that of the first folder by name
+    runs = sorted(runs, key=lambda run: str(run.folder.resolve()))
+    runs = [runs[k] for k in canonical_order([run.signs for run in runs])]
+    places, told = distinct([run.candidate for run in runs], "another run of the drive of")
+    runs = [runs[k] for k in places]
+    warnings += told
     warnings += [
-        sentence(d, str(single[d.part].folder), str(single[d.whole].folder)) for d in found
+        f"{run.name}: its path is {run.verdict} and in the map"
+        + (f": {run.reason}" if run.reason else ".")
+        for run in doubted([run.candidate for run in runs])
     ]
-    parts = {d.part for d in found if d.left_out}
     kept: list[RunSigns] = []
     used: set[str] = set()
-    for run in (run for k, run in enumerate(single) if k not in parts):
+    for run in runs:
         name, number = run.signs.name, 1
         while name in used:
             number += 1

@@ -64,9 +64,9 @@ class Marks:
 
 @dataclass(frozen=True)
 class Double:
-    """Two runs, by their places: ``part`` is left out, as the recording of ``whole`` has it all;
-    without one ``same`` says whether they have the same fixes, ``apart_m`` how far apart they are
-    in the median, and ``from_s`` to ``to_s`` (GPS) when."""
+    """Two runs, by their places: ``part`` is left out, as the recording of ``whole`` has it all
+    (``alike``: and the other way round); without one ``same`` says whether they have the same
+    fixes, ``apart_m`` how far apart they are in the median, ``from_s`` to ``to_s`` (GPS) when."""
 
     part: int
     whole: int
@@ -75,6 +75,7 @@ class Double:
     apart_m: float
     from_s: float
     to_s: float
+    alike: bool = False
 
 
 def marks_of(folder: Path, clock: ClockModel | None, stamps: IntArray | None) -> Marks | None:
@@ -133,8 +134,8 @@ def marks_told(value: Any) -> Marks | None:
 
 
 def doubles(marks: Sequence[Marks | None]) -> list[Double]:
-    """Pairs of runs that are no two passes, in the order of the runs; of runs of one recording the
-    shorter is left out, of equals the later."""
+    """Pairs of runs that are no two passes, in the order of the runs, those that are preferred
+    first; of runs of one recording a part is left out, of two that have it all the later."""
     out: set[int] = set()
     found = []
     for a, b in sorted(_candidates(marks)):
@@ -146,16 +147,17 @@ def doubles(marks: Sequence[Marks | None]) -> list[Double]:
         same = bool(np.all(apart <= _SAME_RAD * MEAN_RADIUS))
         if not (same or _together(first, at, apart)):
             continue
-        part, whole = (a, b) if len(first.count) < len(second.count) else (b, a)
+        alike = same and _alike(first, second, len(at))
+        part, whole = (a, b) if len(first.count) < len(second.count) and not alike else (b, a)
         if _sees(marks[part]) and not _sees(marks[whole]):
             # what has no boxes counts nothing twice, and does not hold those of another
             continue
         left_out = same and _holds(marks[part], len(at)) and _same_frames(first, at, second, there)
         if left_out:
             out.add(part)
-        times = first.count[at[[0, -1]]] * EVERY_S
+        start, end = (first.count[at[[0, -1]]] * EVERY_S).tolist()
         found.append(
-            Double(part, whole, left_out, same, float(np.median(apart)), *map(float, times))
+            Double(part, whole, left_out, same, float(np.median(apart)), start, end, alike)
         )
     # what a part has in common with others its whole has as well
     return [d for d in found if d.left_out or not {d.part, d.whole} & out]
@@ -193,6 +195,14 @@ def _together(first: Marks, at: IntArray, apart: FloatArray) -> bool:
     return bool(np.hypot(np.ptp(lat), np.ptp(lon) * np.cos(lat[0])) * MEAN_RADIUS > _WAY_M)
 
 
+def _alike(first: Marks, second: Marks, common: int) -> bool:
+    """Whether each has all marks of the other, but for one where fixes at an end were not used."""
+    least = min(len(first.count), len(second.count))
+    if least < _LEAST_MARKS:
+        return len(first.count) == len(second.count) == common
+    return _holds(first, common) and _holds(second, common)
+
+
 def _holds(part: Marks | None, common: int) -> bool:
     """Whether all marks of a part are the whole's, but for one where it was cut."""
     return part is not None and common >= len(part.count) - 1
@@ -212,11 +222,9 @@ def _same_frames(first: Marks, at: IntArray, second: Marks, there: IntArray) -> 
 
 
 def sentence(double: Double, part: str, whole: str) -> str:
-    """What there is to say of a pair, by the names of its runs."""
+    """What there is to say of a pair that stays, by the names of its runs."""
     from automap.timebase import gps_to_iso
 
-    if double.left_out:
-        return f"left out: {part} is part of the recording of {whole}; one recording counts once."
     when = f"from {gps_to_iso(double.from_s)} to {gps_to_iso(double.to_s)}"
     if double.same:
         return (

@@ -16,7 +16,8 @@ from automap.io import names
 from automap.mapping.sightings import DriveSigns
 from automap.records import ClockModel, DrivePath, FloatArray, IntArray, Trajectory
 from pipeline.merge.cameras import cameras_of_run
-from pipeline.merge.doubles import Marks, marks_of
+from pipeline.merge.distinct import Candidate, candidate
+from pipeline.merge.doubles import marks_of
 from pipeline.merge.signs import sign_columns
 from pipeline.shared.run_record import country_of, drive_of, unlike_record, written_results
 from pipeline.shared.values import json_object
@@ -36,13 +37,14 @@ _NO_RECORDINGS = (".onnx", ".toml")
 @dataclass(frozen=True)
 class RunSigns:
     """A run ready to be merged: its ``folder``, ``signs``, sentences about what is missing, the
-    country that its drive names (None unknown), and where its receiver was when (None unknown)."""
+    country that its drive names (None unknown), and what speaks for it among other runs of its
+    recording."""
 
     folder: Path
     signs: DriveSigns
     warnings: tuple[str, ...]
-    country: str | None = None
-    marks: Marks | None = None
+    country: str | None
+    candidate: Candidate
 
 
 def read_run(folder: Path) -> RunSigns:
@@ -96,7 +98,8 @@ def read_run(folder: Path) -> RunSigns:
         **columns,
     )
     marks = marks_of(folder, clock, stamps)
-    return RunSigns(folder, signs, tuple(warnings), country_of(record), marks)
+    known = candidate(str(folder), signs.key, marks, record.get("verdict"), folder)
+    return RunSigns(folder, signs, tuple(warnings), country_of(record), known)
 
 
 def _recording_key(record: dict[str, Any]) -> str:

@@ -9,10 +9,11 @@ import numpy as np
 from automap.io import names
 from automap.io.atomic import write_json
 from automap.io.clock_json import write_clock
-from automap.io.signs_table import write_signs
+from automap.io.review_json import append_action
+from automap.io.signs_table import read_signs, write_signs
 from automap.io.trajectory_table import write_trajectory
 from automap.mapping.sightings import DriveSigns
-from automap.records import Sign, Trajectory
+from automap.records import ReviewAction, Sign, Trajectory
 from pipeline.merge.signs import GPS_CLOCK
 
 
@@ -80,3 +81,17 @@ def write_run(folder: Path, drive: DriveSigns, inputs: str = "") -> Path:
         },
     )
     return folder
+
+
+def review(folder: Path, time: str = "2026-11-23T10:00:00Z") -> None:
+    """Reject the first sign of a run, if it has signs."""
+    table = folder / names.SIGNS_RAW
+    seen: tuple[str, str, float, float] = ("s1", "", float("nan"), float("nan"))
+    if table.is_file():
+        sign = read_signs(table)[0]
+        lon, lat = np.degrees([sign.lon_rad, sign.lat_rad])
+        seen = (sign.id, sign.class_name, float(lon), float(lat))
+    name, class_name, lon, lat = seen
+    append_action(
+        folder / names.REVIEW, ReviewAction("a1", time, name, "reject", class_name, lon, lat)
+    )

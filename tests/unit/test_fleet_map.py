@@ -18,6 +18,7 @@ import pyarrow.parquet as pq
 import pytest
 from click.testing import CliRunner
 from fleet_scene import ORDER, make_drives, make_store, map_bytes, publish_made, run_all, scene
+from merge_folders import review
 from merge_scene import to_geodetic
 
 from automap.errors import ConfigError, InputError
@@ -88,7 +89,7 @@ def test_drives_of_one_place_come_into_cells_together(
         lambda cells, drives: batches.append({drive.name for drive in drives}),
     )
     kept: list[str] = []
-    drives = wanted(store.entries(), [])
+    drives = wanted(store, [])
     update_contents(
         store, tmp_path, drives, [], lambda done: None, also=lambda key, entry: kept.append(key)
     )
@@ -301,9 +302,29 @@ def test_a_part_of_a_recording_is_left_out(tmp_path: Path) -> None:
         store.mark(entry.digest, DONE, {**entry.done, "marks": rows[:n]})
     first, second = store.entries()
     told: list[str] = []
-    assert [entry.path for entry in wanted(store.entries(), told).values()] == [first.path]
+    assert [entry.path for entry in wanted(store, told).values()] == [first.path]
     assert len(told) == 1
     assert f"{second.path} is part of the recording of {first.path}" in told[0]
+
+
+def test_of_copies_a_reviewed_one_counts_then_the_better_verdict(tmp_path: Path) -> None:
+    store = make_store(tmp_path, range(2))
+    run_all(store)
+    for entry, state in zip(store.entries(), ("doubtful", "unusable"), strict=True):
+        done = {**entry.done, "recording": "one", "verdict": {"state": state}}
+        store.mark(entry.digest, DONE, done)
+    first, second = store.entries()
+    told: list[str] = []
+    assert wanted(store, told) == {"one": first}
+    assert f"{second.path} is another copy of {first.path}" in told[0]
+    assert "better verdict (doubtful, not unusable)" in told[0]
+    assert f"{first.path} (doubtful)" in told[1]
+    assert store.place.folder is not None
+    review(store.place.folder / store.result(second))
+    told = []
+    assert wanted(store, told) == {"one": second}
+    assert "that which is reviewed" in told[0]
+    assert f"{second.path} (unusable)" in told[1]
 
 
 def test_one_merge_at_a_time(tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from geojson_pydantic import FeatureCollection
-from merge_folders import write_run
+from merge_folders import review, write_run
 from merge_scene import Errors, drive_through, street
 
 from automap.errors import ConfigError, InputError, StageError
@@ -20,6 +20,9 @@ from automap.mapping.merge import merge_drives
 from automap.mapping.sightings import DriveSigns
 from pipeline.cli.root import run_command
 from pipeline.merge.command import merge_runs
+from pipeline.merge.distinct import candidate, distinct
+from pipeline.merge.doubles import Marks
+from pipeline.merge.inputs import read_run
 from pipeline.merge.outcome import MergeOutcome
 from pipeline.merge.terminal import summary_lines
 from pipeline.shared import terminal
@@ -339,6 +342,72 @@ def test_two_runs_of_one_recording_count_once(tmp_path: Path) -> None:
     outcome = merge_runs(runs, tmp_path / "map")
     assert len(outcome.merged.drives) == 1
     assert any("another run" in text for text in outcome.warnings)
+
+
+def judged(run: Path, state: str) -> None:
+    record = json.loads((run / "run.json").read_text(encoding="utf-8"))
+    record["verdict"] = {"state": state, "reasons": [{"text": f"it is {state}."}]}
+    (run / "run.json").write_text(json.dumps(record), encoding="utf-8")
+
+
+def counted(runs: list[Path]) -> tuple[Path, str]:
+    """The run of two that counts, whatever their order, and what is said of the other."""
+    read = [read_run(run) for run in runs]
+    found = [distinct([r.candidate for r in some], "another run of") for some in (read, read[::-1])]
+    (((one,), (told,)), ((other,), (again,))) = found
+    assert (told, runs[one]) == (again, runs[::-1][other])
+    assert str(runs[1 - one]) in told.split(" is ")[0]
+    return runs[one], told
+
+
+def test_of_runs_of_one_drive_the_reviewed_one_counts_then_the_better(tmp_path: Path) -> None:
+    drive = passes(1)[0]
+    runs = [write_run(tmp_path / name, drive, "same digest") for name in "ab"]
+    a, b = runs
+    judged(a, "doubtful")
+    judged(b, "good")
+    kept, told = counted(runs)
+    assert kept == b
+    assert "better verdict (good, not doubtful)" in told
+    judged(a, "unusable")
+    review(a, "2026-11-23T10:00:00Z")
+    kept, told = counted(runs)
+    assert kept == a
+    assert told.endswith("that which is reviewed.")
+    review(b, "2026-11-24T10:00:00+02:00")
+    kept, told = counted(runs)
+    assert kept == b
+    assert "that which was reviewed last. Both are reviewed: the decisions on one sign" in told
+
+
+def test_what_was_rejected_stays_out_in_either_order_of_the_folders(tmp_path: Path) -> None:
+    drive = passes(1)[0]
+    runs = [write_run(tmp_path / name, drive, "same digest") for name in "ab"]
+    judged(runs[1], "doubtful")
+    review(runs[1])
+    for number, order in enumerate((runs, runs[::-1])):
+        outcome = merge_runs(order, tmp_path / f"map{number}")
+        assert len(outcome.merged.sightings) == len(drive) - 1
+        assert (
+            f"{runs[1]}: its path is doubtful and in the map: it is doubtful."
+            in (json.loads((tmp_path / f"map{number}" / "merge.json").read_text())["warnings"])
+        )
+
+
+def test_the_review_of_a_part_that_is_left_out_is_told_of(tmp_path: Path) -> None:
+    count = np.arange(20, dtype=np.int64)
+    whole = Marks(count, 0.87 + 1e-5 * count, np.full(20, 0.15), count + 1)
+    part = Marks(*(getattr(whole, n)[:12] for n in ("count", "lat_rad", "lon_rad", "frame_ns")))
+    review(tmp_path)
+    runs = [
+        candidate("part", "x", part, {"state": "good"}, tmp_path),
+        candidate("whole", "y", whole, {"state": "doubtful"}, None),
+    ]
+    for order in (runs, runs[::-1]):
+        (kept,), (told,) = distinct(order, "another run of")
+        assert order[kept].name == "whole"
+        assert "part is part of the recording of whole" in told
+        assert "It is reviewed: the decisions on one sign of the one left out are not" in told
 
 
 def test_a_run_with_another_model_is_of_the_same_recording(tmp_path: Path) -> None:
