@@ -58,9 +58,9 @@ def _tell_unread(codes: list[str], country: str | None, path: Path, warnings: li
     unsure: Counter[str] = Counter()
     for code, names in zip(codes, readings_of(codes, country), strict=True):
         if len(names) > 1:
-            most = [face_of(name) for name in names[:_SHOWN]]
+            shown = [face_of(name) for name in names[:_SHOWN]]
             more = [f"{len(names) - _SHOWN} more"] if len(names) > _SHOWN else []
-            unsure[f"{code!r}, which may be {' or '.join(most + more)}"] += 1
+            unsure[f"{code!r}, which may be {' or '.join(shown + more)}"] += 1
         elif not names:
             unknown[repr(code)] += 1
     for told, have, advice in (
