@@ -94,22 +94,25 @@ engineerfix.com, W2-6: mutcd.info)."""
 LIMITS = {"US": "R2-1", "VIENNA": "C14"}
 """Codes of the speed limits, whose number is written after them."""
 SIDES = {
-    "regulatory--keep-right--g1": "D2",
-    "regulatory--keep-left--g1": "D2",
+    "regulatory--keep-right--g1": "D2[R]",
+    "regulatory--keep-left--g1": "D2[L]",
     "regulatory--no-bicycles--g2": "C3C",
-    **{
-        f"regulatory--{way}--g1": "D1A"
-        for way in (
-            *("go-straight", "turn-left", "turn-right", "turn-left-ahead", "turn-right-ahead"),
-            *("go-straight-or-turn-left", "go-straight-or-turn-right"),
-        )
-    },
+    "regulatory--go-straight--g1": "D1A[S]",
+    "regulatory--turn-left--g1": "D1A[L]",
+    "regulatory--turn-right--g1": "D1A[R]",
+    "regulatory--turn-left-ahead--g1": "D1A[AL]",
+    "regulatory--turn-right-ahead--g1": "D1A[AR]",
+    "regulatory--go-straight-or-turn-left--g1": "D1A[SL]",
+    "regulatory--go-straight-or-turn-right--g1": "D1A[SR]",
 }
-"""Codes of the Convention that several faces share: one for each way that the arrow points, and
-with the oblique bar or without."""
+"""Codes of the Convention that several faces share: one for each way that the arrow points, which
+stands after them here (straight, left, right, ahead), and with the oblique bar or without."""
 
 _OLD_VZKAT = {f"274-{50 + k}": f"274-{10 * k}" for k in range(1, 14)} | {"274-50": "274-5"}
 """The VzKat numbered speed limits from 274-50 up before 2017, by their value since."""
+
+_CATALOGUES = ("DE", "AU", "US", "VIENNA")
+"""Whose codes are known without their country."""
 
 _PREFIX = re.compile(r"^(?:ZEICHEN|VERKEHRSZEICHEN|VZ|VZNR|STVO|Z|NR)?\.?:?(?=\d)")
 
@@ -120,13 +123,19 @@ def classes_of(texts: Sequence[str], country: str | None = None) -> list[str | N
     ``country`` (ISO 3166 alpha-2) is that of codes which do not name their own. Where a list has
     speed limits that only the old VzKat has, 274-50 and 274-60 are the old ones too.
     """
+    found = readings_of(texts, country)
+    return [names[0] if len(names) == 1 else None for names in found]
+
+
+def readings_of(texts: Sequence[str], country: str | None = None) -> list[list[str]]:
+    """The classes that each text may stand for, one of each face, as ``classes_of`` reads it."""
     codes = [_code(text, country) for text in texts]
     old = any(
         where in ("", "DE") and code in _OLD_VZKAT and not code.endswith("0")
         for where, code in codes
     )
     return [
-        _class(text, where, code, old) for text, (where, code) in zip(texts, codes, strict=True)
+        _classes(text, where, code, old) for text, (where, code) in zip(texts, codes, strict=True)
     ]
 
 
@@ -143,28 +152,29 @@ def _code(text: str, country: str | None) -> tuple[str, str]:
     return where, rest
 
 
-def _class(text: str, where: str, code: str, old: bool) -> str | None:
+def _classes(text: str, where: str, code: str, old: bool) -> list[str]:
     bare = text.strip()
-    if not bare:
-        return ""
-    if bare in load_classes() or bare in load_vocabulary().classes:
-        return bare
+    if not bare or bare in load_classes() or bare in load_vocabulary().classes:
+        return [bare]
     if bare in load_vocabulary().groups.values():
-        return bare
+        return [bare]
     if where in ("", "DE") and code in _OLD_VZKAT and (old or not code.endswith("0")):
         code = _OLD_VZKAT[code]
     limit = where in LIMITS and re.fullmatch(rf"{LIMITS[where]}\[?-?(\d+)\]?", code)
     if limit:
         name = f"regulatory--maximum-speed-limit-{limit[1]}--g1"
-        return name if name in load_classes() else None
+        return [name] if name in load_classes() else []
     table = _by_code()
     if where:
         # who follows the Convention has numbers of their own: the French B1 is no entry
-        found = table.get((where, code)) or table.get((where, code.rstrip("ABC")))
-        return found or _by_word().get(bare.lower())
-    found_in = {table[c, code] for c in ("DE", "AU", "US", "VIENNA") if (c, code) in table}
+        found = [table[where, c] for c in (code, code.rstrip("ABC")) if (where, c) in table][:1]
+        if where == "VIENNA" and not found:
+            found = [name for name, own in SIDES.items() if own.split("[")[0] == code]
+    else:
+        names = [table[c, code] for c in _CATALOGUES if (c, code) in table]
+        found = list({face_of(name): name for name in reversed(names)}.values())
     # a code that two catalogues give to different signs is neither's
-    return found_in.pop() if len(found_in) == 1 else _by_word().get(bare.lower())
+    return found if len(found) == 1 else _by_word().get(bare.lower(), found)
 
 
 @cache
@@ -175,28 +185,26 @@ def _by_code() -> dict[tuple[str, str], str]:
             table.setdefault((country, code.upper()), entry.name)
     for country, codes in OTHER_CODES.items():
         table |= {(country, code): name for code, name in codes.items()}
+    for name, code in SIDES.items():
+        table.setdefault(("VIENNA", code), name)
     return table
 
 
 @cache
-def _by_word() -> dict[str, str]:
-    """Names in words, "maximum speed limit 60", and OpenStreetMap's where one class has it."""
-    words: dict[str, list[str]] = {}
+def _by_word() -> dict[str, list[str]]:
+    """Names in words, "maximum speed limit 60", and OpenStreetMap's: a class of each face."""
+    words: dict[str, dict[str, str]] = {}
     # give-way signs of roundabouts share the word with the one that everybody means
-    give_way = {"give_way": "regulatory--yield--g1", "give way": "regulatory--yield--g1"}
+    give_way = {"give_way": ["regulatory--yield--g1"], "give way": ["regulatory--yield--g1"]}
     for entry in load_classes().values():
         bare = face_of(entry.name)
         short = bare.split("--")[-1]
         for word in {bare, short, short.replace("-", " "), short.replace("-", "_")}:
-            words.setdefault(word, []).append(entry.name)
+            words.setdefault(word, {}).setdefault(bare, entry.name)
         if entry.osm:
-            words.setdefault(entry.osm, []).append(entry.name)
-    # the first of several drawings of one sign serves; a word of many signs says nothing
-    return {
-        word: names[0]
-        for word, names in words.items()
-        if len({face_of(name) for name in names}) == 1
-    } | give_way
+            words.setdefault(entry.osm, {}).setdefault(bare, entry.name)
+    # the first of several drawings of one sign serves
+    return {word: list(faces.values()) for word, faces in words.items()} | give_way
 
 
 def face_of(class_name: str) -> str:

@@ -121,7 +121,7 @@ def size_mismatch(video: VideoInput, wide: int, high: int) -> Finding | None:
 
 
 def geometry(drive: Drive, video: VideoInput, size: tuple[int, int] | None) -> list[Finding]:
-    """Findings on what the manifest says of a camera's optics and place; ``size`` of its pictures
+    """Findings on what the manifest says of a camera's optics; ``size`` of its pictures
     where the manifest has none, width and height."""
     section = video.section
     findings = [
@@ -129,15 +129,6 @@ def geometry(drive: Drive, video: VideoInput, size: tuple[int, int] | None) -> l
         for text in drive.camera_warnings()
         if f"[video.{video.name}]" in text
     ]
-    arm = float(np.linalg.norm(section.lever_arm_m))
-    if arm > limits.LONG_ARM_M:
-        findings.append(
-            Finding(
-                "warning",
-                f"[video.{video.name}] lever_arm_m is {arm:.1f} m long",
-                "it is in metres, from IMU to camera, forward, right, down",
-            )
-        )
     if section.camera_matrix is None:
         return findings
     (fx, _, cx), (_, fy, cy), _ = section.camera_matrix

@@ -147,35 +147,44 @@ def _jumps(recording: Recording, good: np.ndarray) -> list[Finding]:
     ]
 
 
-def lever_arm(drive: Drive) -> list[Finding]:
-    """Whether the antenna's place looks like one on a car."""
-    if drive.gnss_file is None:
-        return []
-    arm = drive.gnss.lever_arm_m
-    if arm is None:
-        return [
-            Finding(
-                "info",
-                "lever_arm_m is not given and taken as zero",
-                "measure IMU to antenna (forward, right, down) and add it to [gnss]",
-            )
-        ]
+def lever_arms(drive: Drive) -> list[Finding]:
+    """Whether the places of the antenna and of the cameras look like ones on a vehicle."""
+    road = drive.vehicle.imu_above_road_m
+    low = limits.LOW_ARM_M if road is None else road
+    found = []
+    if drive.gnss_file is not None:
+        found += _antenna(drive.gnss.lever_arm_m, min(low, limits.LOW_ARM_M), road)
+    for name, video in drive.videos.items():
+        found += _odd_arm(f"[video.{name}] ", "camera", video.section.lever_arm_m, low, road)
+    return found
+
+
+def _antenna(arm: tuple[float, ...] | None, low: float, road: float | None) -> list[Finding]:
+    if arm is not None:
+        well = Finding("ok", f"lever arm {float(np.linalg.norm(arm)):.2f} m")
+        return _odd_arm("", "antenna", arm, low, road) or [well]
+    text = "lever_arm_m is not given and taken as zero"
+    advice = "measure IMU to antenna (forward, right, down) and add it to [gnss]"
+    return [Finding("info", text, advice)]
+
+
+def _odd_arm(
+    section: str, what: str, arm: tuple[float, ...], low: float, road: float | None
+) -> list[Finding]:
+    """A warning of an arm (forward, right, down, m) that is too long, or of what it puts further
+    below the IMU than ``low``, where ``road`` m below is the road, None unknown."""
     length = float(np.linalg.norm(arm))
     if length > limits.LONG_ARM_M:
-        left_out = ", more than any vehicle, and is left out" if length > MOST_ARM_M else ""
-        return [
-            Finding(
-                "warning",
-                f"lever_arm_m is {length:.1f} m long{left_out}",
-                "it is in metres, from IMU to antenna, in the vehicle's forward, right, down",
-            )
-        ]
-    if arm[2] > limits.LOW_ANTENNA_M:
-        return [
-            Finding(
-                "warning",
-                f"lever_arm_m puts the antenna {arm[2]:.2f} m below the IMU",
-                "down is positive: an antenna on the roof has a negative third number",
-            )
-        ]
-    return [Finding("ok", f"lever arm {length:.2f} m")]
+        no_use = what == "antenna" and length > MOST_ARM_M
+        left_out = ", more than any vehicle, and is left out" if no_use else ""
+        text = f"{section}lever_arm_m is {length:.1f} m long{left_out}"
+        advice = f"it is in metres, from IMU to {what}, in the vehicle's forward, right, down"
+        return [Finding("warning", text, advice)]
+    if arm[2] <= low:
+        return []
+    advice = f"down is positive: the third number of {what}s above the IMU is negative"
+    where = f"{arm[2]:.2f} m below the IMU"
+    if road is not None and arm[2] > road:
+        where = f"{arm[2] - road:.2f} m under the road"
+        advice += f"; or correct imu_above_road_m, {road:g}"
+    return [Finding("warning", f"{section}lever_arm_m puts the {what} {where}", advice)]

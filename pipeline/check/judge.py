@@ -114,7 +114,7 @@ def _receiver(drive: Drive, recording: Recording) -> Iterator[Judged]:
             yield from _all(drive.gnss_file, told, told_later=True)
             clocks = timing.check(drive, recording)
             yield from _all(drive.arrival_file or drive.gnss_file, clocks, told_later=True)
-    yield from _all(drive.manifest_file, gnss.lever_arm(drive))
+    yield from _all(drive.manifest_file, gnss.lever_arms(drive))
 
 
 def _cameras(drive: Drive) -> Iterator[Judged]:

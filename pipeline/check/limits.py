@@ -7,8 +7,9 @@ from __future__ import annotations
 
 LONG_ARM_M = 5.0
 """Longer lever arms do not fit on a car: centimetres, millimetres or a wrong number."""
-LOW_ANTENNA_M = 0.5
-"""An antenna further below the IMU has the sign of a roof's turned."""
+LOW_ARM_M = 0.5
+"""An antenna further below the IMU has the sign of a roof's turned; so has a camera where nobody
+says how high the IMU is above the road."""
 FASTEST_M_S = 70.0
 """Between two fixes no car is faster (250 km/h)."""
 FIX_GAP_S, FIX_GAP_STEPS = 5.0, 5.0

@@ -11,7 +11,10 @@ import numpy as np
 from automap.errors import InputError
 from automap.inventory.findings import Inventory
 from automap.io.inventory_file import InventoryFile
-from automap.signs.codes import classes_of
+from automap.signs.codes import classes_of, face_of, readings_of
+
+_SHOWN = 3
+"""Classes that are told of a name that stands for several."""
 
 
 def _number(n: int, one: str, many: str) -> str:
@@ -29,13 +32,7 @@ def listed_signs(
             "a spreadsheet has put separators into them, or name other columns with --columns."
         )
     classes = classes_of(codes, country)
-    unknown = Counter(code for code, name in zip(codes, classes, strict=True) if name is None)
-    if unknown:
-        most = ", ".join(f"{code!r} ({n})" for code, n in unknown.most_common(5))
-        warnings.append(
-            f"{path}: {_number(unknown.total(), 'sign has a code', 'signs have codes')} not known, "
-            f"such as {most}; classes are not compared there. --country names the catalogue."
-        )
+    _tell_unread(codes, country, path, warnings)
     several = Counter(rows)
     place: Counter[int] = Counter()
     ids = []
@@ -53,6 +50,29 @@ def listed_signs(
         ),
         rows,
     )
+
+
+def _tell_unread(codes: list[str], country: str | None, path: Path, warnings: list[str]) -> None:
+    """A warning of codes and names that stand for no class, and of those for several."""
+    unknown: Counter[str] = Counter()
+    unsure: Counter[str] = Counter()
+    for code, names in zip(codes, readings_of(codes, country), strict=True):
+        if len(names) > 1:
+            shown = [face_of(name) for name in names[:_SHOWN]]
+            more = [f"{len(names) - _SHOWN} more"] if len(names) > _SHOWN else []
+            unsure[f"{code!r}, which may be {' or '.join(shown + more)}"] += 1
+        elif not names:
+            unknown[repr(code)] += 1
+    for told, have, advice in (
+        (unknown, "not known", "--country names the catalogue."),
+        (unsure, "of several classes", "Write the class; --country names the catalogue of codes."),
+    ):
+        if told:
+            most = "; ".join(f"{what} ({n})" for what, n in told.most_common(5))
+            signs = _number(told.total(), "sign has a code", "signs have codes")
+            warnings.append(
+                f"{path}: {signs} {have}, such as {most}; classes are not compared there. {advice}"
+            )
 
 
 def _entries(read: InventoryFile, path: Path, warnings: list[str]) -> tuple[list[int], list[str]]:

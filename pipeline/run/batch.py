@@ -58,7 +58,7 @@ def requested(
     """
     selected = registry.select(*stages)
     return Request(
-        stages=registry.load_stages(registry.ORDER[: registry.ORDER.index(selected[-1]) + 1]),
+        stages=registry.load_stages(registry.ORDER),
         selected=selected,
         settings=load_settings(config, assignments),
         force=force,

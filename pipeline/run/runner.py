@@ -173,13 +173,18 @@ def _run_stages(run: _Run) -> None:
     records: list[dict[str, Any]] = []
     for stage in run.request.stages:
         before = run.record.get("stages", {}).get(stage.name)
+        selected = stage.name in run.request.selected
+        stale = _is_used(stage, run.request) or _cascade(stage, run.ran, producers)
+        if not selected and (before is None or not stale):
+            # what it would use, as the video, need not be read
+            records.append(before or {})
+            continue
         now = _gather(run, stage, records)
         reason = why_run(now, before, run.out, run.digests, producers, run.ran)
         if run.request.dry_run:
             reason = _cascade(stage, run.ran, producers) or reason
-        if stage.name not in run.request.selected:
-            stale = _is_used(stage, run.request) or _cascade(stage, run.ran, producers)
-            if reason is not None and before is not None and stale:
+        if not selected:
+            if reason is not None:
                 run.reporter.note(f"stage {stage.name} is out of date, but not selected: {reason}")
         elif reason is None and not run.request.force:
             kept = before or {}

@@ -14,9 +14,11 @@ from automap.errors import InputError
 from automap.io import names
 from automap.io.drive import load_drive
 from automap.io.imu_csv import read_imu_csv
+from automap.io.recording import Recording
 from automap.io.tables import read_fixes, read_imu
 from automap.timebase import ROLLOVER_S, unix_to_gps
 from pipeline.check.command import check_drive
+from pipeline.check.judge import judge
 from pipeline.run.stages import ingest
 from tests.unit.checked_drive import edit, errors_told, ingested
 
@@ -174,6 +176,26 @@ def test_a_strange_lever_arm_is_a_warning(drive: Path, arm: str, said: str) -> N
     report = check_drive(drive)
     assert report.usable
     assert said in report.text()
+
+
+@pytest.mark.parametrize(
+    ("vehicle", "said"),
+    [
+        (
+            "imu_above_road_m = 0.5",
+            "lever_arm_m puts the camera 0.40 m under the road",
+        ),
+        ("imu_above_road_m = 1.65", ""),
+        ("", "lever_arm_m puts the camera 0.90 m below the IMU"),
+    ],
+)
+def test_a_camera_below_the_road_is_a_warning(drive: Path, vehicle: str, said: str) -> None:
+    with (drive / "drive.toml").open("a") as file:
+        file.write(f"[vehicle]\n{vehicle}\n[video.front]\nlever_arm_m = [-1.4, -0.05, 0.9]\n")
+    told = [item.sentence() for item in judge(load_drive(drive), Recording()).found]
+    told = [text for text in told if "puts the camera" in text]
+    assert len(told) == bool(said)
+    assert all(said in text and "down is positive" in text for text in told)
 
 
 def test_a_stuck_axis_is_found(drive: Path) -> None:

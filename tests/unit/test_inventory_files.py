@@ -28,6 +28,7 @@ from automap.io.inventory_file import read_inventory
 from automap.io.vector_layer import read_layer
 from automap.signs.codes import classes_of
 from pipeline.cli.root import run_command
+from pipeline.compare.listing import listed_signs
 from pipeline.compare.report import _entry
 
 
@@ -54,6 +55,24 @@ from pipeline.compare.report import _entry
 )
 def test_codes_are_classes(text: str, country: str | None, expected: str | None) -> None:
     assert classes_of([text], country) == [expected]
+
+
+def test_a_name_of_several_classes_is_told_with_them(tmp_path: Path) -> None:
+    path, warnings = tmp_path / "list.csv", list[str]()
+    path.write_text("id,class,lat,lon\n1,VIENNA:D2,1,2\n2,roundabout,1,2\n3,none,1,2\n")
+    listed_signs(read_inventory(path), "AU", path, warnings)
+    unknown, several = warnings
+    assert "1 sign has a code not known, such as 'none' (1)" in unknown
+    assert "2 signs have codes of several classes" in several
+    for told in (
+        "'VIENNA:D2', which may be regulatory--keep-right or regulatory--keep-left (1)",
+        "'roundabout', which may be ",
+        "regulatory--roundabout",
+        "warning--roundabout",
+        "Write the class",
+    ):
+        assert told in several
+    assert classes_of(["warning--roundabout"], "AU") != [None]
 
 
 def test_an_old_catalogue_shows_in_its_other_numbers() -> None:

@@ -15,7 +15,7 @@ import pytest
 
 from automap.errors import ConfigError, InputError, StageError
 from pipeline.run import execute
-from pipeline.run.batch import out_folders, run_drives
+from pipeline.run.batch import out_folders, requested, run_drives
 from pipeline.run.runner import Request, run_drive
 from pipeline.run.stage import Stage, StageContext
 from pipeline.settings.load import load_settings
@@ -226,6 +226,9 @@ def test_a_selection_runs_alone_and_says_what_is_out_of_date(drive: Path, out: P
     assert notes[0] == "stage ingest is out of date, but not selected: imu.csv changed"
     # what is made from it is now older than it
     assert [text.split(",")[0] for text in notes[1:]] == ["stage report is out of date"]
+    # a command knows the later stages too
+    asked = requested(None, (), ("export", None, None), force=False, dry_run=False, command=())
+    assert [stage.name for stage in asked.stages][-2:] == ["export", "report"]
 
 
 def fail_with(error: BaseException) -> Stage:

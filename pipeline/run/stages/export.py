@@ -83,7 +83,7 @@ def _roads_file(drive: Drive, stated: str) -> Path | None:
 
 STAGE = Stage(
     name="export",
-    version=10,
+    version=11,
     run=run,
     inputs=_inputs,
     needs=(
