@@ -48,7 +48,8 @@ REQUIRED = COLUMNS[:-1]
 
 
 def to_columns(trajectory: Trajectory) -> dict[str, np.ndarray]:
-    """The record [n] as named columns in file units, in the order of ``COLUMNS``."""
+    """The record [n] as named columns in file units, in the order of ``COLUMNS``: of eight bytes,
+    however many the record has, since tables of several drives are joined."""
     rpy_deg = np.degrees(trajectory.rpy)
     sd_rpy_deg = np.degrees(trajectory.sd_rpy)
     values = (
@@ -64,7 +65,8 @@ def to_columns(trajectory: Trajectory) -> dict[str, np.ndarray]:
         *sd_rpy_deg.T,
         np.degrees(trajectory.slip_sd),
     )
-    return dict(zip(COLUMNS, values, strict=True))
+    t_ns, *others = zip(COLUMNS, values, strict=True)
+    return dict([t_ns, *((name, np.asarray(column, np.float64)) for name, column in others)])
 
 
 def from_columns(

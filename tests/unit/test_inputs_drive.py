@@ -324,6 +324,9 @@ def test_a_trajectory_is_stored_in_degrees(tmp_path: Path) -> None:
     for name, value in vars(trajectory).items():
         digits = 1e-7 if name in ("vel_ned", "sd_pos_ned", "sd_vel_ned", "sd_rpy") else 1e-14
         np.testing.assert_allclose(getattr(back, name), value, rtol=digits, err_msg=name)
+    # what is written again can be joined with what was not read
+    write_trajectory(tmp_path / "again.parquet", back)
+    assert pq.read_schema(tmp_path / "again.parquet").equals(table.schema)
     # others' and older files do not tell the nose from its course
     pq.write_table(table.drop_columns(["sd_slip_deg"]), tmp_path / "t.parquet")
     assert np.isnan(read_trajectory(tmp_path / "t.parquet").slip_sd).all()
