@@ -24,6 +24,7 @@ from automap.geolocation.rules import GeolocationRules
 from automap.geolocation.view_errors import places_apart
 from automap.geolocation.views import Views, build_views, numbered_tracks
 from automap.records import BoolArray, Camera, Detections, IntArray, Trajectory
+from automap.robust import BY_CAUCHY, BY_HUBER
 
 
 def carried_views(views: Views, prior: SizePrior) -> BoolArray:
@@ -98,7 +99,7 @@ def moves_along(
     right, down, height = views.measured[standing.anchor]
     first = np.array([right, down, boxes.prior_mean - height, boxes.prior_mean])
     moving = min(
-        float(solve_landmark(first, boxes._replace(b=part * boxes.b), True)[1])
+        float(solve_landmark(first, boxes._replace(b=part * boxes.b), BY_HUBER, BY_CAUCHY)[1])
         for part in limits.CARRIER_CLOSING
     )
     # where sigmas were too small both cost too much

@@ -39,7 +39,7 @@ from automap.geolocation.view_errors import (
 )
 from automap.geolocation.views import Views
 from automap.records import FloatArray, IntArray
-from automap.robust import BY_CAUCHY, PLAIN, cauchy_weight
+from automap.robust import BY_CAUCHY, BY_HUBER, PLAIN, cauchy_weight
 from automap.signs.class_shares import commonest
 
 _REWEIGHTINGS = 2
@@ -113,36 +113,51 @@ class Landmark:
         return float(np.sqrt(self.covariance[2, 2] + self.pass_covariance[2, 2]))
 
 
-def fit_landmark(views: Views, rows: IntArray, prior: SizePrior, robust: bool = True) -> Landmark:
+def fit_landmark(
+    views: Views,
+    rows: IntArray,
+    prior: SizePrior,
+    robust: bool = True,
+    near: Landmark | None = None,
+) -> Landmark:
     """Estimate one sign from the views ``rows`` [n], n >= 1.
 
     The anchor is the view with the largest box, the nearest one as a rule. Several start
-    distances are tried: the one from the size, half and double of it.
+    distances are tried: the one from the size, half and double of it; with an estimate ``near``,
+    of nearly the same views, that alone.
     """
     rows = np.asarray(rows, np.int64)
     anchor = int(rows[np.argmax(views.measured[rows, 2])])
     boxes = boxes_of(views, rows, anchor, prior)
     # a box so large that its class's usual size would be at the lens is of something larger
     nearest = float(np.log(2.0 * limits.MIN_FORWARD_M))
-    starts = [max(boxes.prior_mean - views.measured[anchor, 2], nearest)]
-    if len(rows) > 1:
-        starts += [starts[0] + np.log(2.0), starts[0] - np.log(2.0)]
+    start = max(boxes.prior_mean - views.measured[anchor, 2], nearest)
+    starts = [
+        np.array(
+            [*views.measured[anchor, :2], start + far, start + far + views.measured[anchor, 2]]
+        )
+        for far in ((0.0, np.log(2.0), -np.log(2.0)) if len(rows) > 1 else (0.0,))
+    ]
+    kinds = (BY_HUBER, BY_CAUCHY) if robust else (PLAIN, PLAIN)
+    if near is not None and near.ok:
+        there = seen_from(views, anchor, near.position, near.parameters[3])
+        if there is not None:
+            starts, kinds = [there], (kinds[1], kinds[1])
     best: tuple[FloatArray, float] | None = None
-    for start in starts:
-        first = np.array([*views.measured[anchor, :2], start, start + views.measured[anchor, 2]])
-        found, cost = solve_landmark(first, boxes, robust)
+    for first in starts:
+        found, cost = solve_landmark(first, boxes, *kinds)
         if np.isfinite(cost) and (best is None or cost < best[1]):
             best = (found, cost)
     parameters, cost = best if best is not None else (first, np.inf)
     stated = boxes
     for _ in range(_REWEIGHTINGS if best is not None else 0):
         boxes = by_expected_heights(stated, parameters)
-        found, again = solve_landmark(parameters, boxes, robust)
+        found, again = solve_landmark(parameters, boxes, kinds[1], kinds[1])
         if np.isfinite(again):
             parameters, cost = found, again
     columns, _ = columns_of(views, rows, anchor, parameters)
     information, A, _, residual, weight, chi2, _ = normal_equations(
-        parameters, boxes, columns, np.zeros(N_COMMON), BY_CAUCHY if robust else PLAIN
+        parameters, boxes, columns, np.zeros(N_COMMON), kinds[1]
     )
     # of what no start explains nothing is known: a radian, a factor of e
     covariance = np.linalg.inv(information if best is not None else np.eye(4))

@@ -23,7 +23,7 @@ from automap.effects.camera_kernels import (
 from automap.geolocation.limits import MIN_FORWARD_M
 from automap.jit import kernel
 from automap.records import FloatArray
-from automap.robust import BY_CAUCHY, BY_HUBER, PLAIN, loss
+from automap.robust import loss
 
 N_COMMON = 12
 """Common to the views of a sign: turn (3), time offset, log focal length, lever arm (3), box
@@ -97,12 +97,11 @@ def _measure(theta, M, b, h, J, q, d):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def solve_landmark(start, boxes, robust):  # type: ignore[no-untyped-def]
+def solve_landmark(start, boxes, first, last):  # type: ignore[no-untyped-def]
     """Levenberg-Marquardt from ``start``; parameters and cost (infinite when impossible). Losses
-    after Zhang, Image and Vision Computing 15, 1997."""
+    after Zhang, Image and Vision Computing 15, 1997: of the kinds ``first`` to ``last``."""
     theta, cost = start.copy(), np.inf
     alone, nothing = np.zeros((len(boxes.sd), 3, 0)), np.zeros(0)
-    first, last = (BY_HUBER, BY_CAUCHY) if robust else (PLAIN, PLAIN)
     for kind in range(first, last + 1):
         N, _, right, _, _, _, cost = normal_equations(theta, boxes, alone, nothing, kind)
         if not np.isfinite(cost):

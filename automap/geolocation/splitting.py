@@ -77,7 +77,8 @@ def _adopt(
             best, best_distance = index, distance
     if best < 0:
         return -1
-    grown = fit_landmark(views, np.append(landmarks[best].rows, row), prior)
+    before = landmarks[best]
+    grown = fit_landmark(views, np.append(before.rows, row), prior, near=before)
     if grown.weight[-1] < limits.MISFIT_WEIGHT:
         return -1
     landmarks[best] = grown

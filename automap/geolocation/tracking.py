@@ -21,6 +21,11 @@ from automap.geolocation.views import Views
 from automap.records import FloatArray, IntArray
 
 
+_ANEW = 1.5
+"""Of its boxes when all starts were tried last, those with which they are again: the work is then
+some three times that of the last such fit, and what few boxes told does not hold many."""
+
+
 @dataclass
 class _Track:
     rows: list[int]
@@ -28,6 +33,7 @@ class _Track:
     fitted: list[int]
     class_score: dict[str, float] = field(default_factory=dict)
     numbers: set[int] = field(default_factory=set)
+    anew: int = 1
 
     def add(self, views: Views, row: int) -> None:
         name = str(views.class_name[row])
@@ -78,7 +84,12 @@ def link_views(
                 moved = np.linalg.norm(views.centre[row] - views.centre[track.fitted[-1]])
                 if moved >= limits.SAME_PLACE_M:
                     track.fitted.append(row)
-                    track.landmark = fit_landmark(views, np.array(track.fitted), prior)
+                    # where one more box leads is near by; from time to time all starts are tried
+                    near = track.landmark if len(track.fitted) < _ANEW * track.anew else None
+                    if near is None:
+                        track.anew = len(track.fitted)
+                    rows_now = np.array(track.fitted)
+                    track.landmark = fit_landmark(views, rows_now, prior, near=near)
             track.add(views, row)
     tracks = [np.array(t.rows, np.int64) for t in (*ended, *active)]
     return sorted(tracks, key=lambda rows: int(rows[0]))

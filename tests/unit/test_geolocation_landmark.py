@@ -24,6 +24,7 @@ from automap.geolocation.merging import combine, difference_covariance
 from automap.geolocation.sightings import Sighting, make_sighting
 from automap.geolocation.views import MeasurementNoise, Views, build_views
 from automap.records import FloatArray
+from automap.robust import BY_CAUCHY, BY_HUBER
 
 PRIOR = SizePrior(0.6, 0.3)
 COMMON = (
@@ -279,6 +280,7 @@ def test_boxes_of_one_place_that_tell_no_height_are_no_error(height_sd: float) -
         -0.5,
         0.3,
     )
-    found, cost = solve_landmark(start, seen, True)
+    found, cost = solve_landmark(start, seen, BY_HUBER, BY_CAUCHY)
     assert np.isfinite(found).all()
-    assert cost <= solve_landmark(start, seen._replace(measured=seen.measured + 1.0), True)[1]
+    worse = seen._replace(measured=seen.measured + 1.0)
+    assert cost <= solve_landmark(start, worse, BY_HUBER, BY_CAUCHY)[1]
