@@ -71,10 +71,10 @@ class Landmark:
     """Estimate of one sign from ``rows`` (of the Views).
 
     ``anchor`` the row whose camera the parameters [4] refer to; ``covariance`` [4, 4] of them from
-    the measurements alone; ``common`` [4, 12] their derivative by what is common to the views: turn
-    (rad), time offset (s), log focal length, lever arm (m), box margin (rad), velocity error (m/s).
-    Zero until ``solve_with_pass_errors``: ``pass_covariance`` [4, 4] what the errors of the pass
-    add, ``pass_bias`` [12] what these were found to be and ``pass_bias_variance`` [12].
+    the measurements alone. Zero until ``solve_with_pass_errors``: ``common`` [4, 12] their
+    derivative by what is common to the views: turn (rad), time offset (s), log focal length, lever
+    arm (m), box margin (rad), velocity error (m/s); ``pass_covariance`` [4, 4] what the errors of
+    the pass add, ``pass_bias`` [12] what these were found to be and ``pass_bias_variance`` [12].
     ``position`` [3] in the local frame; ``residual`` [n, 3] in sigmas, ``weight`` [n] of the
     direction (1 = fully used). ``cost`` robust sum of squares of all that was estimated; ``chi2``
     weighted sum of squares over ``dof``. ``ok`` is False when no place in front of all cameras was
@@ -128,7 +128,7 @@ def fit_landmark(
     """
     rows = np.asarray(rows, np.int64)
     anchor = int(rows[np.argmax(views.measured[rows, 2])])
-    boxes = boxes_of(views, rows, anchor, prior)
+    boxes = stated = boxes_of(views, rows, anchor, prior)
     # a box so large that its class's usual size would be at the lens is of something larger
     nearest = float(np.log(2.0 * limits.MIN_FORWARD_M))
     start = max(boxes.prior_mean - views.measured[anchor, 2], nearest)
@@ -143,21 +143,22 @@ def fit_landmark(
         there = seen_from(views, anchor, near.position, near.parameters[3])
         if there is not None:
             starts, kinds = [there], (kinds[1], kinds[1])
+            boxes = by_expected_heights(boxes, there)
     best: tuple[FloatArray, float] | None = None
     for first in starts:
         found, cost = solve_landmark(first, boxes, *kinds)
         if np.isfinite(cost) and (best is None or cost < best[1]):
             best = (found, cost)
     parameters, cost = best if best is not None else (first, np.inf)
-    stated = boxes
-    for _ in range(_REWEIGHTINGS if best is not None else 0):
+    # the first start's heights are those of an estimate near by already
+    for _ in range(_REWEIGHTINGS - (boxes is not stated) if best is not None else 0):
         boxes = by_expected_heights(stated, parameters)
         found, again = solve_landmark(parameters, boxes, kinds[1], kinds[1])
         if np.isfinite(again):
             parameters, cost = found, again
-    columns, _ = columns_of(views, rows, anchor, parameters)
-    information, A, _, residual, weight, chi2, _ = normal_equations(
-        parameters, boxes, columns, np.zeros(N_COMMON), kinds[1]
+    alone = np.zeros((len(rows), 3, 0))
+    information, _, _, residual, weight, chi2, _ = normal_equations(
+        parameters, boxes, alone, np.zeros(0), kinds[1]
     )
     # of what no start explains nothing is known: a radian, a factor of e
     covariance = np.linalg.inv(information if best is not None else np.eye(4))
@@ -170,7 +171,7 @@ def fit_landmark(
         parameters=parameters,
         covariance=covariance,
         pass_covariance=np.zeros((4, 4)),
-        common=-covariance / max(1.0, chi2 / dof) @ A,
+        common=np.zeros((4, N_COMMON)),
         pass_bias=np.zeros(N_COMMON),
         pass_bias_variance=np.zeros(N_COMMON),
         position=place(views, anchor, parameters),

@@ -20,7 +20,6 @@ from automap.geolocation.landmark import Landmark, SizePrior, distances_to, fit_
 from automap.geolocation.views import Views
 from automap.records import FloatArray, IntArray
 
-
 _ANEW = 1.5
 """Of its boxes when all starts were tried last, those with which they are again: the work is then
 some three times that of the last such fit, and what few boxes told does not hold many."""

@@ -291,7 +291,7 @@ def test_what_moves_along_is_likelier_by_the_gate_in_sigmas_that_its_boxes_show(
     standing = SimpleNamespace(anchor=2, cost=moving + lead, dof=dof, weight=np.ones(4))
     asked: list[tuple[FloatArray, FloatArray]] = []
 
-    def solve(first: FloatArray, boxes: Boxes, robust: bool) -> tuple[FloatArray, float]:
+    def solve(first: FloatArray, boxes: Boxes, *kinds: int) -> tuple[FloatArray, float]:
         asked.append((first, boxes.b))
         return first, moving + abs(float(boxes.b[0, 0]) - 0.1)
 

@@ -18,9 +18,10 @@ from automap.geolocation.landmark import (
     position_jacobian,
     view_sd,
 )
-from automap.geolocation.landmark_kernels import Boxes, solve_landmark
+from automap.geolocation.landmark_kernels import N_COMMON, Boxes, solve_landmark
 from automap.geolocation.limits import LASTING_ERROR, PATH_CORRELATION_S
 from automap.geolocation.merging import combine, difference_covariance
+from automap.geolocation.pass_errors import equations
 from automap.geolocation.sightings import Sighting, make_sighting
 from automap.geolocation.views import MeasurementNoise, Views, build_views
 from automap.records import FloatArray
@@ -165,7 +166,8 @@ def test_what_is_common_to_the_views_moves_the_sign_as_its_derivative_says(
         ends.append(np.append(fit.position, np.log(fit.size_m)))
     numeric = (ends[0] - ends[1]) / (2.0 * step)
     place_and_size = np.vstack([position_jacobian(exact, landmark), [0.0, 0.0, 0.0, 1.0]])
-    effect = place_and_size @ landmark.common[:, COMMON.index(name)]
+    N, A, *_ = equations(exact, landmark, landmark.parameters, np.zeros(N_COMMON), prior)
+    effect = -place_and_size @ np.linalg.solve(N, A)[:, COMMON.index(name)]
     assert np.abs(effect - numeric).max() < 0.01 * np.abs(numeric).max()
 
 
