@@ -22,6 +22,8 @@ from pipeline.cli.streams import outlast_readers
 
 # small matrices only: a pool of threads costs more than it brings, and numpy starts it at import
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+# arrays take what is in them: with huge pages ten hours are half as large again
+os.environ.setdefault("NUMPY_MADVISE_HUGEPAGE", "0")
 
 _GROUPS: dict[str, dict[str, str]] = {
     "Set up": {

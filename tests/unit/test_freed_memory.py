@@ -1,4 +1,4 @@
-"""Freed arrays of a long drive go back to the system."""
+"""Arrays of a long drive take what is in them, and go back to the system when they are freed."""
 
 from __future__ import annotations
 
@@ -44,3 +44,31 @@ def test_freed_arrays_go_back_to_the_system() -> None:
     )  # fmt: skip
     assert given > 150.0
     assert given >= kept
+
+
+SPARSE = """
+import pipeline.cli.root
+import numpy as np
+
+def resident():
+    return int(open("/proc/self/statm").read().split()[1]) * 4096 / 1e6
+
+before = resident()
+room = np.empty(8_000_000)
+# a number in each page of 2 MB
+room[:: 1 << 18] = 1.0
+print(resident() - before)
+"""
+HUGE_PAGES = Path("/sys/kernel/mm/transparent_hugepage/enabled")
+
+
+@pytest.mark.skipif(
+    not HUGE_PAGES.is_file() or "[madvise]" not in HUGE_PAGES.read_text(),
+    reason="this system has no huge pages, or gives them unasked",
+)
+def test_an_array_takes_no_more_than_what_was_written_into_it() -> None:
+    found = subprocess.run(
+        [sys.executable, "-c", SPARSE], capture_output=True, text=True, check=True,
+        cwd=Path(__file__).parents[2],
+    )  # fmt: skip
+    assert float(found.stdout) < 8.0
