@@ -153,7 +153,7 @@ def fit_landmark(
     # the first start's heights are those of an estimate near by already
     for _ in range(_REWEIGHTINGS - (boxes is not stated) if best is not None else 0):
         boxes = by_expected_heights(stated, parameters)
-        found, again = solve_landmark(parameters, boxes, kinds[1], kinds[1])
+        found, again = solve_landmark(parameters, boxes, *kinds)
         if np.isfinite(again):
             parameters, cost = found, again
     alone = np.zeros((len(rows), 3, 0))

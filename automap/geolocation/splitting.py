@@ -77,8 +77,7 @@ def _adopt(
             best, best_distance = index, distance
     if best < 0:
         return -1
-    before = landmarks[best]
-    grown = fit_landmark(views, np.append(before.rows, row), prior, near=before)
+    grown = fit_landmark(views, np.append(landmarks[best].rows, row), prior)
     if grown.weight[-1] < limits.MISFIT_WEIGHT:
         return -1
     landmarks[best] = grown

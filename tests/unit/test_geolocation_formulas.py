@@ -395,7 +395,7 @@ def test_a_loose_box_goes_to_the_nearest_that_may_have_it(
         splitting, "distances_to", lambda v, some, rows, slack: np.array([distances])
     )
     grown: Any = SimpleNamespace(weight=np.ones(2))
-    monkeypatch.setattr(splitting, "fit_landmark", lambda v, rows, prior, near: grown)
+    monkeypatch.setattr(splitting, "fit_landmark", lambda v, rows, prior: grown)
     found = splitting._adopt(views, 0, marks, span, Any, 20.0)  # type: ignore[arg-type]
     assert found == adopted
     assert [m is grown for m in marks] == [k == adopted for k in range(4)]
