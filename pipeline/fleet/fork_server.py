@@ -34,11 +34,13 @@ class ForkServer:
 
     def __init__(self) -> None:
         ensure_kernel_cache()
-        one = {f"{name}_NUM_THREADS": "1" for name in _THREADS}
+        own = {f"{name}_NUM_THREADS": "1" for name in _THREADS}
+        # as the command line has it, wherever a scheduler began this worker
+        own["NUMPY_MADVISE_HUGEPAGE"] = "0"
         self._process = subprocess.Popen(
             [sys.executable, "-m", "pipeline.fleet.fork_server"], bufsize=0,
             stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
-            env={**os.environ, **one},
+            env={**os.environ, **own},
         )  # fmt: skip
         assert self._process.stdin is not None
         assert self._process.stdout is not None

@@ -50,6 +50,9 @@ def test_requests_are_answered_one_after_the_other_and_modules_stay(
         return "_multiarray" in Path(f"/proc/{server._process.pid}/maps").read_text()
 
     assert not holds_numpy()
+    # whatever began the worker: one thread, and arrays that take what is in them
+    environment = Path(f"/proc/{server._process.pid}/environ").read_bytes().split(b"\0")
+    assert {b"OMP_NUM_THREADS=1", b"NUMPY_MADVISE_HUGEPAGE=0"} <= {*environment}
     for name in ("first", "second"):
         request = _request(tmp_path, name)
         assert server.run(request, lambda pid: None, 0.2) == 0
