@@ -62,7 +62,6 @@ QUANTITIES = (
     "rate^2",
     "rate_y^2",
     "tanh(acceleration / 0.1)",
-    "tanh(rate_z / 0.01)",
     # one axis late by itself, and where inside the housing an axis is
     "angular_acceleration_x",
     "angular_acceleration_y",
@@ -89,6 +88,9 @@ ON_FIXES = (
             ("velocity_across", "lateral_acceleration"),
         }
     ),
+    # heights that are late, or are smoothed as they rise
+    ("height", "climb"),
+    ("velocity_down", "climb"),
     ("velocity_along", "speed^2"),
     # too high or low by as much, but from some speed on
     ("velocity_along", "tanh(speed / 5.0)"),
@@ -109,9 +111,10 @@ REMEMBERED = (
 )
 """Formulas of what has been: channel and text. Widths and times are refined where one is found."""
 ON_VEHICLE = (
-    # a slip that does not grow with the force alone, a wind, an axle that bends under load
+    # slips that do not grow with the force alone, a torque, a wind, an axle that bends under load
     ("nhc_y", "speed * lateral_acceleration^3"),
     ("nhc_y", "speed^2 * lateral_acceleration"),
+    ("nhc_y", "speed * acceleration"),
     ("nhc_y", "speed * sin(heading)"),
     ("nhc_y", "speed * cos(heading)"),
 )

@@ -27,6 +27,9 @@ from automap.gap.result import equation
 Terms = tuple[tuple[str, str], ...]
 STEPS = 3
 """So many steps a formula may be away from the one that was found; bounds the time."""
+MOVES = 4
+"""So often amounts are moved, one at a time, before other forms are tried: two that go together, as
+how long something is remembered and where it bends, settle by turns. Bounds the time."""
 FORMS = 3
 """So many of the likeliest at a step are asked of the filter; bounds the time."""
 
@@ -48,14 +51,20 @@ def nearby(about: About, signals: Signals, terms: Terms) -> list[tuple[Terms, in
     an amount that moves does not: those near it say much the same."""
     ((on, text),) = terms
     found: dict[str, int] = {}
-    count = 1
+    count, others = 1, list[str]()
 
     def single(texts: Sequence[str], price: float) -> list[str]:
         return [t for ((_, t),) in ranked(about, [((on, t),) for t in texts], price)]
 
     for _ in range(STEPS):
-        text = single([text, *amounts(text)], 0.0)[0]
-        forms = neighbours(text, signals)
+        for _ in range(MOVES):
+            moved = single([text, *amounts(text)], 0.0)[0]
+            if moved == text:
+                break
+            text = moved
+        # of two that say nearly the same the other may be on the way
+        near = [form for t in (text, *others) for form in neighbours(t, signals)]
+        forms = [t for t in dict.fromkeys((*others, *near)) if t != text]
         every = single([text, *forms], math.log(len(forms)))
         found[text] = count
         count += len(forms)
@@ -63,7 +72,7 @@ def nearby(about: About, signals: Signals, terms: Terms) -> list[tuple[Terms, in
             found.setdefault(other, count)
         if every[0] == text:
             break
-        text = every[0]
+        text, *others = every[:FORMS]
     return [(((on, t),), choices) for t, choices in found.items() if t != terms[0][1]]
 
 
@@ -112,9 +121,9 @@ INSTEAD = (
 )
 """Quantities that are much the same in a vehicle."""
 SHAPED = ("abs", "max", "min", "tanh", "sqrt")
-FORMED = ("play(", "step(", "min(max(")
-"""What a factor with another shape upon it has too many of: only its amounts are moved. What is
-remembered has shapes, and no second memory."""
+FORMED = ("play(", "min(max(")
+"""What a factor with another shape upon it has too many of: only its amounts are moved, as those of
+a step. What is remembered has shapes, and no second memory."""
 
 
 def neighbours(text: str, signals: Signals) -> list[str]:
@@ -164,7 +173,8 @@ def _others(texts: Sequence[str], text: str) -> list[str]:
 def _forms(factor: ast.expr, signals: Signals) -> list[str]:
     """Other forms of one factor: shapes of what stands in it, memories of it."""
     text = _written(factor)
-    if isinstance(factor, ast.Constant) or any(word in text for word in FORMED):
+    formed = text.startswith("step(") or any(word in text for word in FORMED)
+    if formed or isinstance(factor, ast.Constant):
         return []
     inner = _written(_inner(factor))
     value = parse_formula(inner)(signals)
@@ -185,9 +195,21 @@ def _forms(factor: ast.expr, signals: Signals) -> list[str]:
         out += [f"sqrt({inner})", *(f"(1 / max({inner}, {a}))" for a in sizes)]
         out += [f"max({inner} - {a}, 0)" for a in sizes]
     if "lag(" not in text:
-        out += [f"lag({text}, {t})" for t in MEMORIES_S]
-        out += [f"({text} - lag({text}, {t}))" for t in MEMORIES_S]
-    return out
+        memories = [(text, f"{t}") for t in MEMORIES_S]
+    else:
+        memories = _memory(factor)
+        out += [what for what, _ in memories]
+    out += [f"lag({what}, {t})" for what, t in memories]
+    return out + [f"({what} - lag({what}, {t}))" for what, t in memories]
+
+
+def _memory(factor: ast.expr) -> list[tuple[str, str]]:
+    """What a factor remembers, or has left beside what it remembers, and how long; nothing where it
+    is something else."""
+    call = factor.right if isinstance(factor, ast.BinOp) else factor
+    if isinstance(call, ast.Call) and ast.unparse(call.func) == "lag":
+        return [(_written(call.args[0]), _written(call.args[1]))]
+    return []
 
 
 def _moved(factor: ast.expr) -> list[str]:

@@ -117,7 +117,7 @@ def with_noise(fitted: Fitted, stated: Mapping[str, float]) -> Fitted:
     return fitted_about(model, fitted.estimate, fits)
 
 
-def with_levels(fitted: Fitted, levels: Collection[str]) -> Fitted:
+def with_levels(fitted: Fitted, levels: Collection[str] = ALL_LEVELS) -> Fitted:
     """The set with some levels of noise moved to where they suit the drives best."""
     factors = fit_noise(fitted.fits, levels)
     model = replace(fitted.model, factors=factors)

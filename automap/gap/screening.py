@@ -18,6 +18,7 @@ from automap.fusion.delay_states import LATENCY_STATE
 from automap.fusion.options import FusionOptions
 from automap.gap import limits
 from automap.gap.candidates import (
+    Candidate,
     candidates_of,
     follows_time,
     library,
@@ -46,7 +47,7 @@ from automap.gap.motion import motion_of
 from automap.gap.noise import Fitted, Joint, Log, fitted_about
 from automap.gap.result import equation
 from automap.gap.selection import Chosen, Key, Selection
-from automap.gap.slow import box_columns, lasts, variants, with_shapes
+from automap.gap.slow import box_columns, lasts, switched, variants, with_shapes
 from automap.records import FloatArray
 
 ON = {"on": 1.0}
@@ -63,7 +64,7 @@ class Screening:
         self.effects: dict[str, str] = {}
         self.refinements: dict[str, tuple[Column, ...]] = {}
         self._seeds: dict[str, str] = {}
-        self.asked: Counter[str] = Counter()
+        self.asked: Counter[tuple[str, str]] = Counter()
         self._held_at: tuple[Fitted, list[Fit], dict[str, dict[str, float]]] | None = None
         self.names = self._library()
         self.options = base.model.options
@@ -133,33 +134,62 @@ class Screening:
                 continue
             self.log(f"refining {name}")
             about = self._about(here, [n for n in chosen.names if n != name])
-            best = ranked(about, [candidate.terms, *finer])[0]
+            best, choices = ranked(about, [candidate.terms, *finer])[0], 1.0
+            for _ in range(2):
+                # what swings may be what is on for a part of each period
+                if waves := switched(best):
+                    best = ranked(about, [best, *waves], math.log(len(waves)))[0]
+                    choices *= len(waves) if best in waves else 1.0
             if lasts(best, length):
-                chosen = self.in_form(here, selection, chosen, name, best, 1.0)
+                chosen = self.in_form(here, selection, chosen, name, best, choices)
             else:
                 brief += [selection.key(n, part) for n, part, _ in chosen.parts if n == name]
                 chosen = chosen.without(name)
         return chosen, brief
 
     def forms(
-        self, here: Fitted, selection: Selection, chosen: Chosen, name: str
+        self, here: Fitted, selection: Selection, chosen: Chosen, name: str, gone: str = ""
     ) -> list[tuple[Terms, float]]:
-        """The likeliest forms near a formula of the choice, and out of how many each. Asked where
-        nothing can be added any more: before, it follows what else is missing."""
-        candidate, seed = selection.candidates[name], self.seed(name)
-        if len(candidate.terms) != 1 or self.asked[seed] >= limits.TRIALS:
+        """The likeliest forms near a formula of the choice, and out of how many each, without what
+        is ``gone`` from it. Asked where nothing can be added any more: before, it follows what else
+        is missing."""
+        candidate, asked = selection.candidates[name], (self.seed(name), gone)
+        if not self._has_forms(candidate) or self.asked[asked] >= limits.TRIALS:
             return []
-        if left_out_effect(candidate.terms[0][0]) or follows_time(candidate.terms):
-            return []
-        self.log(f"looking for the form of {name}")
-        self.asked[seed] += 1
-        about = self._about(here, [n for n in chosen.names if n != name])
+        self.log(f"looking for the form of {name}{f' without {gone}' if gone else ''}")
+        self.asked[asked] += 1
+        about = self._about(here, [n for n in chosen.names if n not in (name, gone)])
         near = nearby(about, self.signals, candidate.terms)
         return [
             (terms, candidate.choices * tried)
             for terms, tried in near
             if equation(terms) not in chosen.names
         ]
+
+    @staticmethod
+    def _has_forms(candidate: Candidate) -> bool:
+        """Whether other forms of a candidate are known: it is a formula of one term, and no course
+        of time."""
+        if len(candidate.terms) != 1 or left_out_effect(candidate.terms[0][0]):
+            return False
+        return not follows_time(candidate.terms)
+
+    def entangled(self, joint: Joint, selection: Selection, chosen: Chosen, name: str) -> list[str]:
+        """What stands with a formula for one thing, maybe: of the choice that of which more than
+        half of what is known hangs on how large the formula is, and the other way round. Two that
+        each say a part of what neither is are known so badly beside one another."""
+        if not self._has_forms(selection.candidates[name]):
+            return []
+        sd = np.sqrt(np.diag(joint.cov))
+        shared = (joint.cov / np.outer(sd, sd)) ** 2
+        own, _ = self._rows(joint, selection, chosen, name)
+        best, most = 0.5, list[str]()
+        for other in (n for n in chosen.names if n != name):
+            rows, _ = self._rows(joint, selection, chosen, other)
+            share = float(shared[np.ix_(own, rows)].max(initial=0.0))
+            if share > best:
+                best, most = share, [other]
+        return most
 
     def seed(self, name: str) -> str:
         """The formula that a candidate is another form of, itself where it is none."""
@@ -202,11 +232,12 @@ class Screening:
         if finer != name:
             self._seeds[finer] = self.seed(name)
         its = selection.candidates[name]
+        part = its.parts[0][: len(terms)]
         prior = its.log_prior + math.log(its.choices / choices)
         selection.candidates[finer] = replace(
-            its, name=finer, terms=terms, log_prior=prior, choices=choices
+            its, name=finer, parts=(part,), terms=terms, log_prior=prior, choices=choices
         )
-        return Chosen(tuple((finer if n == name else n, p, s) for n, p, s in chosen.parts))
+        return Chosen(tuple((finer, part, p[2]) if p[0] == name else p for p in chosen.parts))
 
     def _prior_sds(self, selection: Selection, name: str, columns: Sequence[int]) -> FloatArray:
         """Prior sds [p] of the parameters of a candidate in these columns: those of a formula are
@@ -226,9 +257,9 @@ class Screening:
         return out
 
     def states(self, here: Fitted, selection: Selection, chosen: Chosen) -> Fitted:
-        """The chosen set as states under the noise as it is, begun about the path as it is or about
-        the first, the likelier of the two. Parameters of its effects that do not act are held at
-        nothing."""
+        """The chosen set as states under the noise as it is, begun about the path as it is, and,
+        where something is gone from the set, about the first, the likelier of the two. Parameters
+        of its effects that do not act are held at nothing."""
         estimate = self.estimate(selection, chosen)
         held: dict[str, dict[str, float]] = {}
         for name in chosen.names:
@@ -246,7 +277,9 @@ class Screening:
         options = replace(options, prior_sd=_joined(options.prior_sd, held))
         model = replace(here.model, options=options)
         # about a path that was bent by what is no more in the set a fit may stay where that was
-        fitted = [fitted_about(model, estimate, fits) for fits in (here.fits, self.base.fits)]
+        bent = not set(here.estimate) <= set(estimate)
+        begun = (here.fits, self.base.fits) if bent else (here.fits,)
+        fitted = [fitted_about(model, estimate, fits) for fits in begun]
         return max(fitted, key=lambda each: sum(fit.score for fit in each.fits))
 
     def not_borne_out(self, here: Fitted, selection: Selection, chosen: Chosen) -> list[str]:

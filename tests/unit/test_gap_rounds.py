@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Collection
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any, cast
 
@@ -172,9 +173,17 @@ def test_where_constraint_and_receiver_differ_no_sensor_is_told_apart(
     assert Asked().judge.ahead(HERE, HERE, of_vehicle)[1] == 4.0
 
 
-@pytest.mark.parametrize(("first", "bent", "taken"), [(12345.0, 11654.0, 0), (11654.0, 12345.0, 1)])
+@pytest.mark.parametrize(
+    ("first", "bent", "set_before", "taken"),
+    [
+        (12345.0, 11654.0, LATE, 0),
+        (11654.0, 12345.0, LATE, 1),
+        # nothing is gone that could have bent the path
+        (12345.0, 11654.0, "", 1),
+    ],
+)
 def test_a_fit_does_not_stay_where_the_set_before_has_bent_the_path(
-    monkeypatch: pytest.MonkeyPatch, first: float, bent: float, taken: int
+    monkeypatch: pytest.MonkeyPatch, first: float, bent: float, set_before: str, taken: int
 ) -> None:
     scores = {"first": first, "bent": bent}
 
@@ -185,7 +194,8 @@ def test_a_fit_does_not_stay_where_the_set_before_has_bent_the_path(
     asked = object.__new__(Screening)
     asked.effects, asked.options = {}, base_model().options
     asked.base = cast("Fitted", SimpleNamespace(fits=("first",)))
-    here: Any = SimpleNamespace(model=base_model(), fits=("bent",))
+    estimate = {set_before: 1.0} if set_before else {}
+    here: Any = SimpleNamespace(model=base_model(), fits=("bent",), estimate=estimate)
     (fit,) = asked.states(here, SELECTION, Chosen()).fits
     assert fit.score == (first, bent)[taken]
 
@@ -224,7 +234,10 @@ def test_of_forms_that_say_much_the_same_the_filter_tells_one(
         "Screening",
         SimpleNamespace(
             refinements={},
-            forms=lambda here, selection, chosen, name: [((("gyro_z", f),), 1.0) for f in ahead],
+            entangled=lambda joint, selection, chosen, name: [],
+            forms=lambda here, selection, chosen, name, gone: [
+                ((("gyro_z", f),), 1.0) for f in ahead
+            ],
             in_form=lambda here, selection, chosen, name, terms, choices: Chosen(
                 ((terms[0][1], (0,), 1.0),)
             ),
@@ -234,7 +247,8 @@ def test_of_forms_that_say_much_the_same_the_filter_tells_one(
     asked.judge = cast(
         "Judge", SimpleNamespace(ahead=lambda one, other, of_vehicle: (ahead[one], 1.0))
     )
-    formed = asked._formed(HERE, SELECTION, Chosen((("linear", (0,), 1.0),)))
+    here: Any = SimpleNamespace(joint=lambda: None)
+    formed = asked._formed(here, SELECTION, Chosen((("linear", (0,), 1.0),)))
     assert (formed and formed.names[0]) == told
 
 
@@ -247,9 +261,17 @@ def test_courses_from_further_behind_than_with_any_receiver_are_no_part_of_every
     def fits(opened: Any, model: Any, log: Any) -> Any:
         asked.append(model.options.effects)
         last = SimpleNamespace(totals=lambda: {"gnss_course_distance_m": metres})
-        return SimpleNamespace(fits=(SimpleNamespace(last=last),))
+        louder = replace(model, factors=dict.fromkeys(model.factors, 2.0))
+        return SimpleNamespace(fits=(SimpleNamespace(last=last),), model=louder)
+
+    def with_levels(fitted: Fitted) -> Fitted:
+        # from the noise that suits the drives with it
+        assert set(fitted.model.factors.values()) == {2.0}
+        asked.append(fitted.model.options.effects)
+        return fitted
 
     monkeypatch.setattr(finder, "open_fits", fits)
+    monkeypatch.setattr(finder, "with_levels", with_levels)
     finder.first_fit((), base_model(), print)
     assert ("gnss_course_distance" in asked[-1]) == stays
 
