@@ -277,7 +277,7 @@ def switched(terms: Sequence[tuple[str, str]]) -> list[tuple[tuple[str, str], ..
         near = np.linspace(-0.5, 0.5, 5)
         middles = list(ends[0] / ends[1] + near / 16)
         shares = [s for s in math.acos(ends[2]) / math.pi + near / 8 if 0.0 < s < 1.0]
-        periods = [ends[1] * by for by in (0.99, 1.0, 1.01)]
+        periods = list(ends[1] * (1.0 + 0.02 * near))
     return [
         ((on, gain + SWITCH.format(m % 1.0 * p, p, math.cos(math.pi * s))),)
         for p in periods

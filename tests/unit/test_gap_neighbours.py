@@ -69,5 +69,10 @@ def test_what_is_remembered_has_shapes_and_no_second_memory(signals: Signals) ->
     assert any(text.startswith("tanh(lag(force_y, 0.5) / ") for text in near)
     assert "max(lag(force_y, 0.5), 0)" in near
     assert not any("lag(lag(" in text or "lag((lag(" in text for text in near)
+    # with what it leaves, and with neither
+    near = neighbours("lag(step(6 - speed), 20.0)", signals)
+    assert "(step(6 - speed) - lag(step(6 - speed), 20.0))" in near
+    assert "step(6 - speed)" in near
+    assert "lag(force_y, 0.5)" in neighbours("(force_y - lag(force_y, 0.5))", signals)
     # a play is one shape already
     assert not any("tanh(" in text for text in neighbours("play(force_y, 0.5)", signals))

@@ -221,6 +221,48 @@ def test_of_two_that_do_the_same_one_is_borne_out_where_either_would_do(strength
     assert "formula_accel_z" in out
 
 
+@pytest.mark.parametrize(("shared", "one_thing"), [(-0.9, True), (0.6, False)])
+def test_what_is_known_badly_beside_a_formula_may_be_one_thing_with_it(
+    shared: float, one_thing: bool
+) -> None:
+    names = ("formula_velocity_along", "k"), ("gnss_velocity_scale", "relative"), (LATE, "s")
+    cov = np.outer([1.0, 2.0, 3.0], [1.0, 2.0, 3.0]) * np.array(
+        [[1.0, shared, 0.1], [shared, 1.0, 0.0], [0.1, 0.0, 1.0]]
+    )
+    terms = {e: (("velocity_along", "tanh(speed / 5.0)"),) * (p == "k") for e, p in names}
+    candidates = {e: Candidate(e, ((i,),), 0.0, terms=terms[e]) for i, (e, _) in enumerate(names)}
+    layout = [Column(effect, parameter, 1.0) for effect, parameter in names]
+    selection: Any = SimpleNamespace(linear=SimpleNamespace(layout=layout), candidates=candidates)
+    chosen = Chosen(tuple((e, (i,), 1.0) for i, (e, _) in enumerate(names)))
+    asked = object.__new__(Screening)
+    asked.effects = {e: e for e, _ in names}
+    joint = Joint(names, np.ones(3), cov, 0.0)
+    told = asked.entangled(joint, selection, chosen, "formula_velocity_along")
+    assert told == (["gnss_velocity_scale"] if one_thing else [])
+    # a name has no other form
+    assert asked.entangled(joint, selection, chosen, "gnss_velocity_scale") == []
+
+
+def test_the_noise_of_a_set_that_was_fitted_before_is_not_sought_from_everywhere_again(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    asked: list[tuple[str, float]] = []
+
+    def sought(fitted: Any, *stated: Any) -> Any:
+        asked.append(("anew" if stated else "on", fitted.model.factors["accel"]))
+        return replace(fitted, model=replace(fitted.model, factors={"accel": 2.0 + len(asked)}))
+
+    monkeypatch.setattr(search, "with_noise", sought)
+    monkeypatch.setattr(search, "with_levels", sought)
+    here = Fitted(replace(base_model(), factors={"accel": 1.0}), {}, ())
+    one = object.__new__(Search)
+    one.log, one.stated, one.each_drive, one.levels = print, {}, [], {}
+    one.screening = cast("Screening", SimpleNamespace(states=lambda here, selection, chosen: here))
+    for name in (LATE, LOW_PASSED, LATE):
+        one._fit(here, SELECTION, only(name))
+    assert asked == [("anew", 1.0), ("anew", 1.0), ("on", 3.0)]
+
+
 @pytest.mark.parametrize(
     ("ahead", "told"),
     [({"cubed": -18.0, "squared": 12.0}, "squared"), ({"cubed": 2.0, "squared": 1.0}, None)],
