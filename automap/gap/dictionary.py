@@ -191,7 +191,10 @@ def _said(
         return set()
     units = np.array([(s - s.mean()) / np.std(s) for s in shown.values()])
     out = set()
-    for channel, rows in _catalogue_signals(at, exclude).items():
+    without = frozenset(exclude)
+    if without not in at.said:
+        at.said[without] = _catalogue_signals(at, exclude)
+    for channel, rows in at.said[without].items():
         if len(rows):
             share = np.sum((units @ rows.T / len(rows.T)) ** 2, axis=1)
             alike = zip(shown, share > SAME_SIGNAL**2, strict=True)

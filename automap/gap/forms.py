@@ -20,8 +20,7 @@ from automap.effects.formula_text import parse_formula
 from automap.effects.signals import Signals
 from automap.gap import limits
 from automap.gap.evidence import apart, evidence, nats_of_parts
-from automap.gap.fit import Fit
-from automap.gap.linear import ColumnsOf, Given, conditional, linearised
+from automap.gap.linear import ColumnsOf, Given, NodeMotion, conditional, linearised
 from automap.gap.result import equation
 
 Terms = tuple[tuple[str, str], ...]
@@ -36,10 +35,11 @@ FORMS = 3
 
 @dataclass(frozen=True)
 class About:
-    """What formulas are asked about: ``fits`` with what is ``known`` held at its values, the
-    effects ``rest`` that stand beside them, and the columns ``of`` formulas with these."""
+    """What formulas are asked about: fits with what is ``known`` held at its values ``along`` whose
+    motion to ask, the effects ``rest`` that stand beside them, and the columns ``of`` formulas with
+    these."""
 
-    fits: Sequence[Fit]
+    along: Sequence[NodeMotion]
     known: Mapping[str, Mapping[str, float]]
     rest: Collection[str]
     of: Callable[[Sequence[Terms]], ColumnsOf]
@@ -80,7 +80,7 @@ def ranked(about: About, tried: Sequence[Terms], price: float = 0.0) -> list[Ter
     """Formulas, the likeliest first. Where there is a ``price`` that is the first that is
     ``tried``, but where another is likelier by so many nats, both beside the same scatter, and told
     apart."""
-    linear = linearised(about.fits, about.of(tried), about.known)
+    linear = linearised(about.along, about.of(tried), about.known)
     asked = {equation(terms) for terms in tried}
     parts: dict[str, list[int]] = {}
     given = Given()

@@ -29,7 +29,7 @@ from automap.records import FloatArray
 
 Log = Callable[[str], None]
 INERTIAL_LEVELS = ("accel", "gyro")
-TAU_STEPS = (2.0, 2.0**0.5)
+TAU_STEP = 2.0**0.5
 
 _LIMITS = {
     "wander_tau": (0.02, 16.0),
@@ -300,19 +300,18 @@ def _time_constant(
     best: float,
     factors: dict[str, float],
 ) -> tuple[float, dict[str, float]]:
-    """Move a time constant up or down by ever finer steps while that helps."""
+    """Move a time constant up or down while that helps."""
     low, high = _limits(level)
-    for step in TAU_STEPS:
-        for way in (step, 1.0 / step):
-            moved = False
-            while low <= factors[level] * way <= high:
-                trial = factors | {level: factors[level] * way}
-                value = noise_score(fits, trial, rooms)
-                if not value > best + GAIN:
-                    break
-                best, factors, moved = value, trial, True
-            if moved:
+    start = factors[level]
+    for way in (TAU_STEP, 1.0 / TAU_STEP):
+        while low <= factors[level] * way <= high:
+            trial = factors | {level: factors[level] * way}
+            value = noise_score(fits, trial, rooms)
+            if not value > best + GAIN:
                 break
+            best, factors = value, trial
+        if factors[level] != start:
+            break
     return best, factors
 
 

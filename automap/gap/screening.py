@@ -41,6 +41,7 @@ from automap.gap.linear import (
     NodeMotion,
     linearised,
     motion_signals,
+    motions_of,
     node_motion,
 )
 from automap.gap.motion import motion_of
@@ -65,7 +66,7 @@ class Screening:
         self.refinements: dict[str, tuple[Column, ...]] = {}
         self._seeds: dict[str, str] = {}
         self.asked: Counter[tuple[str, str]] = Counter()
-        self._held_at: tuple[Fitted, list[Fit], dict[str, dict[str, float]]] | None = None
+        self._held_at: tuple[Fitted, list[NodeMotion], dict[str, dict[str, float]]] | None = None
         self.names = self._library()
         self.options = base.model.options
         fit = base.fits[0]
@@ -85,7 +86,7 @@ class Screening:
             boxes = box_columns(at) if slow else []
             return named_columns(more, at) + self.columns(at) + boxes
 
-        linear = linearised(fits, columns, known, may_act)
+        linear = linearised(motions_of(fits), columns, known, may_act)
         linear = with_shapes(linear) if slow else linear
         candidates = candidates_of(linear.layout, [*self.names, *more])
         return Selection(linear, {c.name: c for c in candidates})
@@ -198,8 +199,9 @@ class Screening:
     def _about(self, here: Fitted, rest: Collection[str]) -> About:
         """What formulas are asked about: a fit, and the effects ``rest`` beside them."""
         if self._held_at is None or self._held_at[0] is not here:
-            self._held_at = here, *self._held(here)
-        _, fits, known = self._held_at
+            fits, known = self._held(here)
+            self._held_at = here, motions_of(fits), known
+        _, along, known = self._held_at
 
         def of(tried: Sequence[Terms]) -> ColumnsOf:
             single = [terms[0] for terms in tried if len(terms) == 1]
@@ -212,7 +214,7 @@ class Screening:
 
             return columns
 
-        return About(fits, known, rest, of)
+        return About(along, known, rest, of)
 
     def in_form(
         self,
