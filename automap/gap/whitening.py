@@ -15,7 +15,7 @@ houses. Rows of such a stretch count for as little as its own scatter says.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -231,10 +231,9 @@ def _factor(
     """Cholesky factor [c, c] of the information of rows in units [c] that make its diagonal one."""
     info: FloatArray = np.diag(sds**-2.0)
     for r, root in zip(raw, roots, strict=True):
-        for start in range(0, len(root), STRETCH):
-            part = slice(start, start + STRETCH)
-            f = r.phi[part].astype(precision) * root[part, None].astype(precision)
-            info += f.T @ f
+        for part, used, f in _stretches(r.phi, precision):
+            f *= root[part, None].astype(precision)
+            info[np.ix_(used, used)] += f.T @ f
     # parameters have sizes of many orders
     unit = 1.0 / np.sqrt(np.diag(info))
     return np.asarray(np.linalg.cholesky(info * np.outer(unit, unit)), np.float64), unit
@@ -247,10 +246,10 @@ def _studentised(left: FloatArray, rows: Rows, root: FloatArray, inverse: FloatA
     2.2)."""
     out = np.empty_like(left)
     across = inverse.T.astype(np.float32)
-    for start in range(0, len(left), STRETCH):
-        part = slice(start, start + STRETCH)
-        f = (rows.phi[part] * root[part, None].astype(np.float32)) @ across
-        leverage = np.einsum("sc,sc->s", f, f)
+    for part, used, f in _stretches(rows.phi, np.float32):
+        f *= root[part, None].astype(np.float32)
+        fitted = f @ across[used]
+        leverage = np.einsum("sc,sc->s", fitted, fitted)
         out[part] = left[part] / np.sqrt(np.maximum(1.0 - leverage, LEAST_OWN))
     return out
 
@@ -280,12 +279,22 @@ def moments(rows: Rows) -> tuple[FloatArray, FloatArray]:
     c = rows.phi.shape[1]
     score: FloatArray = np.zeros(c)
     info: FloatArray = np.zeros((c, c))
-    for start in range(0, len(rows.w), STRETCH):
-        part = slice(start, start + STRETCH)
-        f = rows.phi[part].astype(np.float64)
-        score += f.T @ rows.w[part]
-        info += f.T @ f
+    for part, used, f in _stretches(rows.phi, np.float64):
+        score[used] += f.T @ rows.w[part]
+        info[np.ix_(used, used)] += f.T @ f
     return score, info
+
+
+def _stretches(
+    phi: FloatArray, precision: type[np.float32] | type[np.float64]
+) -> Iterator[tuple[slice, IntArray, FloatArray]]:
+    """A stretch of rows [s, c] at a time: which, the columns [u] that have something there, and
+    these rows of them [r, u] in a precision. A box of time shows nothing before it, and nothing
+    long after."""
+    for start in range(0, len(phi), STRETCH):
+        part = slice(start, start + STRETCH)
+        used = np.flatnonzero(phi[part].any(axis=0))
+        yield part, used, phi[part, used].astype(precision)
 
 
 def times(phi: FloatArray, values: FloatArray) -> FloatArray:
