@@ -16,7 +16,7 @@ import numpy as np
 
 from automap.fusion.adapt import scale_nodes, scale_problem
 from automap.fusion.kernel_runs import SmoothRun, run_forward
-from automap.fusion.level_climb import GAIN, climb
+from automap.fusion.level_climb import GAIN, Maximum, climb
 from automap.fusion.level_likelihood import LevelLikelihood, Room, level_likelihood, room_for
 from automap.fusion.levels import ALL_LEVELS, TIME_LEVELS
 from automap.fusion.nodes import Nodes
@@ -71,11 +71,13 @@ class Joint:
 @dataclass(frozen=True)
 class Fitted:
     """A set of effects fitted: ``estimate`` effect -> factor on its prior sds, ``fits`` of all
-    drives with these as states, under ``model`` with the noise that suits them."""
+    drives with these as states, under ``model`` with the noise that suits them; ``curvature`` of
+    the likelihood along all levels, its inverse, as far as it was climbed."""
 
     model: GapModel
     estimate: Mapping[str, float]
     fits: tuple[Fit, ...]
+    curvature: FloatArray | None = None
 
     def joint(self) -> Joint:
         """The drives' estimates as one."""
@@ -111,17 +113,18 @@ def with_noise(fitted: Fitted, stated: Mapping[str, float]) -> Fitted:
     starts = [dict(fitted.model.factors), dict(stated)]
     if not fitted.estimate:
         starts = [fit_noise(fits, levels, initial=stated) for levels in (INERTIAL_LEVELS, others)]
-    tops = [_likeliest(fits, ALL_LEVELS, start) for start in starts]
-    _, factors = max(tops, key=lambda top: top[0])
-    model = replace(fitted.model, factors=factors)
-    return fitted_about(model, fitted.estimate, fits)
+    tops = [_likeliest(fits, ALL_LEVELS, start, fitted.curvature) for start in starts]
+    best = max(tops, key=lambda top: top.score)
+    model = replace(fitted.model, factors=best.factors)
+    return replace(fitted_about(model, fitted.estimate, fits), curvature=best.inverse)
 
 
 def with_levels(fitted: Fitted, levels: Collection[str] = ALL_LEVELS) -> Fitted:
     """The set with some levels of noise moved to where they suit the drives best."""
-    factors = fit_noise(fitted.fits, levels)
-    model = replace(fitted.model, factors=factors)
-    return fitted_about(model, fitted.estimate, fitted.fits)
+    whole = fitted.curvature if set(levels) == set(ALL_LEVELS) else None
+    top = _likeliest(fitted.fits, levels, fitted.model.factors, whole)
+    model = replace(fitted.model, factors=top.factors)
+    return replace(fitted_about(model, fitted.estimate, fitted.fits), curvature=fitted.curvature)
 
 
 def fitted_about(model: GapModel, estimate: Mapping[str, float], about: Sequence[Fit]) -> Fitted:
@@ -168,13 +171,16 @@ def fit_noise(
     factors; it is linearised about the fits' smoothed states. No sensor is taken for quieter on
     the road than it is at rest.
     """
-    return _likeliest(fits, levels, initial or fits[0].model.factors)[1]
+    return _likeliest(fits, levels, initial or fits[0].model.factors).factors
 
 
 def _likeliest(
-    fits: Sequence[Fit], levels: Collection[str], initial: Mapping[str, float]
-) -> tuple[float, dict[str, float]]:
-    """Log-likelihood at the top of the climb, nats, and the factors there."""
+    fits: Sequence[Fit],
+    levels: Collection[str],
+    initial: Mapping[str, float],
+    inverse: FloatArray | None = None,
+) -> Maximum:
+    """The top of the climb; ``inverse`` curvature of one on nearly the same hill."""
     least = rest_factors(fits)
 
     def limits_of(level: str) -> tuple[float, float]:
@@ -185,7 +191,6 @@ def _likeliest(
         k: float(np.clip(v, *limits_of(k))) if k in levels else v for k, v in initial.items()
     }
     smooth = [level for level in _BY_SLOPE if level in levels]
-    inverse: FloatArray | None = None
     rooms = rooms_of(fits)
     for _ in range(2):
         top = climb(
@@ -197,7 +202,7 @@ def _likeliest(
             best, factors = _time_constant(level, fits, rooms, best, factors)
         if best - top.score < GAIN:
             break
-    return best, factors
+    return Maximum(best, factors, top.inverse)
 
 
 def rest_factors(fits: Sequence[Fit]) -> dict[str, float]:

@@ -309,11 +309,10 @@ class Search:
         that noise, as far as another path does not move it."""
         self.log(f"fitting {', '.join(chosen.names) or 'the base model'} with its noise")
         asked = selection.keys(chosen), len(self.each_drive)
-        if asked in self.levels:
-            begun = replace(here, model=replace(here.model, factors=self.levels[asked]))
-            fitted = with_levels(self.screening.states(begun, selection, chosen))
-        else:
-            fitted = with_noise(self.screening.states(here, selection, chosen), self.stated)
+        known = self.levels.get(asked, here.model.factors)
+        begun = replace(here, model=replace(here.model, factors=known))
+        states = replace(self.screening.states(begun, selection, chosen), curvature=here.curvature)
+        fitted = with_levels(states) if asked in self.levels else with_noise(states, self.stated)
         self.levels[asked] = fitted.model.factors
         return fitted
 
