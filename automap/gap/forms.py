@@ -29,8 +29,9 @@ STEPS = 3
 MOVES = 4
 """So often amounts are moved, one at a time, before other forms are tried: two that go together, as
 how long something is remembered and where it bends, settle by turns. Bounds the time."""
-FORMS = 3
-"""So many of the likeliest at a step are asked of the filter; bounds the time."""
+FORMS, COMPARED = 3, 6
+"""So many of the likeliest at a step are asked of the filter, and so many have their amounts moved
+before; bounds the time."""
 
 
 @dataclass(frozen=True)
@@ -53,19 +54,24 @@ def nearby(about: About, signals: Signals, terms: Terms) -> list[tuple[Terms, in
     found: dict[str, int] = {}
     count, others = 1, list[str]()
 
-    def single(texts: Sequence[str], price: float) -> list[str]:
+    def single(texts: Sequence[str], price: float = 0.0) -> list[str]:
         return [t for ((_, t),) in ranked(about, [((on, t),) for t in texts], price)]
 
     for _ in range(STEPS):
         for _ in range(MOVES):
-            moved = single([text, *amounts(text)], 0.0)[0]
-            if moved == text:
+            nearest = single([text, *amounts(text)])[0]
+            if nearest == text:
                 break
-            text = moved
+            text = nearest
         # of two that say nearly the same the other may be on the way
         near = [form for t in (text, *others) for form in neighbours(t, signals)]
         forms = [t for t in dict.fromkeys((*others, *near)) if t != text]
-        every = single([text, *forms], math.log(len(forms)))
+        # none is compared before its amounts are those that suit it best
+        likeliest = _of_each_family(single(forms))
+        likeliest.pop(_family(text), None)
+        moved = [t for form in list(likeliest.values())[:COMPARED] for t in (form, *amounts(form))]
+        order = single([text, *moved], math.log(len(forms)))
+        every = list(_of_each_family(order).values())
         found[text] = count
         count += len(forms)
         for other in every[:FORMS]:
@@ -74,6 +80,19 @@ def nearby(about: About, signals: Signals, terms: Terms) -> list[tuple[Terms, in
             break
         text, *others = every[:FORMS]
     return [(((on, t),), choices) for t, choices in found.items() if t != terms[0][1]]
+
+
+def _family(text: str) -> str:
+    """A formula without its amounts."""
+    return AMOUNT.sub("", text)
+
+
+def _of_each_family(texts: Sequence[str]) -> dict[str, str]:
+    """The first of each family of formulas, by family."""
+    out: dict[str, str] = {}
+    for text in texts:
+        out.setdefault(_family(text), text)
+    return out
 
 
 def ranked(about: About, tried: Sequence[Terms], price: float = 0.0) -> list[Terms]:
@@ -103,6 +122,7 @@ def ranked(about: About, tried: Sequence[Terms], price: float = 0.0) -> list[Ter
     return out
 
 
+AMOUNT = re.compile(r"\d+(\.\d+)?e-?\d+|\d+\.\d+")
 WIDER = 4.0
 """Factor by which that may be off what was tried: of a play of that width half is left."""
 FINER = 21
