@@ -90,7 +90,6 @@ ON_FIXES = (
     ),
     # heights that are late, or are smoothed as they rise
     ("height", "climb"),
-    ("velocity_down", "climb"),
     ("velocity_along", "speed^2"),
     # too high or low by as much, but from some speed on
     ("velocity_along", "tanh(speed / 5.0)"),

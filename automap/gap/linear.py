@@ -30,9 +30,6 @@ from automap.records import BoolArray, FloatArray, IntArray
 
 BATCH = 96
 """Columns carried through the filter together: their rows stay in the processor's cache."""
-FADED = 1e-6
-"""Share of its largest below which a sensitivity is none: rows are in single precision, which has
-hardly more, and what a box of time has left long after need not be multiplied."""
 Part = tuple[int, ...]
 """Columns that act together."""
 Side = tuple[BoolArray, Frame]
@@ -242,9 +239,7 @@ def _raw(at: NodeMotion, columns_of: ColumnsOf) -> tuple[Rows, list[Column]]:
     phi: FloatArray = np.zeros((len(whitened), len(columns)), np.float32)
     for start in range(0, len(columns), BATCH):
         part = slice(start, start + BATCH)
-        acts = sensitivities(at.fit, at.motion, columns[part])
-        acts[np.abs(acts) < FADED * np.abs(acts).max(axis=0, initial=0.0)] = 0.0
-        phi[:, part] = acts
+        phi[:, part] = sensitivities(at.fit, at.motion, columns[part])
     return Rows(whitened, phi, t, channel), [c.in_layout() for c in columns]
 
 

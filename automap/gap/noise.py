@@ -30,6 +30,8 @@ from automap.records import FloatArray
 Log = Callable[[str], None]
 INERTIAL_LEVELS = ("accel", "gyro")
 TAU_STEP = 2.0**0.5
+SHARES = 0.25, 0.5, 0.75
+"""Of the way from one set of levels to another where a valley is looked for."""
 
 _LIMITS = {
     "wander_tau": (0.02, 16.0),
@@ -106,17 +108,34 @@ def with_noise(fitted: Fitted, stated: Mapping[str, float]) -> Fitted:
     """The set with the noise levels that make the drives likeliest.
 
     The likelihood has a top where the sensors are noisy and one where the receiver is; so it is
-    climbed from the levels that the set has, from those stated, and with either moved first.
+    climbed from the levels that the set has, or those of the sensors moved first, and where a
+    valley lies before those stated, or those of the receiver moved first, from there too.
     """
     fits = fitted.fits
     others = tuple(k for k in ALL_LEVELS if k not in INERTIAL_LEVELS)
-    starts = [dict(fitted.model.factors), dict(stated)]
+    first, second = dict(fitted.model.factors), dict(stated)
     if not fitted.estimate:
         starts = [fit_noise(fits, levels, initial=stated) for levels in (INERTIAL_LEVELS, others)]
-    tops = [_likeliest(fits, ALL_LEVELS, start, fitted.curvature) for start in starts]
-    best = max(tops, key=lambda top: top.score)
+        first, second = starts
+    best = _likeliest(fits, ALL_LEVELS, first, fitted.curvature)
+    if _valley_before(fits, second, best):
+        other = _likeliest(fits, ALL_LEVELS, second, fitted.curvature)
+        best = max(best, other, key=lambda top: top.score)
     model = replace(fitted.model, factors=best.factors)
     return replace(fitted_about(model, fitted.estimate, fits), curvature=best.inverse)
+
+
+def _valley_before(fits: Sequence[Fit], levels: Mapping[str, float], top: Maximum) -> bool:
+    """Whether the likelihood is anywhere on the way from some levels to a top below what it would
+    be were it to rise evenly: on one hill, in the levels' logarithms, it rises the less the
+    further."""
+    rooms = rooms_of(fits)
+    begin = noise_score(fits, levels, rooms)
+    for share in SHARES:
+        between = {k: v ** (1.0 - share) * top.factors[k] ** share for k, v in levels.items()}
+        if noise_score(fits, between, rooms) < begin + share * (top.score - begin):
+            return True
+    return False
 
 
 def with_levels(fitted: Fitted, levels: Collection[str] = ALL_LEVELS) -> Fitted:

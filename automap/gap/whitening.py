@@ -21,6 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from automap.fusion.layout import CH_NHC, CH_ODOMETER, CH_POS, CH_VEL, MAX_SCALARS
+from automap.gap.kernels import whiten_columns
 from automap.gap.limits import AR_ORDER, BLOCKS_S, HUBER, LEAST_OWN, MAX_COEFFICIENT_SUM, MIN_ROWS
 from automap.gates import sd_by_median
 from automap.records import FloatArray, IntArray
@@ -121,7 +122,9 @@ def white_rows(
     for c, spread in whitener.spread.items():
         at = np.flatnonzero(channel == c)
         rest[at] = filtered(left[at, None], whitener.ar[c])[:, 0] / spread
-    noisier = np.ones(len(channel))
+    noisier, factor = np.ones((2, len(channel)))
+    before = np.full((len(channel), AR_ORDER), -1)
+    ar = np.zeros((MAX_SCALARS, AR_ORDER))
     for channels in RECEIVER:
         at = np.flatnonzero(np.isin(channel, [c for c in channels if c in whitener.spread]))
         noisier[at] = stretch_scatter(rest[at], t[at])
@@ -132,9 +135,11 @@ def white_rows(
         size = float(np.mean((weight * u) ** 2))
         # a score of variance size * phi' phi, an information of mean(weight) * phi' phi
         even = float(weight.mean()) / max(size, CLIPPED_SIZE)
-        factor = np.sqrt(weight * even) / sizes
-        w[at] = factor * filtered(whitened[at, None], whitener.ar[c])[:, 0]
-        f[np.searchsorted(rows, at)] = factor[:, None] * filtered(phi[at], whitener.ar[c])
+        factor[at], ar[c] = np.sqrt(weight * even) / sizes, whitener.ar[c]
+        w[at] = factor[at] * filtered(whitened[at, None], whitener.ar[c])[:, 0]
+        for k in range(1, AR_ORDER + 1):
+            before[at[k:], k - 1] = at[:-k]
+    whiten_columns(phi, rows, before, ar[channel], factor, f)
     return Rows(w[rows], f, t[rows], channel[rows])
 
 
@@ -289,8 +294,7 @@ def _stretches(
     phi: FloatArray, precision: type[np.float32] | type[np.float64]
 ) -> Iterator[tuple[slice, IntArray, FloatArray]]:
     """A stretch of rows [s, c] at a time: which, the columns [u] that have something there, and
-    these rows of them [r, u] in a precision. A box of time shows nothing before it, and nothing
-    long after."""
+    these rows of them [r, u] in a precision. A box of time shows nothing before it."""
     for start in range(0, len(phi), STRETCH):
         part = slice(start, start + STRETCH)
         used = np.flatnonzero(phi[part].any(axis=0))
