@@ -135,14 +135,9 @@ class Screening:
                 continue
             self.log(f"refining {name}")
             about = self._about(here, [n for n in chosen.names if n != name])
-            best, choices = ranked(about, [candidate.terms, *finer])[0], 1.0
-            for _ in range(2):
-                # what swings may be what is on for a part of each period
-                if waves := switched(best):
-                    best = ranked(about, [best, *waves], math.log(len(waves)))[0]
-                    choices *= len(waves) if best in waves else 1.0
+            best = ranked(about, [candidate.terms, *finer])[0]
             if lasts(best, length):
-                chosen = self.in_form(here, selection, chosen, name, best, choices)
+                chosen = self.in_form(here, selection, chosen, name, best, 1.0)
             else:
                 brief += [selection.key(n, part) for n, part, _ in chosen.parts if n == name]
                 chosen = chosen.without(name)
@@ -160,7 +155,10 @@ class Screening:
         self.log(f"looking for the form of {name}{f' without {gone}' if gone else ''}")
         self.asked[asked] += 1
         about = self._about(here, [n for n in chosen.names if n not in (name, gone)])
-        near = nearby(about, self.signals, candidate.terms)
+        if follows_time(candidate.terms):
+            near = _switches(about, candidate.terms)
+        else:
+            near = nearby(about, self.signals, candidate.terms)
         return [
             (terms, candidate.choices * tried)
             for terms, tried in near
@@ -170,17 +168,23 @@ class Screening:
     @staticmethod
     def _has_forms(candidate: Candidate) -> bool:
         """Whether other forms of a candidate are known: it is a formula of one term, and no course
-        of time."""
-        if len(candidate.terms) != 1 or left_out_effect(candidate.terms[0][0]):
+        of time but one that swings."""
+        terms = candidate.terms
+        if not terms or left_out_effect(terms[0][0]):
             return False
-        return not follows_time(candidate.terms)
+        return len(terms) == 1 + follows_time(terms)
 
     def entangled(self, joint: Joint, selection: Selection, chosen: Chosen, name: str) -> list[str]:
         """What stands with a formula for one thing, maybe: of the choice that of which more than
         half of what is known hangs on how large the formula is, and the other way round. Two that
-        each say a part of what neither is are known so badly beside one another."""
+        each say a part of what neither is are known so badly beside one another. With what swings
+        what else swings on its channel does."""
+        terms = selection.candidates[name].terms
         if not self._has_forms(selection.candidates[name]):
             return []
+        if follows_time(terms):
+            alike = {n: selection.candidates[n].terms for n in chosen.names if n != name}
+            return [n for n, its in alike.items() if len(its) == 2 and its[0][0] == terms[0][0]][:1]
         sd = np.sqrt(np.diag(joint.cov))
         shared = (joint.cov / np.outer(sd, sd)) ** 2
         own, _ = self._rows(joint, selection, chosen, name)
@@ -356,6 +360,17 @@ class Screening:
         for known in self.refinements.values():
             out += term_columns(at, [c.term for c in known], known[0].choices)
         return [c for c in out if wanted is None or c.effect in wanted]
+
+
+def _switches(about: About, terms: Terms) -> list[tuple[Terms, int]]:
+    """What is on for a part of each period, the likeliest in the place of what swings, and out of
+    how many."""
+    count = 1
+    for _ in range(2):
+        waves = switched(terms)
+        terms = ranked(about, waves)[0]
+        count *= len(waves)
+    return [(terms, count)]
 
 
 def _joined(
