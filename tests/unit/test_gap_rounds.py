@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any, cast
@@ -12,7 +12,8 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from automap.gap import base_model, confirm, finder, screening, search
+from automap.fusion.level_climb import Maximum
+from automap.gap import base_model, confirm, finder, noise, screening, search
 from automap.gap.candidates import Candidate
 from automap.gap.confirm import Judge
 from automap.gap.linear import Column
@@ -239,6 +240,16 @@ def test_what_is_known_badly_beside_a_formula_may_be_one_thing_with_it(
     joint = Joint(names, np.ones(3), cov, 0.0)
     told = asked.entangled(joint, selection, chosen, "formula_velocity_along")
     assert told == (["gnss_velocity_scale"] if one_thing else [])
+    # what switches has many periods
+    waves = {
+        f"gyro_z += {p}": tuple(("gyro_z", f"{f}(2 * pi * time / {p})") for f in ("sin", "cos"))
+        for p in ("82.0", "41.0")
+    }
+    both = {n: Candidate(n, ((0, 1),), 0.0, terms=its) for n, its in waves.items()}
+    swings: Any = SimpleNamespace(linear=selection.linear, candidates={**candidates, **both})
+    first, second = waves
+    every = Chosen((*chosen.parts, *((n, (0, 1), 1.0) for n in waves)))
+    assert asked.entangled(joint, swings, every, first) == [second]
     # a name has no other form
     assert asked.entangled(joint, selection, chosen, "gnss_velocity_scale") == []
 
@@ -261,6 +272,30 @@ def test_the_noise_of_a_set_that_was_fitted_before_is_not_sought_from_everywhere
     for name in (LATE, LOW_PASSED, LATE):
         one._fit(here, SELECTION, only(name))
     assert asked == [("anew", 1.0), ("anew", 1.0), ("on", 3.0)]
+
+
+@pytest.mark.parametrize("valley", [False, True])
+def test_noise_is_sought_from_a_second_side_where_a_valley_lies_between(
+    monkeypatch: pytest.MonkeyPatch, valley: bool
+) -> None:
+    def score(fits: Any, factors: Mapping[str, float], rooms: Any = ()) -> float:
+        x = math.log(factors["accel"])
+        other = 60.0 * math.exp(-((x - 3.0) ** 2)) if valley else 0.0
+        return other - 10.0 * x**2 * math.exp(-0.3 * abs(x))
+
+    def top(fits: Any, levels: Any, start: Mapping[str, float], *inverse: Any) -> Maximum:
+        asked.append(start["accel"])
+        return Maximum(score(fits, start), {"accel": start["accel"]}, np.eye(1))
+
+    asked: list[float] = []
+    monkeypatch.setattr(noise, "noise_score", score)
+    monkeypatch.setattr(noise, "rooms_of", lambda fits: ())
+    monkeypatch.setattr(noise, "_likeliest", top)
+    monkeypatch.setattr(noise, "fitted_about", lambda model, *about: Fitted(model, {}, ()))
+    here = Fitted(replace(base_model(), factors={"accel": 1.0}), {LATE: 1.0}, ())
+    found = noise.with_noise(here, {"accel": math.exp(3.0)})
+    assert len(asked) == 1 + valley
+    assert found.model.factors["accel"] == pytest.approx(math.exp(3.0) if valley else 1.0)
 
 
 @pytest.mark.parametrize(
