@@ -76,7 +76,8 @@ def nearby(about: About, signals: Signals, terms: Terms) -> list[tuple[Terms, in
         count += len(forms)
         for other in every[:FORMS]:
             found.setdefault(other, count)
-        if every[0] == text:
+        # where none is likelier what is may lie behind one that is nearly so
+        if every[0] == text and others:
             break
         text, *others = every[:FORMS]
     return [(((on, t),), choices) for t, choices in found.items() if t != terms[0][1]]
