@@ -69,16 +69,20 @@ QUANTITIES = (
     "jerk_x",
     "jerk_y",
     "jerk_z",
+    # what is odd in a quantity says nothing of what is even in it
+    "abs(jerk_x)",
+    "abs(jerk_y)",
     "time",
     # what sun or standing air warms at rest, and wind cools
     "lag(step(1 - speed), 20.0)",
     "lag(speed, 20.0)",
 )
+MOTION = "speed", "acceleration", "abs(acceleration)", "lateral_acceleration", "abs(rate_z)"
 ON_FIXES = (
     *(
         (on, text)
         for on in OF_FIXES
-        for text in ("speed", "acceleration", "lateral_acceleration", "abs(rate_z)")
+        for text in MOTION
         # a latency, a lever arm and a factor on velocities say these already
         if (on, text)
         not in {

@@ -46,17 +46,22 @@ class About:
     of: Callable[[Sequence[Terms]], ColumnsOf]
 
 
-def nearby(about: About, signals: Signals, terms: Terms) -> list[tuple[Terms, int]]:
-    """Formulas near one of a single term, and out of how many each is the likeliest: those that are
-    reached step by step, and at each step the likeliest. Another form pays for all that are tried,
-    an amount that moves does not: those near it say much the same."""
+def nearby(
+    about: About, signals: Signals, terms: Terms, rivals: Sequence[str] = ()
+) -> list[tuple[Terms, int]]:
+    """Formulas near one of a single term, or near the likeliest of its ``rivals`` on its channel,
+    and out of how many each is the likeliest: those that are reached step by step, and at each step
+    the likeliest. Another form pays for all that are tried, an amount that moves does not: those
+    near it say much the same."""
     ((on, text),) = terms
     found: dict[str, int] = {}
-    count, others = 1, list[str]()
+    count = 1
 
     def single(texts: Sequence[str], price: float = 0.0) -> list[str]:
         return [t for ((_, t),) in ranked(about, [((on, t),) for t in texts], price)]
 
+    # what was found first may only follow what another says in a form that is not yet its own
+    others = single(rivals, 0.0)[: FORMS - 1] if rivals else []
     for _ in range(STEPS):
         for _ in range(MOVES):
             nearest = single([text, *amounts(text)])[0]
@@ -77,7 +82,7 @@ def nearby(about: About, signals: Signals, terms: Terms) -> list[tuple[Terms, in
         for other in every[:FORMS]:
             found.setdefault(other, count)
         # where none is likelier what is may lie behind one that is nearly so
-        if every[0] == text and others:
+        if every[0] == text and count > 1 + len(forms):
             break
         text, *others = every[:FORMS]
     return [(((on, t),), choices) for t, choices in found.items() if t != terms[0][1]]
@@ -214,7 +219,9 @@ def _forms(factor: ast.expr, signals: Signals) -> list[str]:
         out += [f"({inner} - min(max({inner}, -{a}), {a}))" for a in sizes[:2]]
     elif value.min() >= 0.0:
         out += [f"sqrt({inner})", *(f"(1 / max({inner}, {a}))" for a in sizes)]
-        out += [f"max({inner} - {a}, 0)" for a in sizes]
+        out += [
+            form for a in sizes for form in (f"max({inner} - {a}, 0)", f"max({a} - {inner}, 0)")
+        ]
     if "lag(" not in text:
         memories = [(text, f"{t}") for t in MEMORIES_S]
     else:

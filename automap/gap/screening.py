@@ -158,7 +158,9 @@ class Screening:
         if follows_time(candidate.terms):
             near = _switches(about, candidate.terms)
         else:
-            near = nearby(about, self.signals, candidate.terms)
+            ((channel, own),) = candidate.terms
+            rivals = [text for on, text in self.dictionary if on == channel and text != own]
+            near = nearby(about, self.signals, candidate.terms, rivals)
         return [
             (terms, candidate.choices * tried)
             for terms, tried in near
