@@ -61,6 +61,9 @@ QUANTITIES = (
     "max(force_y, 0)",
     "rate^2",
     "rate_y^2",
+    # a rotor of unequal inertias
+    "rate_x * rate_z",
+    "rate_y * rate_z",
     "tanh(acceleration / 0.1)",
     # one axis late by itself, and where inside the housing an axis is
     "angular_acceleration_x",

@@ -236,7 +236,8 @@ class Search:
                     self.screening.refinements = dict(known[0])
                     selection.candidates = dict(known[1])
                     its = self.screening.in_form(here, selection, fewer, name, *form)
-                    fitted = self.screening.states(here, selection, its)
+                    # another form of one bends a path as that did
+                    fitted = self.screening.states(here, selection, its, anew=bool(gone))
                     of_vehicle = selection.of_vehicle(chosen, {name, gone})
                     ahead, _ = self.judge.ahead(fitted, here, of_vehicle)
                     ahead += selection.log_prior(its) - selection.log_prior(chosen)

@@ -318,7 +318,7 @@ def test_of_forms_that_say_much_the_same_the_filter_tells_one(
             in_form=lambda here, selection, chosen, name, terms, choices: Chosen(
                 ((terms[0][1], (0,), 1.0),)
             ),
-            states=lambda here, selection, chosen: chosen.names[0],
+            states=lambda here, selection, chosen, anew: chosen.names[0],
         ),
     )
     asked.judge = cast(
