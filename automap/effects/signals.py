@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from automap.earth import STANDARD_GRAVITY
 from automap.effects.limits import (
     AROUND_S,
     BLEND_S,
@@ -65,6 +66,13 @@ class Signals:
         return np.sqrt(self.force_x**2 + self.force_y**2 + self.force_z**2)
 
     @property
+    def climb(self) -> FloatArray:
+        """How fast it climbs, m/s: what the force forward is beyond the acceleration is the road's
+        slope, and the body's."""
+        slope = (self.force_x - self.acceleration) / STANDARD_GRAVITY
+        return np.asarray(self.speed * slope)
+
+    @property
     def travel_n(self) -> FloatArray:
         """North part of the direction of travel, nothing at rest."""
         return np.asarray(_travel(self.speed, self.heading)[0])
@@ -80,7 +88,7 @@ class Signals:
 
 
 FIELDS = tuple(f.name for f in fields(Signals))
-VOCABULARY = (*FIELDS, "rate", "force")
+VOCABULARY = (*FIELDS, "rate", "force", "climb")
 
 
 def signals_of(

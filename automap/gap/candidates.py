@@ -44,7 +44,8 @@ from automap.records import FloatArray
 
 FIX_AGE, VELOCITY_AGE = "gnss_latency", "gnss_velocity_latency"
 COURSE = re.compile(
-    r"\(?(step\(time - |max\(time - |exp\(-time / |sin\(2 \* pi \* time / |cos\(2 \* pi \* time / )"
+    r"\(?(step\((cos\(2 \* pi \* \()?time - |max\(time - |exp\(-time / |"
+    r"(sin|cos)\(2 \* pi \* time / )"
 )
 GAIN = re.compile(r"(rate|force)_[xyz] \* ")
 UNIT_OF = {

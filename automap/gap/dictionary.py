@@ -61,8 +61,10 @@ QUANTITIES = (
     "max(force_y, 0)",
     "rate^2",
     "rate_y^2",
+    # a rotor of unequal inertias
+    "rate_x * rate_z",
+    "rate_y * rate_z",
     "tanh(acceleration / 0.1)",
-    "tanh(rate_z / 0.01)",
     # one axis late by itself, and where inside the housing an axis is
     "angular_acceleration_x",
     "angular_acceleration_y",
@@ -70,16 +72,20 @@ QUANTITIES = (
     "jerk_x",
     "jerk_y",
     "jerk_z",
+    # what is odd in a quantity says nothing of what is even in it
+    "abs(jerk_x)",
+    "abs(jerk_y)",
     "time",
     # what sun or standing air warms at rest, and wind cools
     "lag(step(1 - speed), 20.0)",
     "lag(speed, 20.0)",
 )
+MOTION = "speed", "acceleration", "abs(acceleration)", "lateral_acceleration", "abs(rate_z)"
 ON_FIXES = (
     *(
         (on, text)
         for on in OF_FIXES
-        for text in ("speed", "acceleration", "lateral_acceleration", "abs(rate_z)")
+        for text in MOTION
         # a latency, a lever arm and a factor on velocities say these already
         if (on, text)
         not in {
@@ -89,6 +95,8 @@ ON_FIXES = (
             ("velocity_across", "lateral_acceleration"),
         }
     ),
+    # heights that are late, or are smoothed as they rise
+    ("height", "climb"),
     ("velocity_along", "speed^2"),
     # too high or low by as much, but from some speed on
     ("velocity_along", "tanh(speed / 5.0)"),
@@ -109,9 +117,10 @@ REMEMBERED = (
 )
 """Formulas of what has been: channel and text. Widths and times are refined where one is found."""
 ON_VEHICLE = (
-    # a slip that does not grow with the force alone, a wind, an axle that bends under load
+    # slips that do not grow with the force alone, a torque, a wind, an axle that bends under load
     ("nhc_y", "speed * lateral_acceleration^3"),
     ("nhc_y", "speed^2 * lateral_acceleration"),
+    ("nhc_y", "speed * acceleration"),
     ("nhc_y", "speed * sin(heading)"),
     ("nhc_y", "speed * cos(heading)"),
 )
@@ -188,7 +197,10 @@ def _said(
         return set()
     units = np.array([(s - s.mean()) / np.std(s) for s in shown.values()])
     out = set()
-    for channel, rows in _catalogue_signals(at, exclude).items():
+    without = frozenset(exclude)
+    if without not in at.said:
+        at.said[without] = _catalogue_signals(at, exclude)
+    for channel, rows in at.said[without].items():
         if len(rows):
             share = np.sum((units @ rows.T / len(rows.T)) ** 2, axis=1)
             alike = zip(shown, share > SAME_SIGNAL**2, strict=True)

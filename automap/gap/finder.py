@@ -33,7 +33,7 @@ from automap.gap.naming import (
     suspected,
     verdict,
 )
-from automap.gap.noise import Fitted, Log, open_fits
+from automap.gap.noise import Fitted, Log, open_fits, with_levels
 from automap.gap.reading_steps import coarse_readings
 from automap.gap.receivers import BEHIND, outliers_finding, usual_findings, values_for_runs
 from automap.gap.responses import responses
@@ -142,7 +142,10 @@ def first_fit(opened: Sequence[OpenDrive], model: GapModel, log: Log) -> Fitted:
     metres = np.mean([fit.last.totals().get(COURSE_DISTANCE_STATE, 0.0) for fit in base.fits])
     if 0.0 <= metres <= limits.ONE_IN_A_THOUSAND * usual.prior_sd:
         return base
-    return open_fits(opened, without(model, BEHIND), log)
+    # the noise is much the same: it need not be sought from everywhere again
+    model = replace(without(model, BEHIND), factors=base.model.factors)
+    fits = tuple(fit_drive(d, model) for d in opened)
+    return with_levels(Fitted(model, {}, fits))
 
 
 def _head(drive: GapDrive, seconds: float) -> GapDrive:

@@ -20,58 +20,92 @@ from automap.effects.formula_text import parse_formula
 from automap.effects.signals import Signals
 from automap.gap import limits
 from automap.gap.evidence import apart, evidence, nats_of_parts
-from automap.gap.fit import Fit
-from automap.gap.linear import ColumnsOf, Given, conditional, linearised
+from automap.gap.linear import ColumnsOf, Given, NodeMotion, conditional, linearised
 from automap.gap.result import equation
 
 Terms = tuple[tuple[str, str], ...]
 STEPS = 3
 """So many steps a formula may be away from the one that was found; bounds the time."""
-FORMS = 3
-"""So many of the likeliest at a step are asked of the filter; bounds the time."""
+MOVES = 4
+"""So often amounts are moved, one at a time, before other forms are tried: two that go together, as
+how long something is remembered and where it bends, settle by turns. Bounds the time."""
+FORMS, COMPARED = 3, 6
+"""So many of the likeliest at a step are asked of the filter, and so many have their amounts moved
+before; bounds the time."""
 
 
 @dataclass(frozen=True)
 class About:
-    """What formulas are asked about: ``fits`` with what is ``known`` held at its values, the
-    effects ``rest`` that stand beside them, and the columns ``of`` formulas with these."""
+    """What formulas are asked about: fits with what is ``known`` held at its values ``along`` whose
+    motion to ask, the effects ``rest`` that stand beside them, and the columns ``of`` formulas with
+    these."""
 
-    fits: Sequence[Fit]
+    along: Sequence[NodeMotion]
     known: Mapping[str, Mapping[str, float]]
     rest: Collection[str]
     of: Callable[[Sequence[Terms]], ColumnsOf]
 
 
-def nearby(about: About, signals: Signals, terms: Terms) -> list[tuple[Terms, int]]:
-    """Formulas near one of a single term, and out of how many each is the likeliest: those that are
-    reached step by step, and at each step the likeliest. Another form pays for all that are tried,
-    an amount that moves does not: those near it say much the same."""
+def nearby(
+    about: About, signals: Signals, terms: Terms, rivals: Sequence[str] = ()
+) -> list[tuple[Terms, int]]:
+    """Formulas near one of a single term, or near the likeliest of its ``rivals`` on its channel,
+    and out of how many each is the likeliest: those that are reached step by step, and at each step
+    the likeliest. Another form pays for all that are tried, an amount that moves does not: those
+    near it say much the same."""
     ((on, text),) = terms
     found: dict[str, int] = {}
     count = 1
 
-    def single(texts: Sequence[str], price: float) -> list[str]:
+    def single(texts: Sequence[str], price: float = 0.0) -> list[str]:
         return [t for ((_, t),) in ranked(about, [((on, t),) for t in texts], price)]
 
+    # what was found first may only follow what another says in a form that is not yet its own
+    others = single(rivals, 0.0)[: FORMS - 1] if rivals else []
     for _ in range(STEPS):
-        text = single([text, *amounts(text)], 0.0)[0]
-        forms = neighbours(text, signals)
-        every = single([text, *forms], math.log(len(forms)))
+        for _ in range(MOVES):
+            nearest = single([text, *amounts(text)])[0]
+            if nearest == text:
+                break
+            text = nearest
+        # of two that say nearly the same the other may be on the way
+        near = [form for t in (text, *others) for form in neighbours(t, signals)]
+        forms = [t for t in dict.fromkeys((*others, *near)) if t != text]
+        # none is compared before its amounts are those that suit it best
+        likeliest = _of_each_family(single(forms))
+        likeliest.pop(_family(text), None)
+        moved = [t for form in list(likeliest.values())[:COMPARED] for t in (form, *amounts(form))]
+        order = single([text, *moved], math.log(len(forms)))
+        every = list(_of_each_family(order).values())
         found[text] = count
         count += len(forms)
         for other in every[:FORMS]:
             found.setdefault(other, count)
-        if every[0] == text:
+        # where none is likelier what is may lie behind one that is nearly so
+        if every[0] == text and count > 1 + len(forms):
             break
-        text = every[0]
+        text, *others = every[:FORMS]
     return [(((on, t),), choices) for t, choices in found.items() if t != terms[0][1]]
+
+
+def _family(text: str) -> str:
+    """A formula without its amounts."""
+    return AMOUNT.sub("", text)
+
+
+def _of_each_family(texts: Sequence[str]) -> dict[str, str]:
+    """The first of each family of formulas, by family."""
+    out: dict[str, str] = {}
+    for text in texts:
+        out.setdefault(_family(text), text)
+    return out
 
 
 def ranked(about: About, tried: Sequence[Terms], price: float = 0.0) -> list[Terms]:
     """Formulas, the likeliest first. Where there is a ``price`` that is the first that is
     ``tried``, but where another is likelier by so many nats, both beside the same scatter, and told
     apart."""
-    linear = linearised(about.fits, about.of(tried), about.known)
+    linear = linearised(about.along, about.of(tried), about.known)
     asked = {equation(terms) for terms in tried}
     parts: dict[str, list[int]] = {}
     given = Given()
@@ -94,6 +128,7 @@ def ranked(about: About, tried: Sequence[Terms], price: float = 0.0) -> list[Ter
     return out
 
 
+AMOUNT = re.compile(r"\d+(\.\d+)?e-?\d+|\d+\.\d+")
 WIDER = 4.0
 """Factor by which that may be off what was tried: of a play of that width half is left."""
 FINER = 21
@@ -112,9 +147,9 @@ INSTEAD = (
 )
 """Quantities that are much the same in a vehicle."""
 SHAPED = ("abs", "max", "min", "tanh", "sqrt")
-FORMED = ("play(", "step(", "min(max(")
-"""What a factor with another shape upon it has too many of: only its amounts are moved. What is
-remembered has shapes, and no second memory."""
+FORMED = ("play(", "min(max(")
+"""What a factor with another shape upon it has too many of: only its amounts are moved, as those of
+a step. What is remembered has shapes, and no second memory."""
 
 
 def neighbours(text: str, signals: Signals) -> list[str]:
@@ -164,7 +199,8 @@ def _others(texts: Sequence[str], text: str) -> list[str]:
 def _forms(factor: ast.expr, signals: Signals) -> list[str]:
     """Other forms of one factor: shapes of what stands in it, memories of it."""
     text = _written(factor)
-    if isinstance(factor, ast.Constant) or any(word in text for word in FORMED):
+    formed = text.startswith("step(") or any(word in text for word in FORMED)
+    if formed or isinstance(factor, ast.Constant):
         return []
     inner = _written(_inner(factor))
     value = parse_formula(inner)(signals)
@@ -183,11 +219,25 @@ def _forms(factor: ast.expr, signals: Signals) -> list[str]:
         out += [f"({inner} - min(max({inner}, -{a}), {a}))" for a in sizes[:2]]
     elif value.min() >= 0.0:
         out += [f"sqrt({inner})", *(f"(1 / max({inner}, {a}))" for a in sizes)]
-        out += [f"max({inner} - {a}, 0)" for a in sizes]
+        out += [
+            form for a in sizes for form in (f"max({inner} - {a}, 0)", f"max({a} - {inner}, 0)")
+        ]
     if "lag(" not in text:
-        out += [f"lag({text}, {t})" for t in MEMORIES_S]
-        out += [f"({text} - lag({text}, {t}))" for t in MEMORIES_S]
-    return out
+        memories = [(text, f"{t}") for t in MEMORIES_S]
+    else:
+        memories = _memory(factor)
+        out += [what for what, _ in memories]
+    out += [f"lag({what}, {t})" for what, t in memories]
+    return out + [f"({what} - lag({what}, {t}))" for what, t in memories]
+
+
+def _memory(factor: ast.expr) -> list[tuple[str, str]]:
+    """What a factor remembers, or has left beside what it remembers, and how long; nothing where it
+    is something else."""
+    call = factor.right if isinstance(factor, ast.BinOp) else factor
+    if isinstance(call, ast.Call) and ast.unparse(call.func) == "lag":
+        return [(_written(call.args[0]), _written(call.args[1]))]
+    return []
 
 
 def _moved(factor: ast.expr) -> list[str]:

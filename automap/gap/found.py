@@ -9,7 +9,15 @@ from dataclasses import dataclass, field
 
 from automap.gap.confirm import Confirmed
 from automap.gap.fit import Fit, Values
-from automap.gap.linear import Column, Conditional, Linear, NodeMotion, conditional, linearised
+from automap.gap.linear import (
+    Column,
+    Conditional,
+    Linear,
+    NodeMotion,
+    conditional,
+    linearised,
+    motions_of,
+)
 from automap.gap.noise import Fitted, Joint
 from automap.gap.selection import Chosen, Selection
 
@@ -74,7 +82,7 @@ class Beside:
         def columns(at: NodeMotion) -> list[Column]:
             return self.columns_of(at) + more(at)
 
-        return linearised(fits, columns, self.values, may_act)
+        return linearised(motions_of(fits), columns, self.values, may_act)
 
     def known(self, linear: Linear) -> Conditional:
         """A linear model that has its columns with the choice marginalised."""

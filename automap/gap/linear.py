@@ -89,7 +89,8 @@ class NodeMotion:
     """The motion at the nodes of a ``fit``: velocity, acceleration NED, ``dcm`` body to NED, rate
     in body axes without the noise of single readings; ``signals`` the quantities of formulas there,
     ``along`` these, and ``motion``, at the epochs of the IMU; ``units`` of effects what a unit of
-    each parameter adds to the channels [k, 15], where that was asked before."""
+    each parameter adds to the channels [k, 15], and what effects of the library but some have
+    ``said`` of readings, where that was asked before."""
 
     fit: Fit
     motion: Motion
@@ -101,6 +102,7 @@ class NodeMotion:
     signals: Signals
     along: Signals
     units: dict[str, dict[str, FloatArray]] = field(default_factory=dict)
+    said: dict[frozenset[str], dict[str, FloatArray]] = field(default_factory=dict)
 
     @cached_property
     def late(self) -> LateChange | None:
@@ -130,6 +132,11 @@ def node_motion(fit: Fit, motion: Motion) -> NodeMotion:
     along = motion_signals(fit, motion)
     signals, dcm = along.at(t + fit.opened.drive.begin_s), quat_to_matrix(nominal[:, 6:10])
     return NodeMotion(fit, motion, t, nominal[:, 3:6].copy(), acc, dcm, rate, signals, along)
+
+
+def motions_of(fits: Sequence[Fit]) -> list[NodeMotion]:
+    """The smoothed motion of each fit."""
+    return [node_motion(fit, motion_of(fit.last)) for fit in fits]
 
 
 def motion_signals(fit: Fit, motion: Motion) -> Signals:
@@ -187,19 +194,20 @@ ColumnsOf = Callable[[NodeMotion], Sequence[Column]]
 
 
 def linearised(
-    fits: Sequence[Fit],
+    along: Sequence[NodeMotion],
     columns_of: ColumnsOf,
     values: Mapping[str, Mapping[str, float]],
     may_act: bool = True,
 ) -> Linear:
-    """The fits, with effects held at ``values``, made linear in all columns, of which more than
-    those ``may_act``."""
+    """Fits ``along`` whose motion to ask, with effects held at ``values``, made linear in all
+    columns, of which more than those ``may_act``."""
     layout: list[Column] = []
     place: dict[tuple[str, str], int] = {}
     raw: list[Rows] = []
     used: list[list[int]] = []
-    for fit in fits:
-        rows_of_drive, columns = _raw(fit, columns_of)
+    lasts = [at.fit.last for at in along]
+    for at in along:
+        rows_of_drive, columns = _raw(at, columns_of)
         raw.append(rows_of_drive)
         for column in columns:
             key = (column.effect, column.parameter)
@@ -207,30 +215,31 @@ def linearised(
                 place[key] = len(layout)
                 layout.append(column)
         used.append([place[(c.effect, c.parameter)] for c in columns])
+    # a motion is as long as the drive
+    del along, at
     known = np.array([values.get(c.effect, {}).get(c.parameter, 0.0) for c in layout])
     sds = np.array([c.prior_sd for c in layout])
-    raw = [_laid_out(r, at, known) for r, at in zip(raw, used, strict=True)]
+    raw = [_laid_out(r, own, known) for r, own in zip(raw, used, strict=True)]
     rows = whitened_rows(raw, known, sds, may_act)
     del raw
     score, info = (sum(each) for each in zip(*map(moments, rows), strict=True))
     if LEANS in place:
-        at = place[LEANS]
-        for lean, var in (leaning(fit.last) for fit in fits):
-            score[at] += lean / var
-            info[at, at] += 1.0 / var
+        row = place[LEANS]
+        for lean, var in map(leaning, lasts):
+            score[row] += lean / var
+            info[row, row] += 1.0 / var
     return Linear(tuple(layout), rows, None, score, info, sds, known)
 
 
-def _raw(fit: Fit, columns_of: ColumnsOf) -> tuple[Rows, list[Column]]:
+def _raw(at: NodeMotion, columns_of: ColumnsOf) -> tuple[Rows, list[Column]]:
     """Innovations over their sds with their sensitivities to the columns of one drive, and these
     as a layout has them."""
-    motion = motion_of(fit.last)
-    columns = columns_of(node_motion(fit, motion))
-    whitened, t, channel = whitened_innovations(fit)
+    columns = columns_of(at)
+    whitened, t, channel = whitened_innovations(at.fit)
     phi: FloatArray = np.zeros((len(whitened), len(columns)), np.float32)
     for start in range(0, len(columns), BATCH):
         part = slice(start, start + BATCH)
-        phi[:, part] = sensitivities(fit, motion, columns[part])
+        phi[:, part] = sensitivities(at.fit, at.motion, columns[part])
     return Rows(whitened, phi, t, channel), [c.in_layout() for c in columns]
 
 

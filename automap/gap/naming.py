@@ -16,7 +16,7 @@ from automap.gap.evidence import between_channels, shown_by
 from automap.gap.fit import ORIGIN, Fit, Values
 from automap.gap.found import Found, in_layout
 from automap.gap.limits import ALIKE, SHOWS
-from automap.gap.linear import Part, linearised
+from automap.gap.linear import Part, linearised, motions_of
 from automap.gap.misfit import LIKE, Misfit
 from automap.gap.result import (
     Drift,
@@ -293,7 +293,7 @@ def _information(
     fits: Sequence[Fit], effects: Sequence[str]
 ) -> tuple[FloatArray, list[tuple[str, str]], FloatArray]:
     """Information [c, c] of all parameters, their names, and prior sds [c]."""
-    linear = linearised(fits, lambda at: named_columns(effects, at), {})
+    linear = linearised(motions_of(fits), lambda at: named_columns(effects, at), {})
     # a skew's origin is no parameter of its own
     kept = [i for i, c in enumerate(linear.layout) if c.parameter != ORIGIN]
     layout = [(linear.layout[i].effect, linear.layout[i].parameter) for i in kept]

@@ -16,7 +16,7 @@ import numpy as np
 
 from automap.fusion.adapt import scale_nodes, scale_problem
 from automap.fusion.kernel_runs import SmoothRun, run_forward
-from automap.fusion.level_climb import GAIN, climb
+from automap.fusion.level_climb import GAIN, Maximum, climb
 from automap.fusion.level_likelihood import LevelLikelihood, Room, level_likelihood, room_for
 from automap.fusion.levels import ALL_LEVELS, TIME_LEVELS
 from automap.fusion.nodes import Nodes
@@ -29,7 +29,9 @@ from automap.records import FloatArray
 
 Log = Callable[[str], None]
 INERTIAL_LEVELS = ("accel", "gyro")
-TAU_STEPS = (2.0, 2.0**0.5)
+TAU_STEP = 2.0**0.5
+SHARES = 0.25, 0.5, 0.75
+"""Of the way from one set of levels to another where a valley is looked for."""
 
 _LIMITS = {
     "wander_tau": (0.02, 16.0),
@@ -71,11 +73,13 @@ class Joint:
 @dataclass(frozen=True)
 class Fitted:
     """A set of effects fitted: ``estimate`` effect -> factor on its prior sds, ``fits`` of all
-    drives with these as states, under ``model`` with the noise that suits them."""
+    drives with these as states, under ``model`` with the noise that suits them; ``curvature`` of
+    the likelihood along all levels, its inverse, as far as it was climbed."""
 
     model: GapModel
     estimate: Mapping[str, float]
     fits: tuple[Fit, ...]
+    curvature: FloatArray | None = None
 
     def joint(self) -> Joint:
         """The drives' estimates as one."""
@@ -104,24 +108,42 @@ def with_noise(fitted: Fitted, stated: Mapping[str, float]) -> Fitted:
     """The set with the noise levels that make the drives likeliest.
 
     The likelihood has a top where the sensors are noisy and one where the receiver is; so it is
-    climbed from the levels that the set has, from those stated, and with either moved first.
+    climbed from the levels that the set has, or those of the sensors moved first, and where a
+    valley lies before those stated, or those of the receiver moved first, from there too.
     """
     fits = fitted.fits
     others = tuple(k for k in ALL_LEVELS if k not in INERTIAL_LEVELS)
-    starts = [dict(fitted.model.factors), dict(stated)]
+    first, second = dict(fitted.model.factors), dict(stated)
     if not fitted.estimate:
         starts = [fit_noise(fits, levels, initial=stated) for levels in (INERTIAL_LEVELS, others)]
-    tops = [_likeliest(fits, ALL_LEVELS, start) for start in starts]
-    _, factors = max(tops, key=lambda top: top[0])
-    model = replace(fitted.model, factors=factors)
-    return fitted_about(model, fitted.estimate, fits)
+        first, second = starts
+    best = _likeliest(fits, ALL_LEVELS, first, fitted.curvature)
+    if _valley_before(fits, second, best):
+        other = _likeliest(fits, ALL_LEVELS, second, fitted.curvature)
+        best = max(best, other, key=lambda top: top.score)
+    model = replace(fitted.model, factors=best.factors)
+    return replace(fitted_about(model, fitted.estimate, fits), curvature=best.inverse)
 
 
-def with_levels(fitted: Fitted, levels: Collection[str]) -> Fitted:
+def _valley_before(fits: Sequence[Fit], levels: Mapping[str, float], top: Maximum) -> bool:
+    """Whether the likelihood is anywhere on the way from some levels to a top below what it would
+    be were it to rise evenly: on one hill, in the levels' logarithms, it rises the less the
+    further."""
+    rooms = rooms_of(fits)
+    begin = noise_score(fits, levels, rooms)
+    for share in SHARES:
+        between = {k: v ** (1.0 - share) * top.factors[k] ** share for k, v in levels.items()}
+        if noise_score(fits, between, rooms) < begin + share * (top.score - begin):
+            return True
+    return False
+
+
+def with_levels(fitted: Fitted, levels: Collection[str] = ALL_LEVELS) -> Fitted:
     """The set with some levels of noise moved to where they suit the drives best."""
-    factors = fit_noise(fitted.fits, levels)
-    model = replace(fitted.model, factors=factors)
-    return fitted_about(model, fitted.estimate, fitted.fits)
+    whole = fitted.curvature if set(levels) == set(ALL_LEVELS) else None
+    top = _likeliest(fitted.fits, levels, fitted.model.factors, whole)
+    model = replace(fitted.model, factors=top.factors)
+    return replace(fitted_about(model, fitted.estimate, fitted.fits), curvature=fitted.curvature)
 
 
 def fitted_about(model: GapModel, estimate: Mapping[str, float], about: Sequence[Fit]) -> Fitted:
@@ -168,13 +190,16 @@ def fit_noise(
     factors; it is linearised about the fits' smoothed states. No sensor is taken for quieter on
     the road than it is at rest.
     """
-    return _likeliest(fits, levels, initial or fits[0].model.factors)[1]
+    return _likeliest(fits, levels, initial or fits[0].model.factors).factors
 
 
 def _likeliest(
-    fits: Sequence[Fit], levels: Collection[str], initial: Mapping[str, float]
-) -> tuple[float, dict[str, float]]:
-    """Log-likelihood at the top of the climb, nats, and the factors there."""
+    fits: Sequence[Fit],
+    levels: Collection[str],
+    initial: Mapping[str, float],
+    inverse: FloatArray | None = None,
+) -> Maximum:
+    """The top of the climb; ``inverse`` curvature of one on nearly the same hill."""
     least = rest_factors(fits)
 
     def limits_of(level: str) -> tuple[float, float]:
@@ -185,7 +210,6 @@ def _likeliest(
         k: float(np.clip(v, *limits_of(k))) if k in levels else v for k, v in initial.items()
     }
     smooth = [level for level in _BY_SLOPE if level in levels]
-    inverse: FloatArray | None = None
     rooms = rooms_of(fits)
     for _ in range(2):
         top = climb(
@@ -197,7 +221,7 @@ def _likeliest(
             best, factors = _time_constant(level, fits, rooms, best, factors)
         if best - top.score < GAIN:
             break
-    return best, factors
+    return Maximum(best, factors, top.inverse)
 
 
 def rest_factors(fits: Sequence[Fit]) -> dict[str, float]:
@@ -300,19 +324,18 @@ def _time_constant(
     best: float,
     factors: dict[str, float],
 ) -> tuple[float, dict[str, float]]:
-    """Move a time constant up or down by ever finer steps while that helps."""
+    """Move a time constant up or down while that helps."""
     low, high = _limits(level)
-    for step in TAU_STEPS:
-        for way in (step, 1.0 / step):
-            moved = False
-            while low <= factors[level] * way <= high:
-                trial = factors | {level: factors[level] * way}
-                value = noise_score(fits, trial, rooms)
-                if not value > best + GAIN:
-                    break
-                best, factors, moved = value, trial, True
-            if moved:
+    start = factors[level]
+    for way in (TAU_STEP, 1.0 / TAU_STEP):
+        while low <= factors[level] * way <= high:
+            trial = factors | {level: factors[level] * way}
+            value = noise_score(fits, trial, rooms)
+            if not value > best + GAIN:
                 break
+            best, factors = value, trial
+        if factors[level] != start:
+            break
     return best, factors
 
 

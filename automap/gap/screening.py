@@ -18,6 +18,7 @@ from automap.fusion.delay_states import LATENCY_STATE
 from automap.fusion.options import FusionOptions
 from automap.gap import limits
 from automap.gap.candidates import (
+    Candidate,
     candidates_of,
     follows_time,
     library,
@@ -40,13 +41,14 @@ from automap.gap.linear import (
     NodeMotion,
     linearised,
     motion_signals,
+    motions_of,
     node_motion,
 )
 from automap.gap.motion import motion_of
 from automap.gap.noise import Fitted, Joint, Log, fitted_about
 from automap.gap.result import equation
 from automap.gap.selection import Chosen, Key, Selection
-from automap.gap.slow import box_columns, lasts, variants, with_shapes
+from automap.gap.slow import box_columns, lasts, switched, variants, with_shapes
 from automap.records import FloatArray
 
 ON = {"on": 1.0}
@@ -63,8 +65,8 @@ class Screening:
         self.effects: dict[str, str] = {}
         self.refinements: dict[str, tuple[Column, ...]] = {}
         self._seeds: dict[str, str] = {}
-        self.asked: Counter[str] = Counter()
-        self._held_at: tuple[Fitted, list[Fit], dict[str, dict[str, float]]] | None = None
+        self.asked: Counter[tuple[str, str]] = Counter()
+        self._held_at: tuple[Fitted, list[NodeMotion], dict[str, dict[str, float]]] | None = None
         self.names = self._library()
         self.options = base.model.options
         fit = base.fits[0]
@@ -84,7 +86,7 @@ class Screening:
             boxes = box_columns(at) if slow else []
             return named_columns(more, at) + self.columns(at) + boxes
 
-        linear = linearised(fits, columns, known, may_act)
+        linear = linearised(motions_of(fits), columns, known, may_act)
         linear = with_shapes(linear) if slow else linear
         candidates = candidates_of(linear.layout, [*self.names, *more])
         return Selection(linear, {c.name: c for c in candidates})
@@ -142,24 +144,59 @@ class Screening:
         return chosen, brief
 
     def forms(
-        self, here: Fitted, selection: Selection, chosen: Chosen, name: str
+        self, here: Fitted, selection: Selection, chosen: Chosen, name: str, gone: str = ""
     ) -> list[tuple[Terms, float]]:
-        """The likeliest forms near a formula of the choice, and out of how many each. Asked where
-        nothing can be added any more: before, it follows what else is missing."""
-        candidate, seed = selection.candidates[name], self.seed(name)
-        if len(candidate.terms) != 1 or self.asked[seed] >= limits.TRIALS:
+        """The likeliest forms near a formula of the choice, and out of how many each, without what
+        is ``gone`` from it. Asked where nothing can be added any more: before, it follows what else
+        is missing."""
+        candidate, asked = selection.candidates[name], (self.seed(name), gone)
+        if not self._has_forms(candidate) or self.asked[asked] >= limits.TRIALS:
             return []
-        if left_out_effect(candidate.terms[0][0]) or follows_time(candidate.terms):
-            return []
-        self.log(f"looking for the form of {name}")
-        self.asked[seed] += 1
-        about = self._about(here, [n for n in chosen.names if n != name])
-        near = nearby(about, self.signals, candidate.terms)
+        self.log(f"looking for the form of {name}{f' without {gone}' if gone else ''}")
+        self.asked[asked] += 1
+        about = self._about(here, [n for n in chosen.names if n not in (name, gone)])
+        if follows_time(candidate.terms):
+            near = _switches(about, candidate.terms)
+        else:
+            ((channel, own),) = candidate.terms
+            rivals = [text for on, text in self.dictionary if on == channel and text != own]
+            near = nearby(about, self.signals, candidate.terms, rivals)
         return [
             (terms, candidate.choices * tried)
             for terms, tried in near
             if equation(terms) not in chosen.names
         ]
+
+    @staticmethod
+    def _has_forms(candidate: Candidate) -> bool:
+        """Whether other forms of a candidate are known: it is a formula of one term, and no course
+        of time but one that swings."""
+        terms = candidate.terms
+        if not terms or left_out_effect(terms[0][0]):
+            return False
+        return len(terms) == 1 + follows_time(terms)
+
+    def entangled(self, joint: Joint, selection: Selection, chosen: Chosen, name: str) -> list[str]:
+        """What stands with a formula for one thing, maybe: of the choice that of which more than
+        half of what is known hangs on how large the formula is, and the other way round. Two that
+        each say a part of what neither is are known so badly beside one another. With what swings
+        what else swings on its channel does."""
+        terms = selection.candidates[name].terms
+        if not self._has_forms(selection.candidates[name]):
+            return []
+        if follows_time(terms):
+            alike = {n: selection.candidates[n].terms for n in chosen.names if n != name}
+            return [n for n, its in alike.items() if len(its) == 2 and its[0][0] == terms[0][0]][:1]
+        sd = np.sqrt(np.diag(joint.cov))
+        shared = (joint.cov / np.outer(sd, sd)) ** 2
+        own, _ = self._rows(joint, selection, chosen, name)
+        best, most = 0.5, list[str]()
+        for other in (n for n in chosen.names if n != name):
+            rows, _ = self._rows(joint, selection, chosen, other)
+            share = float(shared[np.ix_(own, rows)].max(initial=0.0))
+            if share > best:
+                best, most = share, [other]
+        return most
 
     def seed(self, name: str) -> str:
         """The formula that a candidate is another form of, itself where it is none."""
@@ -168,8 +205,9 @@ class Screening:
     def _about(self, here: Fitted, rest: Collection[str]) -> About:
         """What formulas are asked about: a fit, and the effects ``rest`` beside them."""
         if self._held_at is None or self._held_at[0] is not here:
-            self._held_at = here, *self._held(here)
-        _, fits, known = self._held_at
+            fits, known = self._held(here)
+            self._held_at = here, motions_of(fits), known
+        _, along, known = self._held_at
 
         def of(tried: Sequence[Terms]) -> ColumnsOf:
             single = [terms[0] for terms in tried if len(terms) == 1]
@@ -182,7 +220,7 @@ class Screening:
 
             return columns
 
-        return About(fits, known, rest, of)
+        return About(along, known, rest, of)
 
     def in_form(
         self,
@@ -202,11 +240,12 @@ class Screening:
         if finer != name:
             self._seeds[finer] = self.seed(name)
         its = selection.candidates[name]
+        part = its.parts[0][: len(terms)]
         prior = its.log_prior + math.log(its.choices / choices)
         selection.candidates[finer] = replace(
-            its, name=finer, terms=terms, log_prior=prior, choices=choices
+            its, name=finer, parts=(part,), terms=terms, log_prior=prior, choices=choices
         )
-        return Chosen(tuple((finer if n == name else n, p, s) for n, p, s in chosen.parts))
+        return Chosen(tuple((finer, part, p[2]) if p[0] == name else p for p in chosen.parts))
 
     def _prior_sds(self, selection: Selection, name: str, columns: Sequence[int]) -> FloatArray:
         """Prior sds [p] of the parameters of a candidate in these columns: those of a formula are
@@ -225,10 +264,12 @@ class Screening:
             out[self.effects[name]] = chosen.scale_of(name)
         return out
 
-    def states(self, here: Fitted, selection: Selection, chosen: Chosen) -> Fitted:
-        """The chosen set as states under the noise as it is, begun about the path as it is or about
-        the first, the likelier of the two. Parameters of its effects that do not act are held at
-        nothing."""
+    def states(
+        self, here: Fitted, selection: Selection, chosen: Chosen, anew: bool = True
+    ) -> Fitted:
+        """The chosen set as states under the noise as it is, begun about the path as it is, and,
+        where something is gone from the set and ``anew``, about the first, the likelier of the two.
+        Parameters of its effects that do not act are held at nothing."""
         estimate = self.estimate(selection, chosen)
         held: dict[str, dict[str, float]] = {}
         for name in chosen.names:
@@ -246,7 +287,9 @@ class Screening:
         options = replace(options, prior_sd=_joined(options.prior_sd, held))
         model = replace(here.model, options=options)
         # about a path that was bent by what is no more in the set a fit may stay where that was
-        fitted = [fitted_about(model, estimate, fits) for fits in (here.fits, self.base.fits)]
+        bent = anew and not set(here.estimate) <= set(estimate)
+        begun = (here.fits, self.base.fits) if bent else (here.fits,)
+        fitted = [fitted_about(model, estimate, fits) for fits in begun]
         return max(fitted, key=lambda each: sum(fit.score for fit in each.fits))
 
     def not_borne_out(self, here: Fitted, selection: Selection, chosen: Chosen) -> list[str]:
@@ -321,6 +364,17 @@ class Screening:
         for known in self.refinements.values():
             out += term_columns(at, [c.term for c in known], known[0].choices)
         return [c for c in out if wanted is None or c.effect in wanted]
+
+
+def _switches(about: About, terms: Terms) -> list[tuple[Terms, int]]:
+    """What is on for a part of each period, the likeliest in the place of what swings, and out of
+    how many."""
+    count = 1
+    for _ in range(2):
+        waves = switched(terms)
+        terms = ranked(about, waves)[0]
+        count *= len(waves)
+    return [(terms, count)]
 
 
 def _joined(

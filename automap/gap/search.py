@@ -61,6 +61,7 @@ class Search:
         self.stands = Confirmed({}, ())
         self.nats: dict[str, float] = {}
         self.each_drive: list[str] = []
+        self.levels = {(frozenset[Key](), 0): base.model.factors}
         self.before: tuple[Fitted, Selection, Chosen] | None = None
 
     def run(self) -> Found:
@@ -224,22 +225,27 @@ class Search:
 
     def _formed(self, here: Fitted, selection: Selection, chosen: Chosen) -> Chosen | None:
         """The choice with a formula in the form near it with which all drives are likeliest by the
-        filter itself: where a linear model says nearly the same of two, it is off by more."""
-        known = self.screening.refinements, selection.candidates
+        filter itself: where a linear model says nearly the same of two, it is off by more. Where
+        another of the choice and the formula may be one thing, also in the place of both."""
+        known, joint = (self.screening.refinements, selection.candidates), here.joint()
         for name in chosen.names:
             best, instead = limits.CLOSE_NATS, None
-            for form in self.screening.forms(here, selection, chosen, name):
-                self.screening.refinements, selection.candidates = dict(known[0]), dict(known[1])
-                its = self.screening.in_form(here, selection, chosen, name, *form)
-                fitted = self.screening.states(here, selection, its)
-                of_vehicle = selection.of_vehicle(chosen, {name})
-                ahead, _ = self.judge.ahead(fitted, here, of_vehicle)
-                ahead += selection.log_prior(its) - selection.log_prior(chosen)
-                if ahead > best:
-                    best, instead = ahead, form
+            for gone in ("", *self.screening.entangled(joint, selection, chosen, name)):
+                fewer = chosen.without(gone)
+                for form in self.screening.forms(here, selection, chosen, name, gone):
+                    self.screening.refinements = dict(known[0])
+                    selection.candidates = dict(known[1])
+                    its = self.screening.in_form(here, selection, fewer, name, *form)
+                    # another form of one bends a path as that did
+                    fitted = self.screening.states(here, selection, its, anew=bool(gone))
+                    of_vehicle = selection.of_vehicle(chosen, {name, gone})
+                    ahead, _ = self.judge.ahead(fitted, here, of_vehicle)
+                    ahead += selection.log_prior(its) - selection.log_prior(chosen)
+                    if ahead > best:
+                        best, instead = ahead, (fewer, name, *form)
             self.screening.refinements, selection.candidates = known
             if instead is not None:
-                return self.screening.in_form(here, selection, chosen, name, *instead)
+                return self.screening.in_form(here, selection, *instead)
         return None
 
     def _beyond_drift(self, here: Fitted, selection: Selection, found: Chosen) -> Chosen:
@@ -300,9 +306,16 @@ class Search:
         return replace(stands, kept_out=kept_out)
 
     def _fit(self, here: Fitted, selection: Selection, chosen: Chosen) -> Fitted:
-        """The chosen set as states, with the noise that suits it."""
+        """The chosen set as states, with the noise that suits it; where that was fitted before,
+        that noise, as far as another path does not move it."""
         self.log(f"fitting {', '.join(chosen.names) or 'the base model'} with its noise")
-        return with_noise(self.screening.states(here, selection, chosen), self.stated)
+        asked = selection.keys(chosen), len(self.each_drive)
+        known = self.levels.get(asked, here.model.factors)
+        begun = replace(here, model=replace(here.model, factors=known))
+        states = replace(self.screening.states(begun, selection, chosen), curvature=here.curvature)
+        fitted = with_levels(states) if asked in self.levels else with_noise(states, self.stated)
+        self.levels[asked] = fitted.model.factors
+        return fitted
 
     def _better_twins(
         self, about: Fitted, here: Fitted, selection: Selection, chosen: Chosen

@@ -8,6 +8,7 @@ sits and keeps time by: its mounting may slip, creep or sway, its clock step or 
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -27,6 +28,9 @@ from automap.records import FloatArray, IntArray
 BOX = "box"
 STEP, RAMP = "step(time - {:.4g})", "max(time - {:.4g}, 0)"
 PLATEAU = "(step(time - {:.5g}) - step(time - {:.5g}))"
+SWITCH = "step(cos(2 * pi * (time - {:.5g}) / {:.5g}) - {:.4f})"
+"""What is on about an instant in each period, for as long as the cosine is above the last number: a
+heater, a pump, a fan."""
 OVERSAMPLED = 2.0
 """Frequencies stand closer than the inverse length of the drive by this factor: in between a
 period loses no more than a fifth of its evidence, sinc^2(1 / 4)."""
@@ -48,6 +52,8 @@ FINER = 21
 """Steps of a refinement: a tenth of the distance of those first tried."""
 NUMBER = re.compile(r"(?<=[-/] )[\d.e+-]+(?=[,)])")
 """The instants, the time constant or the period of a course of time in its text."""
+PERIODIC = re.compile(r"(.*?)(sin|step\(cos)\(2 \* pi \* (.*)")
+"""A course of time that comes again: what it is a gain of, its wave, and the rest."""
 
 
 def box_s(length_s: float) -> float:
@@ -254,6 +260,30 @@ def lasts(terms: Sequence[tuple[str, str]], length_s: float) -> bool:
     ends = [float(n) for n in NUMBER.findall(terms[0][1])]
     brief = len(ends) == 2 and ends[1] - ends[0] < LEAST_BOXES * box_s(length_s)
     return not (brief and is_course(terms))
+
+
+def switched(terms: Sequence[tuple[str, str]]) -> list[tuple[tuple[str, str], ...]]:
+    """What is on for a part of each period of one that swings: about every sixteenth of the period,
+    for an eighth of it to a half; and of one that is on so what is near it, in steps a quarter as
+    long. Nothing for other formulas."""
+    on, text = terms[0]
+    found = PERIODIC.match(text) if follows_time(terms) else None
+    if found is None:
+        return []
+    gain, wave, rest = found.groups()
+    ends = [float(n) for n in NUMBER.findall(rest)]
+    middles, shares, periods = [i / 16 for i in range(16)], [i / 8 for i in range(1, 5)], ends
+    if wave.startswith("step"):
+        near = np.linspace(-0.5, 0.5, 5)
+        middles = list(ends[0] / ends[1] + near / 16)
+        shares = [s for s in math.acos(ends[2]) / math.pi + near / 8 if 0.0 < s < 1.0]
+        periods = list(ends[1] * (1.0 + 0.02 * near))
+    return [
+        ((on, gain + SWITCH.format(m % 1.0 * p, p, math.cos(math.pi * s))),)
+        for p in periods
+        for m in middles
+        for s in shares
+    ]
 
 
 def variants(

@@ -15,12 +15,13 @@ houses. Rows of such a stretch count for as little as its own scatter says.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from automap.fusion.layout import CH_NHC, CH_ODOMETER, CH_POS, CH_VEL, MAX_SCALARS
+from automap.gap.kernels import whiten_columns
 from automap.gap.limits import AR_ORDER, BLOCKS_S, HUBER, LEAST_OWN, MAX_COEFFICIENT_SUM, MIN_ROWS
 from automap.gates import sd_by_median
 from automap.records import FloatArray, IntArray
@@ -121,7 +122,9 @@ def white_rows(
     for c, spread in whitener.spread.items():
         at = np.flatnonzero(channel == c)
         rest[at] = filtered(left[at, None], whitener.ar[c])[:, 0] / spread
-    noisier = np.ones(len(channel))
+    noisier, factor = np.ones((2, len(channel)))
+    before = np.full((len(channel), AR_ORDER), -1)
+    ar = np.zeros((MAX_SCALARS, AR_ORDER))
     for channels in RECEIVER:
         at = np.flatnonzero(np.isin(channel, [c for c in channels if c in whitener.spread]))
         noisier[at] = stretch_scatter(rest[at], t[at])
@@ -132,9 +135,11 @@ def white_rows(
         size = float(np.mean((weight * u) ** 2))
         # a score of variance size * phi' phi, an information of mean(weight) * phi' phi
         even = float(weight.mean()) / max(size, CLIPPED_SIZE)
-        factor = np.sqrt(weight * even) / sizes
-        w[at] = factor * filtered(whitened[at, None], whitener.ar[c])[:, 0]
-        f[np.searchsorted(rows, at)] = factor[:, None] * filtered(phi[at], whitener.ar[c])
+        factor[at], ar[c] = np.sqrt(weight * even) / sizes, whitener.ar[c]
+        w[at] = factor[at] * filtered(whitened[at, None], whitener.ar[c])[:, 0]
+        for k in range(1, AR_ORDER + 1):
+            before[at[k:], k - 1] = at[:-k]
+    whiten_columns(phi, rows, before, ar[channel], factor, f)
     return Rows(w[rows], f, t[rows], channel[rows])
 
 
@@ -231,10 +236,9 @@ def _factor(
     """Cholesky factor [c, c] of the information of rows in units [c] that make its diagonal one."""
     info: FloatArray = np.diag(sds**-2.0)
     for r, root in zip(raw, roots, strict=True):
-        for start in range(0, len(root), STRETCH):
-            part = slice(start, start + STRETCH)
-            f = r.phi[part].astype(precision) * root[part, None].astype(precision)
-            info += f.T @ f
+        for part, used, f in _stretches(r.phi, precision):
+            f *= root[part, None].astype(precision)
+            info[np.ix_(used, used)] += f.T @ f
     # parameters have sizes of many orders
     unit = 1.0 / np.sqrt(np.diag(info))
     return np.asarray(np.linalg.cholesky(info * np.outer(unit, unit)), np.float64), unit
@@ -247,10 +251,10 @@ def _studentised(left: FloatArray, rows: Rows, root: FloatArray, inverse: FloatA
     2.2)."""
     out = np.empty_like(left)
     across = inverse.T.astype(np.float32)
-    for start in range(0, len(left), STRETCH):
-        part = slice(start, start + STRETCH)
-        f = (rows.phi[part] * root[part, None].astype(np.float32)) @ across
-        leverage = np.einsum("sc,sc->s", f, f)
+    for part, used, f in _stretches(rows.phi, np.float32):
+        f *= root[part, None].astype(np.float32)
+        fitted = f @ across[used]
+        leverage = np.einsum("sc,sc->s", fitted, fitted)
         out[part] = left[part] / np.sqrt(np.maximum(1.0 - leverage, LEAST_OWN))
     return out
 
@@ -280,12 +284,21 @@ def moments(rows: Rows) -> tuple[FloatArray, FloatArray]:
     c = rows.phi.shape[1]
     score: FloatArray = np.zeros(c)
     info: FloatArray = np.zeros((c, c))
-    for start in range(0, len(rows.w), STRETCH):
-        part = slice(start, start + STRETCH)
-        f = rows.phi[part].astype(np.float64)
-        score += f.T @ rows.w[part]
-        info += f.T @ f
+    for part, used, f in _stretches(rows.phi, np.float64):
+        score[used] += f.T @ rows.w[part]
+        info[np.ix_(used, used)] += f.T @ f
     return score, info
+
+
+def _stretches(
+    phi: FloatArray, precision: type[np.float32] | type[np.float64]
+) -> Iterator[tuple[slice, IntArray, FloatArray]]:
+    """A stretch of rows [s, c] at a time: which, the columns [u] that have something there, and
+    these rows of them [r, u] in a precision. A box of time shows nothing before it."""
+    for start in range(0, len(phi), STRETCH):
+        part = slice(start, start + STRETCH)
+        used = np.flatnonzero(phi[part].any(axis=0))
+        yield part, used, phi[part, used].astype(precision)
 
 
 def times(phi: FloatArray, values: FloatArray) -> FloatArray:

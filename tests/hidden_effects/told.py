@@ -143,6 +143,7 @@ def _of_signals(s: Signals) -> dict[str, Array]:
         **{f"jerk_{a}": _change(s.force[:, i], s.t) for i, a in enumerate("xyz")},
         "rate": np.linalg.norm(s.rate, axis=1),
         "force": np.linalg.norm(s.force, axis=1),
+        "climb": -s.state.vel_ned[:, 2],
         "temperature": s.temp_c,
         "temperature_rate": np.gradient(s.temp_c, s.t),
     }

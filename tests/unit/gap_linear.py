@@ -9,7 +9,7 @@ import numpy as np
 from automap.fusion.layout import CH_ZUPT
 from automap.gap.candidates import candidates_of, named_columns
 from automap.gap.fit import Fit, whitened_innovations
-from automap.gap.linear import Column, Linear, linearised
+from automap.gap.linear import Column, Linear, linearised, motions_of
 from automap.gap.selection import Selection
 from automap.gap.whitening import Rows
 from automap.records import BoolArray, FloatArray
@@ -40,7 +40,7 @@ def _halves(name: str) -> tuple[str, str]:
 
 def screened(fit: Fit, effects: Sequence[str]) -> Selection:
     """A fit made linear in effects by name, and these as candidates."""
-    linear = linearised([fit], lambda at: named_columns(effects, at), {})
+    linear = linearised(motions_of([fit]), lambda at: named_columns(effects, at), {})
     return Selection(linear, {c.name: c for c in candidates_of(linear.layout, effects)})
 
 

@@ -31,6 +31,20 @@ from automap.effects.user import set_user_effects
 from automap.records import Camera, Detections, FloatArray, ImuData, Trajectory
 
 
+def test_a_climb_is_told_by_the_weight_along_the_road() -> None:
+    t = np.arange(0.0, 12.0, 0.02)
+    speed, slope, n = 8.0 + 0.5 * t, 0.06, len(t)
+    vel = np.column_stack([speed * np.cos(slope), np.zeros_like(t), -speed * np.sin(slope)])
+    path = Trajectory(
+        t_ns=np.rint(t * 1e9).astype(np.int64), gps_s=1e9 + t,
+        lat_rad=np.full(n, 0.6), lon_rad=np.full(n, 0.2), height_m=np.full(n, 300.0),
+        vel_ned=vel, rpy=np.tile([0.0, slope, 0.0], (n, 1)),
+        sd_pos_ned=np.ones((n, 3)), sd_vel_ned=np.ones((n, 3)), sd_rpy=np.ones((n, 3)),
+    )  # fmt: skip
+    at = path_signals(path, None).at(np.array([2, 6]) * 10**9)
+    assert at.climb == pytest.approx(np.array([9.0, 11.0]) * np.sin(slope), rel=0.01)
+
+
 @pytest.mark.parametrize("rate", [0.3, -0.2])
 def test_quantities_along_a_bend_are_those_of_the_circle(rate: float) -> None:
     """A banked bend that is driven faster and faster: rates and forces by SciPy's rotations."""

@@ -12,7 +12,7 @@ from automap.gap.candidates import library, named_columns, term_columns
 from automap.gap.drive import open_drive
 from automap.gap.fit import Fit, fit_drive
 from automap.gap.forms import Terms
-from automap.gap.linear import Column, Direct, NodeMotion, linearised
+from automap.gap.linear import Column, Direct, NodeMotion, linearised, motions_of
 from automap.gap.naming import identifiability
 from automap.gap.result import BODY, MOUNT, STRETCHED, TURNED, elsewhere
 from automap.records import FloatArray, IntArray
@@ -85,7 +85,7 @@ def test_what_is_said_to_be_the_same_leaves_the_same_traces(
         other = term_columns(at, twin) if twin else [_moved(at, told)]
         return [*own, *other, *named_columns(["accel_scale"], at)]
 
-    info = linearised([town], columns, {}).info
+    info = linearised(motions_of([town]), columns, {}).info
     assert _explained(info, np.arange(1, len(info))) > 0.98
     assert _explained(info, np.arange(2, len(info))) < 0.6
 

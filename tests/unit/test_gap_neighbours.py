@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Sequence
+from typing import Any, cast
+
 import numpy as np
 import pytest
 
 from automap.effects.formula_text import parse_formula
 from automap.effects.signals import FIELDS, Signals
+from automap.gap import forms
 from automap.gap.dictionary import formula_terms
-from automap.gap.forms import amounts, neighbours
+from automap.gap.forms import About, Terms, amounts, neighbours
 
 
 @pytest.fixture(scope="module")
@@ -47,6 +52,31 @@ def test_the_formulas_near_any_of_the_dictionary_are_others_and_can_be_read(
             assert parse_formula(other)(signals).shape == signals.time.shape
 
 
+def test_a_form_is_compared_with_the_amounts_that_suit_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    t = np.arange(0.0, 400.0, 0.2)
+    speed = np.clip(8.0 + 9.0 * np.sin(t / 17.0) + 4.0 * np.sin(t / 5.3), 0.0, None)
+    zero = {name: np.zeros_like(t) for name in FIELDS}
+    along = Signals(**{**zero, "time": t, "speed": speed})
+    truth = parse_formula("max(speed - 6.4, 0)")(along)
+
+    def left(text: str) -> float:
+        # beside a constant and a scale
+        columns = np.stack([np.ones_like(t), speed, parse_formula(text)(along)], axis=1)
+        return float(
+            np.sum((truth - columns @ np.linalg.lstsq(columns, truth, rcond=None)[0]) ** 2)
+        )
+
+    def ranked(about: Any, tried: Sequence[Terms], price: float = 0.0) -> list[Terms]:
+        return sorted(tried, key=lambda terms: left(terms[0][1]))
+
+    monkeypatch.setattr(forms, "ranked", ranked)
+    near = forms.nearby(cast("About", None), along, (("velocity_along", "tanh(speed / 5.0)"),))
+    bends = [
+        float(x) for ((_, text),), _ in near for x in re.findall(r"^max\(speed - ([\d.]+)", text)
+    ]
+    assert any(abs(at - 6.4) < 0.5 for at in bends)
+
+
 def test_a_shape_takes_the_place_of_another(signals: Signals) -> None:
     near = neighbours("tanh(rate_z / 0.01)", signals)
     assert "abs(rate_z)" in near
@@ -69,5 +99,10 @@ def test_what_is_remembered_has_shapes_and_no_second_memory(signals: Signals) ->
     assert any(text.startswith("tanh(lag(force_y, 0.5) / ") for text in near)
     assert "max(lag(force_y, 0.5), 0)" in near
     assert not any("lag(lag(" in text or "lag((lag(" in text for text in near)
+    # with what it leaves, and with neither
+    near = neighbours("lag(step(6 - speed), 20.0)", signals)
+    assert "(step(6 - speed) - lag(step(6 - speed), 20.0))" in near
+    assert "step(6 - speed)" in near
+    assert "lag(force_y, 0.5)" in neighbours("(force_y - lag(force_y, 0.5))", signals)
     # a play is one shape already
     assert not any("tanh(" in text for text in neighbours("play(force_y, 0.5)", signals))

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any, cast
 
 import numpy as np
 import pytest
 
-from automap.gap import base_model, confirm, finder, screening, search
+from automap.fusion.level_climb import Maximum
+from automap.gap import base_model, confirm, finder, noise, screening, search
 from automap.gap.candidates import Candidate
 from automap.gap.confirm import Judge
 from automap.gap.linear import Column
@@ -172,9 +174,17 @@ def test_where_constraint_and_receiver_differ_no_sensor_is_told_apart(
     assert Asked().judge.ahead(HERE, HERE, of_vehicle)[1] == 4.0
 
 
-@pytest.mark.parametrize(("first", "bent", "taken"), [(12345.0, 11654.0, 0), (11654.0, 12345.0, 1)])
+@pytest.mark.parametrize(
+    ("first", "bent", "set_before", "taken"),
+    [
+        (12345.0, 11654.0, LATE, 0),
+        (11654.0, 12345.0, LATE, 1),
+        # nothing is gone that could have bent the path
+        (12345.0, 11654.0, "", 1),
+    ],
+)
 def test_a_fit_does_not_stay_where_the_set_before_has_bent_the_path(
-    monkeypatch: pytest.MonkeyPatch, first: float, bent: float, taken: int
+    monkeypatch: pytest.MonkeyPatch, first: float, bent: float, set_before: str, taken: int
 ) -> None:
     scores = {"first": first, "bent": bent}
 
@@ -185,7 +195,8 @@ def test_a_fit_does_not_stay_where_the_set_before_has_bent_the_path(
     asked = object.__new__(Screening)
     asked.effects, asked.options = {}, base_model().options
     asked.base = cast("Fitted", SimpleNamespace(fits=("first",)))
-    here: Any = SimpleNamespace(model=base_model(), fits=("bent",))
+    estimate = {set_before: 1.0} if set_before else {}
+    here: Any = SimpleNamespace(model=base_model(), fits=("bent",), estimate=estimate)
     (fit,) = asked.states(here, SELECTION, Chosen()).fits
     assert fit.score == (first, bent)[taken]
 
@@ -211,6 +222,82 @@ def test_of_two_that_do_the_same_one_is_borne_out_where_either_would_do(strength
     assert "formula_accel_z" in out
 
 
+@pytest.mark.parametrize(("shared", "one_thing"), [(-0.9, True), (0.6, False)])
+def test_what_is_known_badly_beside_a_formula_may_be_one_thing_with_it(
+    shared: float, one_thing: bool
+) -> None:
+    names = ("formula_velocity_along", "k"), ("gnss_velocity_scale", "relative"), (LATE, "s")
+    cov = np.outer([1.0, 2.0, 3.0], [1.0, 2.0, 3.0]) * np.array(
+        [[1.0, shared, 0.1], [shared, 1.0, 0.0], [0.1, 0.0, 1.0]]
+    )
+    terms = {e: (("velocity_along", "tanh(speed / 5.0)"),) * (p == "k") for e, p in names}
+    candidates = {e: Candidate(e, ((i,),), 0.0, terms=terms[e]) for i, (e, _) in enumerate(names)}
+    layout = [Column(effect, parameter, 1.0) for effect, parameter in names]
+    selection: Any = SimpleNamespace(linear=SimpleNamespace(layout=layout), candidates=candidates)
+    chosen = Chosen(tuple((e, (i,), 1.0) for i, (e, _) in enumerate(names)))
+    asked = object.__new__(Screening)
+    asked.effects = {e: e for e, _ in names}
+    joint = Joint(names, np.ones(3), cov, 0.0)
+    told = asked.entangled(joint, selection, chosen, "formula_velocity_along")
+    assert told == (["gnss_velocity_scale"] if one_thing else [])
+    # what switches has many periods
+    waves = {
+        f"gyro_z += {p}": tuple(("gyro_z", f"{f}(2 * pi * time / {p})") for f in ("sin", "cos"))
+        for p in ("82.0", "41.0")
+    }
+    both = {n: Candidate(n, ((0, 1),), 0.0, terms=its) for n, its in waves.items()}
+    swings: Any = SimpleNamespace(linear=selection.linear, candidates={**candidates, **both})
+    first, second = waves
+    every = Chosen((*chosen.parts, *((n, (0, 1), 1.0) for n in waves)))
+    assert asked.entangled(joint, swings, every, first) == [second]
+    # a name has no other form
+    assert asked.entangled(joint, selection, chosen, "gnss_velocity_scale") == []
+
+
+def test_the_noise_of_a_set_that_was_fitted_before_is_not_sought_from_everywhere_again(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    asked: list[tuple[str, float]] = []
+
+    def sought(fitted: Any, *stated: Any) -> Any:
+        asked.append(("anew" if stated else "on", fitted.model.factors["accel"]))
+        return replace(fitted, model=replace(fitted.model, factors={"accel": 2.0 + len(asked)}))
+
+    monkeypatch.setattr(search, "with_noise", sought)
+    monkeypatch.setattr(search, "with_levels", sought)
+    here = Fitted(replace(base_model(), factors={"accel": 1.0}), {}, ())
+    one = object.__new__(Search)
+    one.log, one.stated, one.each_drive, one.levels = print, {}, [], {}
+    one.screening = cast("Screening", SimpleNamespace(states=lambda here, selection, chosen: here))
+    for name in (LATE, LOW_PASSED, LATE):
+        one._fit(here, SELECTION, only(name))
+    assert asked == [("anew", 1.0), ("anew", 1.0), ("on", 3.0)]
+
+
+@pytest.mark.parametrize("valley", [False, True])
+def test_noise_is_sought_from_a_second_side_where_a_valley_lies_between(
+    monkeypatch: pytest.MonkeyPatch, valley: bool
+) -> None:
+    def score(fits: Any, factors: Mapping[str, float], rooms: Any = ()) -> float:
+        x = math.log(factors["accel"])
+        other = 60.0 * math.exp(-((x - 3.0) ** 2)) if valley else 0.0
+        return other - 10.0 * x**2 * math.exp(-0.3 * abs(x))
+
+    def top(fits: Any, levels: Any, start: Mapping[str, float], *inverse: Any) -> Maximum:
+        asked.append(start["accel"])
+        return Maximum(score(fits, start), {"accel": start["accel"]}, np.eye(1))
+
+    asked: list[float] = []
+    monkeypatch.setattr(noise, "noise_score", score)
+    monkeypatch.setattr(noise, "rooms_of", lambda fits: ())
+    monkeypatch.setattr(noise, "_likeliest", top)
+    monkeypatch.setattr(noise, "fitted_about", lambda model, *about: Fitted(model, {}, ()))
+    here = Fitted(replace(base_model(), factors={"accel": 1.0}), {LATE: 1.0}, ())
+    found = noise.with_noise(here, {"accel": math.exp(3.0)})
+    assert len(asked) == 1 + valley
+    assert found.model.factors["accel"] == pytest.approx(math.exp(3.0) if valley else 1.0)
+
+
 @pytest.mark.parametrize(
     ("ahead", "told"),
     [({"cubed": -18.0, "squared": 12.0}, "squared"), ({"cubed": 2.0, "squared": 1.0}, None)],
@@ -224,17 +311,21 @@ def test_of_forms_that_say_much_the_same_the_filter_tells_one(
         "Screening",
         SimpleNamespace(
             refinements={},
-            forms=lambda here, selection, chosen, name: [((("gyro_z", f),), 1.0) for f in ahead],
+            entangled=lambda joint, selection, chosen, name: [],
+            forms=lambda here, selection, chosen, name, gone: [
+                ((("gyro_z", f),), 1.0) for f in ahead
+            ],
             in_form=lambda here, selection, chosen, name, terms, choices: Chosen(
                 ((terms[0][1], (0,), 1.0),)
             ),
-            states=lambda here, selection, chosen: chosen.names[0],
+            states=lambda here, selection, chosen, anew: chosen.names[0],
         ),
     )
     asked.judge = cast(
         "Judge", SimpleNamespace(ahead=lambda one, other, of_vehicle: (ahead[one], 1.0))
     )
-    formed = asked._formed(HERE, SELECTION, Chosen((("linear", (0,), 1.0),)))
+    here: Any = SimpleNamespace(joint=lambda: None)
+    formed = asked._formed(here, SELECTION, Chosen((("linear", (0,), 1.0),)))
     assert (formed and formed.names[0]) == told
 
 
@@ -247,9 +338,17 @@ def test_courses_from_further_behind_than_with_any_receiver_are_no_part_of_every
     def fits(opened: Any, model: Any, log: Any) -> Any:
         asked.append(model.options.effects)
         last = SimpleNamespace(totals=lambda: {"gnss_course_distance_m": metres})
-        return SimpleNamespace(fits=(SimpleNamespace(last=last),))
+        louder = replace(model, factors=dict.fromkeys(model.factors, 2.0))
+        return SimpleNamespace(fits=(SimpleNamespace(last=last),), model=louder)
+
+    def with_levels(fitted: Fitted) -> Fitted:
+        # from the noise that suits the drives with it
+        assert set(fitted.model.factors.values()) == {2.0}
+        asked.append(fitted.model.options.effects)
+        return fitted
 
     monkeypatch.setattr(finder, "open_fits", fits)
+    monkeypatch.setattr(finder, "with_levels", with_levels)
     finder.first_fit((), base_model(), print)
     assert ("gnss_course_distance" in asked[-1]) == stays
 

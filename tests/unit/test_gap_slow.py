@@ -27,6 +27,7 @@ from automap.gap.slow import (
     lasts,
     plateaus,
     shapes,
+    switched,
     variants,
     with_shapes,
 )
@@ -156,6 +157,32 @@ def test_a_course_is_refined_between_those_that_were_tried(
     for one in tried:
         assert [on for on, _ in one] == ["gyro_z"] * len(texts)
         assert len({x[4:] for _, x in one if x[3] == "("}) <= 1
+
+
+@pytest.mark.parametrize("gain", ["", "rate_z * "])
+def test_what_is_on_for_a_part_of_each_period_is_found_from_what_swings(gain: str) -> None:
+    t = np.arange(0.0, LENGTH_S, 0.25)
+    values = np.where((t - 7.0) % 82.0 < 26.0, 1.0, 0.0)
+    best: tuple[tuple[str, str], ...] = tuple(
+        ("gyro_z", f"{gain}{wave}(2 * pi * time / 82.8)") for wave in ("sin", "cos")
+    )
+
+    def share(terms: tuple[tuple[str, str], ...]) -> float:
+        texts = tuple(text.removeprefix(gain) for _, text in terms)
+        # beside a constant, which a bias says
+        columns = np.stack([curve("1 + 0 * time", t), *(curve(x, t) for x in texts)], axis=1)
+        left = values - columns @ np.linalg.lstsq(columns, values, rcond=None)[0]
+        return 1.0 - float(left.var() / values.var())
+
+    swings = share(best)
+    for _ in range(2):
+        waves = switched(best)
+        assert 10 < len(waves) < 130
+        assert all(follows_time(one) for one in waves)
+        best = max(waves, key=share)
+    assert swings < 0.8
+    assert share(best) > 0.94
+    assert switched([("gyro_z", "speed")]) == switched([("gyro_z", "step(time - 3)")]) == []
 
 
 def test_a_plateau_of_a_moment_does_not_last() -> None:
