@@ -28,6 +28,7 @@ from automap.fusion.doubts.antenna import (
     bend_speed,
     contradicted_arm,
     overturned_arm,
+    trailing_antenna,
     unproven_arm,
 )
 from automap.fusion.doubts.constancy import constancy_doubts
@@ -192,7 +193,7 @@ def weigh(
         *steps,
         *of_imu,
         *unexpected_delay(found, delay.mean, delay.sd, float(np.median(speed)), age_sd),
-        *early_velocities(found),
+        *(trailing_antenna(found, receiver.match, bends) or early_velocities(found)),
         *(constancy_doubts(result.filtered_parameters, by_carrier(fixes)) if believed else ()),
         *(
             _of_arm(found, lever_arm, bends, level_sd(part for _, part in known()))

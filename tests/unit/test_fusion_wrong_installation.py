@@ -9,13 +9,20 @@ import pytest
 from scipy.signal import lfilter
 
 from automap.fusion import limits
-from automap.fusion.doubts.antenna import bend_speed, contradicted_arm, overturned_arm, unproven_arm
+from automap.fusion.doubts.antenna import (
+    bend_speed,
+    contradicted_arm,
+    overturned_arm,
+    trailing_antenna,
+    unproven_arm,
+)
 from automap.fusion.doubts.limits import BEND_STEP_S, TRIADS_APART_S
 from automap.fusion.doubts.outcome import leaning, mounted_askew
 from automap.fusion.doubts.reason import Reason
 from automap.fusion.doubts.triads import following, lateness, triad_doubts
 from automap.io.drive import load_drive
 from automap.records import FloatArray, ImuData
+from automap.sync.path_match import Estimate, Match
 from pipeline.run.fusion_inputs import stated_arm
 from tests.unit.foreign_tables import SAMPLE
 from tests.unit.fusion_fixes import hilly
@@ -149,6 +156,29 @@ def test_an_arm_that_the_drive_moves_away_from_is_told() -> None:
     assert contradicted_arm(found, np.zeros(3), limits.STATED_ARM_SD_M, 5.0) == []
     found = {"gnss_lever_arm_x": (-0.03, 0.04986), "gnss_velocity_latency_s": (0.3, 0.01)}
     assert contradicted_arm(found, np.zeros(3), limits.STATED_ARM_SD_M, 28.0) == []
+
+
+def test_an_antenna_that_trails_is_told_by_bends_that_the_receiver_takes_in_time() -> None:
+    found = {
+        "gnss_velocity_latency_s": (-0.04, 0.01),
+        "gnss_course_latency_s": (0.1, 0.01),
+        "nhc_lever_arm_x": (2.5, 0.2),
+    }
+
+    def own(speed: float, course: float, sd: float = 0.01) -> Match:
+        return Match(speed_lag_s=Estimate(speed, sd), course_lag_s=Estimate(course, sd))
+
+    (reason,) = trailing_antenna(found, own(0.0, 0.0), 14.0)
+    assert (reason.code, reason.state) == ("lever_arm", "doubtful")
+    assert reason.error_m == pytest.approx(0.1 * 14.0 + 2.5)
+    (less,) = trailing_antenna(found, own(0.0, 0.0, 0.03), 14.0)
+    assert less.state == "good"
+    # a filter is as late in its own positions, and a receiver that tells nothing is no witness
+    assert trailing_antenna(found, own(-0.04, 0.06), 14.0) == []
+    assert trailing_antenna(found, Match(), 14.0) == []
+    # courses may come late with positions that are of the velocities' instant
+    late = found | {"gnss_velocity_latency_s": (0.01, 0.01)}
+    assert trailing_antenna(late, own(0.0, 0.0), 14.0) == []
 
 
 def test_a_height_of_the_antenna_with_the_wrong_sign_is_told_by_its_sway() -> None:

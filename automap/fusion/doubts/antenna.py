@@ -8,11 +8,12 @@ import numpy as np
 
 from automap.fusion.delay_states import COURSE_STATE, VEL_LAG_STATE, VEL_LATENCY_STATE
 from automap.fusion.doubts import limits
-from automap.fusion.doubts.estimates import Estimates
+from automap.fusion.doubts.estimates import Estimates, velocity_lead
 from automap.fusion.doubts.reason import Reason
 from automap.fusion.limits import DOUBT_PROBABILITY, HELD_ARM_SD_M, MOST_ARM_M
-from automap.gates import sigmas
+from automap.gates import OUTSIDE_95, exceeds, sigmas
 from automap.records import FloatArray
+from automap.sync.path_match import Match
 
 _ROWS = 1 << 18
 """Of a path that are looked at at once: 45 minutes at 100 Hz."""
@@ -80,6 +81,40 @@ def contradicted_arm(
             "right and down (an antenna on the roof has a negative third number), or take the "
             "line out",
             error_m=off,
+        )
+    ]
+
+
+def trailing_antenna(found: Estimates, own: Match, speed: float) -> list[Reason]:
+    """An antenna that is behind where it was taken to be, as on a trailer, by how it turns; bends
+    at ``speed`` m/s.
+
+    A receiver's filter that makes its courses late makes them late against its positions, too,
+    which ``own`` tells. Where they are late against the IMU alone, and speeds are not, the antenna
+    comes later to the bends: positions, as late, have velocities ahead of them. How far behind is
+    told by the point that does not slide, too, which cars do not have ahead of the IMU.
+    """
+    lags = own.speed_lag_s, own.course_lag_s
+    early, early_sd = velocity_lead(found)
+    if lags[0] is None or lags[1] is None or not early > sigmas(OUTSIDE_95) * early_sd > 0.0:
+        return []
+    value, sd = found.get(COURSE_STATE, (0.0, math.inf))
+    late = value - (lags[1].value - lags[0].value)
+    sd = math.hypot(sd, lags[0].sd, lags[1].sd)
+    if late <= sigmas(OUTSIDE_95) * sd:
+        return []
+    far = late * speed + max(found.get("nhc_lever_arm_x", (0.0, 0.0))[0], 0.0)
+    sure = exceeds((late / sd) ** 2 + (early / early_sd) ** 2, 2) < DOUBT_PROBABILITY
+    return [
+        Reason(
+            "lever_arm",
+            "the receiver's positions and velocities agree with each other, and both come to bends "
+            f"{late:.2f} s later than the IMU, though they gain speed with it: as an antenna some "
+            f"{far:.0f} m behind where it was taken to be, on a trailer or at the tail of a bus, "
+            "and path and signs are as far off along the road; measure lever_arm_m of [gnss] from "
+            "the IMU forward, right and down",
+            error_m=far,
+            state="doubtful" if sure else "good",
         )
     ]
 
