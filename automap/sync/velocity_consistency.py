@@ -17,6 +17,7 @@ from automap.records import BoolArray, Fixes
 from automap.sync import limits
 from automap.sync.between_fixes import nothing_new
 from automap.sync.climb_match import Vertical, match_climbs
+from automap.sync.digits import course_step
 from automap.sync.epoch_means import EpochMeans, epoch_means
 from automap.sync.held_values import (
     Stretch,
@@ -95,7 +96,8 @@ class VelocityConsistency:
     the velocities are right, and the ways between positions; None where they tell more than that.
     ``height_stuck``: the height is one number throughout: no receiver measures that. ``between``:
     so many positions lie on the lines between others and were not measured; ``straight_m``: they
-    go straight through bends, and lie as far aside of the velocities' path there.
+    go straight through bends, and lie as far aside of the velocities' path there. ``course_step``
+    rad: courses come in such steps, too coarse to compare with anything.
     """
 
     compared_s: float
@@ -114,6 +116,7 @@ class VelocityConsistency:
     aside: tuple[Interval, ...] = ()
     between: int = 0
     straight_m: float = 0.0
+    course_step: float = 0.0
 
     @property
     def can_tell(self) -> bool:
@@ -178,7 +181,7 @@ class VelocityConsistency:
     def unusable_velocity(self, fixes: Fixes) -> BoolArray:
         """Rows [n] of ``fixes`` whose horizontal velocity is beyond doubt wrong."""
         bad = _within(fixes, (*self.velocity_stuck, *self.rows_frozen))
-        bad |= self.scale_wrong or (self.turned and not self.sign_turned)
+        bad |= self.scale_wrong or (self.turned and not self.sign_turned) or self.course_step > 0.0
         return bad & np.isfinite(fixes.vel_ned[:, :2]).all(axis=1)
 
     def unusable_vertical_velocity(self, fixes: Fixes) -> BoolArray:
@@ -204,6 +207,9 @@ def _within(fixes: Fixes, intervals: Sequence[Interval]) -> BoolArray:
 
 def velocity_consistency(fixes: Fixes) -> VelocityConsistency:
     """Compare the velocities of ``fixes`` with their positions; never raises."""
+    step = course_step(fixes)
+    if step:
+        fixes = replace(fixes, vel_ned=fixes.vel_ned * [np.nan, np.nan, 1.0])
     known = nothing_new(fixes)
     between = int(np.count_nonzero(known & ~told_again(fixes)))
     path = receiver_path(replace(fixes, lat_rad=np.where(known, np.nan, fixes.lat_rad)))
@@ -214,6 +220,7 @@ def velocity_consistency(fixes: Fixes) -> VelocityConsistency:
             *(0.0, Match(), False, None, False, none, none, none, none, None, 1.0),
             height_stuck=_height_stuck(path),
             between=between,
+            course_step=step,
         )
     fresh = ~in_long_repeats(path)
     match = match_paths(path, told & fresh, fresh)
@@ -352,6 +359,11 @@ def _reasons(found: VelocityConsistency) -> Iterator[Reason]:
             "course_off",
             f"courses are told {math.degrees(-turn_rad.value):+.1f} deg off (sd "
             f"{math.degrees(turn_rad.sd):.1g}), as against the compass or a map's grid",
+        )
+    if found.course_step:
+        yield Reason(
+            "course_coarse",
+            f"courses come in steps of {math.degrees(found.course_step):.3g} deg",
         )
     if found.positions_late_s:
         yield Reason(

@@ -11,7 +11,7 @@ import numpy as np
 
 from automap.fusion.doubts import limits
 from automap.fusion.doubts.path import Misses
-from automap.fusion.doubts.reason import Reason, Span
+from automap.fusion.doubts.reason import Reason, Span, State
 from automap.fusion.limits import LEAST_JUDGED
 from automap.fusion.measurements.position import has_position, states_accuracy
 from automap.fusion.options import FusionOptions
@@ -228,7 +228,9 @@ def _doubts(found: VelocityConsistency, start: float, felt: bool) -> Iterator[Re
             if max(i.seconds for i in held[reason.code]) < limits.HELD_S:
                 continue
             spans = _spans(held[reason.code], start)
-        yield Reason(reason.code, f"the receiver's {reason.text}{_LEFT_OUT}", spans, handled=True)
+        state: State = "good" if reason.code == "course_coarse" else "doubtful"
+        text = f"the receiver's {reason.text}{_LEFT_OUT}"
+        yield Reason(reason.code, text, spans, state=state, handled=True)
     if found.unrelated:
         yield Reason(
             "velocity_unrelated",

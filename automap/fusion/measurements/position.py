@@ -16,6 +16,7 @@ from automap.fusion.mechanisation import radii
 from automap.fusion.options import FusionOptions
 from automap.jit import kernel
 from automap.records import BoolArray, ClockModel, Fixes, FixType, FloatArray
+from automap.sync.digits import rounded_m
 
 CORRECTED = (FixType.DGNSS, FixType.FLOAT, FixType.FIXED)
 """Fixes whose receiver was told what satellites have in common."""
@@ -27,10 +28,10 @@ def position_errors(
     """Sigma NED [n, 3] m of the whole error of positions, and of its white part.
 
     The receiver's accuracy figure, times ``factor`` [n], is taken as the size of its slowly
-    wandering error; its white part is a share of that. Carrier-phase solutions are short-term as
-    good as they say. Without a figure: HDOP times a consumer receiver's range error, and what
-    geometry does not thin out (Kaplan and Hegarty, Understanding GPS, section 7.2), but no less
-    than data sheets state; of carrier phases that alone.
+    wandering error; its white part is a share of that, and what digits cut off. Carrier-phase
+    solutions are short-term as good as they say. Without a figure: HDOP times a consumer receiver's
+    range error, and what geometry does not thin out (Kaplan and Hegarty, Understanding GPS, section
+    7.2), but no less than data sheets state; of carrier phases that alone.
     """
     hdop = np.where(np.isfinite(fixes.hdop) & (fixes.hdop > 0), fixes.hdop, 1.0)
     carrier = (fixes.fix_type == FixType.FIXED) | (fixes.fix_type == FixType.FLOAT)
@@ -44,6 +45,7 @@ def position_errors(
     sd = np.where(stated, fixes.sd_pos_ned, fallback)
     sd = np.maximum(sd * factor[:, None], options.min_position_sd_m)
     white = np.where(carrier[:, None], sd, np.maximum(options.white_share * sd, LEAST_WHITE_M))
+    white[:, :2] = np.hypot(white[:, :2], rounded_m(fixes))
     return sd, white
 
 
