@@ -110,9 +110,11 @@ def weigh(
     stated = model_fixes(fixes, fixes.gps_s, options)
     places = places_of(stated)
     wanted = np.concatenate([*told_times(fixes, path, found), places.t - path.gps_s[0]])
+    channels = channel_consistency(result.innovations)
+    parting = innovation_doubts(channels)
     of_estimates = [
         *impossible_ages(found, dated_by_arrival=delay_is_clock and clock.method == "arrival"),
-        *impossible_errors(found),
+        *impossible_errors(found, bool(parting)),
         *outcome.leaning(path),
     ]
     gps_s = path.gps_s
@@ -181,7 +183,6 @@ def weigh(
     # a delay that is the clock's is minus the receiver's, and of any sign
     clock_only = delay_is_clock or LATENCY_STATE in found
     age_sd = math.inf if clock_only else age_sd_of(fixes, clock, options)
-    channels = channel_consistency(result.innovations)
     side = result.innovations
     if late := told_late(receiver.match.course_lag_s):
         side = on_straights(side, path, late)
@@ -206,7 +207,7 @@ def weigh(
         *at_bound,
         *sideways((part for _, part in fused.stretches()), options, axle),
         *outcome.refused(result.innovations),
-        *innovation_doubts(channels),
+        *parting,
         *sliding,
     ]
     model = as_shown(stated, options, result.noise_factors)

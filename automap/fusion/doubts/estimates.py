@@ -162,8 +162,12 @@ def early_velocities(found: Estimates) -> list[Reason]:
     ]
 
 
-def impossible_errors(found: Estimates) -> list[Reason]:
-    """Sensor errors larger than any sensor has."""
+def impossible_errors(found: Estimates, fixes_part: bool = False) -> list[Reason]:
+    """Sensor errors larger than any sensor has; ``fixes_part``: innovations of the fixes are as
+    wrong, and a filter in the receiver is as likely the cause."""
+    why = "check units, axes and signs of the IMU"
+    if fixes_part:
+        why += ", or what the receiver smooths: its fixes contradict the path for long, too"
     reasons = []
     for effect, (most, unit, what) in limits.MOST_SENSOR_ERROR.items():
         size, axis = max(
@@ -175,8 +179,8 @@ def impossible_errors(found: Estimates) -> list[Reason]:
                 Reason(
                     "sensor_error",
                     f"{what}, axis {axis}, would be {size:.3g}{unit}, more than such a sensor has "
-                    f"({most:g}{unit}): check units, axes and signs of the IMU",
-                    inertial=True,
+                    f"({most:g}{unit}): {why}",
+                    inertial=not fixes_part,
                 )
             )
     return reasons

@@ -10,7 +10,13 @@ import numpy as np
 from automap.effects.measured_kernels import antenna_position
 from automap.fusion.arrays import ModelArrays, NodeArrays
 from automap.fusion.layout import CH_POS, HAS_POS_H, HAS_POS_V
-from automap.fusion.limits import DOWN_FACTOR, FIX_AGE_SD_S, LEAST_WHITE_M, UNSTATED_SD_M
+from automap.fusion.limits import (
+    DOWN_FACTOR,
+    FIX_AGE_SD_S,
+    LEAST_WHITE_M,
+    UNKNOWN_HDOP,
+    UNSTATED_SD_M,
+)
 from automap.fusion.measurements.state import AtNode
 from automap.fusion.mechanisation import radii
 from automap.fusion.options import FusionOptions
@@ -33,7 +39,7 @@ def position_errors(
     range error, and what geometry does not thin out (Kaplan and Hegarty, Understanding GPS, section
     7.2), but no less than data sheets state; of carrier phases that alone.
     """
-    hdop = np.where(np.isfinite(fixes.hdop) & (fixes.hdop > 0), fixes.hdop, 1.0)
+    hdop = np.where((fixes.hdop > 0) & (fixes.hdop < UNKNOWN_HDOP), fixes.hdop, 1.0)
     carrier = (fixes.fix_type == FixType.FIXED) | (fixes.fix_type == FixType.FLOAT)
     least = _unstated(fixes)
     horizontal = np.hypot(options.horizontal_sd_m * hdop, options.common_horizontal_sd_m)
