@@ -8,7 +8,7 @@ import numpy as np
 
 from automap.fusion.delay_states import COURSE_STATE, VEL_LAG_STATE, VEL_LATENCY_STATE
 from automap.fusion.doubts import limits
-from automap.fusion.doubts.estimates import Estimates, velocity_lead
+from automap.fusion.doubts.estimates import Estimates, of_axes, velocity_lead
 from automap.fusion.doubts.reason import Reason
 from automap.fusion.limits import DOUBT_PROBABILITY, HELD_ARM_SD_M, MOST_ARM_M
 from automap.gates import OUTSIDE_95, exceeds, sigmas
@@ -46,6 +46,15 @@ def arm_by_drive(
     """
     if stated is None:
         return None
+    own = _drawn_to(found, stated, stated_sd)
+    # bends tell the level arm; the upright one moves with whatever a receiver's filter does
+    far = float(np.hypot(*(own - stated)[:2]))
+    return own if far > limits.ARM_OFF_M + _velocity_lag(found) * speed else None
+
+
+def _drawn_to(found: Estimates, stated: FloatArray, stated_sd: float) -> FloatArray:
+    """The arm [3] m that the drive alone has on axes where no chance draws it so far from
+    ``stated`` [3] m, which it has on others."""
     own = np.array(stated, np.float64)
     for k, axis in enumerate("xyz"):
         estimate, sd = found.get(f"gnss_lever_arm_{axis}", (float(stated[k]), stated_sd))
@@ -54,9 +63,7 @@ def arm_by_drive(
         taken = stated_sd**2 - sd**2 if sd < stated_sd else stated_sd**2
         if abs(off) > sigmas(DOUBT_PROBABILITY) * math.sqrt(taken):
             own[k] += float(np.clip(off * stated_sd**2 / taken, -MOST_ARM_M, MOST_ARM_M))
-    # bends tell the level arm; the upright one moves with whatever a receiver's filter does
-    far = float(np.hypot(*(own - stated)[:2]))
-    return own if far > limits.ARM_OFF_M + _velocity_lag(found) * speed else None
+    return own
 
 
 def _velocity_lag(found: Estimates, *more: str) -> float:
@@ -68,10 +75,28 @@ def _velocity_lag(found: Estimates, *more: str) -> float:
 def contradicted_arm(
     found: Estimates, stated: FloatArray | None, stated_sd: float, speed: float
 ) -> list[Reason]:
-    """An arm of the antenna, as in ``arm_by_drive``, that the drive moves away from."""
-    own = arm_by_drive(found, stated, stated_sd, speed)
-    if own is None or stated is None:
+    """An arm of the antenna, as in ``arm_by_drive``, that the drive moves away from; or by less, as
+    receivers' filters make it, which the path has followed all the same."""
+    if stated is None:
         return []
+    own = arm_by_drive(found, stated, stated_sd, speed)
+    if own is None:
+        drawn = (_drawn_to(found, stated, stated_sd) != stated)[:2]
+        off = float(np.hypot(*np.where(drawn, (of_axes(found, "gnss_lever_arm") - stated)[:2], 0)))
+        return (
+            []
+            if not off
+            else [
+                Reason(
+                    "lever_arm",
+                    f"the drive draws the antenna {off:.2f} m from lever_arm_m of [gnss], as a "
+                    "receiver's filter does too: the stated uncertainty includes it; log "
+                    "velocities of an instant, or measure again",
+                    error_m=off,
+                    state="good",
+                )
+            ]
+        )
     off = float(np.linalg.norm(own - stated))
     return [
         Reason(
