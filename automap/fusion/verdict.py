@@ -27,8 +27,8 @@ from automap.fusion.doubts.antenna import (
     arm_by_drive,
     bend_speed,
     contradicted_arm,
+    misplaced_antenna,
     overturned_arm,
-    trailing_antenna,
     unproven_arm,
 )
 from automap.fusion.doubts.constancy import constancy_doubts
@@ -187,14 +187,17 @@ def weigh(
     if late := told_late(receiver.match.course_lag_s):
         side = on_straights(side, path, late)
     sliding = slides(channel_consistency(side))
+    # what comes later to bends looks older than it is, too
+    misplaced = misplaced_antenna(found, receiver.match, bends)
+    usual_speed = float(np.median(speed))
     reasons = [
         *of_receiver,
         *jump_doubts([*position_jumps(places), *jumps], path),
         *jump_doubts(height_jumps(stated, path), path),
         *steps,
         *of_imu,
-        *unexpected_delay(found, delay.mean, delay.sd, float(np.median(speed)), age_sd),
-        *(trailing_antenna(found, receiver.match, bends) or early_velocities(found)),
+        *(misplaced or unexpected_delay(found, delay.mean, delay.sd, usual_speed, age_sd)),
+        *(() if misplaced else early_velocities(found)),
         *(constancy_doubts(result.filtered_parameters, by_carrier(fixes)) if believed else ()),
         *(
             _of_arm(found, lever_arm, bends, level_sd(part for _, part in known()))

@@ -12,8 +12,8 @@ from automap.fusion import limits
 from automap.fusion.doubts.antenna import (
     bend_speed,
     contradicted_arm,
+    misplaced_antenna,
     overturned_arm,
-    trailing_antenna,
     unproven_arm,
 )
 from automap.fusion.doubts.limits import BEND_STEP_S, TRIADS_APART_S
@@ -159,27 +159,31 @@ def test_an_arm_that_the_drive_moves_away_from_is_told() -> None:
         assert (slight.state, slight.error_m) == ("good", pytest.approx(-moved))
 
 
-def test_an_antenna_that_trails_is_told_by_bends_that_the_receiver_takes_in_time() -> None:
-    found = {
-        "gnss_velocity_latency_s": (-0.04, 0.01),
-        "gnss_course_latency_s": (0.1, 0.01),
-        "nhc_lever_arm_x": (2.5, 0.2),
-    }
+def test_an_antenna_elsewhere_is_told_by_bends_that_the_receiver_takes_in_time() -> None:
+    def found(lead: float, late: float) -> dict[str, tuple[float, float]]:
+        return {
+            "gnss_velocity_latency_s": (-lead, 0.01),
+            "gnss_course_latency_s": (late, 0.01),
+            "nhc_lever_arm_x": (2.5, 0.2),
+        }
 
     def own(speed: float, course: float, sd: float = 0.01) -> Match:
         return Match(speed_lag_s=Estimate(speed, sd), course_lag_s=Estimate(course, sd))
 
-    (reason,) = trailing_antenna(found, own(0.0, 0.0), 14.0)
+    behind = found(0.05, 0.1)
+    (reason,) = misplaced_antenna(behind, own(0.0, 0.0), 14.0)
     assert (reason.code, reason.state) == ("lever_arm", "doubtful")
     assert reason.error_m == pytest.approx(0.1 * 14.0 + 2.5)
-    (less,) = trailing_antenna(found, own(0.0, 0.0, 0.03), 14.0)
+    (less,) = misplaced_antenna(behind, own(0.0, 0.0, 0.015), 14.0)
     assert less.state == "good"
+    # cars turn about a point behind the IMU, which says nothing of an antenna that is ahead
+    (ahead,) = misplaced_antenna(found(-0.05, -0.1), own(0.0, 0.0), 14.0)
+    assert ahead.error_m == pytest.approx(1.4)
     # a filter is as late in its own positions, and a receiver that tells nothing is no witness
-    assert trailing_antenna(found, own(-0.04, 0.06), 14.0) == []
-    assert trailing_antenna(found, Match(), 14.0) == []
+    assert misplaced_antenna(behind, own(-0.05, 0.05), 14.0) == []
+    assert misplaced_antenna(behind, Match(), 14.0) == []
     # courses may come late with positions that are of the velocities' instant
-    late = found | {"gnss_velocity_latency_s": (0.01, 0.01)}
-    assert trailing_antenna(late, own(0.0, 0.0), 14.0) == []
+    assert misplaced_antenna(found(-0.05, 0.1), own(0.0, 0.0), 14.0) == []
 
 
 def test_a_height_of_the_antenna_with_the_wrong_sign_is_told_by_its_sway() -> None:

@@ -11,7 +11,7 @@ from automap.fusion.doubts import limits
 from automap.fusion.doubts.estimates import Estimates, of_axes, velocity_lead
 from automap.fusion.doubts.reason import Reason
 from automap.fusion.limits import DOUBT_PROBABILITY, HELD_ARM_SD_M, MOST_ARM_M
-from automap.gates import OUTSIDE_95, exceeds, sigmas
+from automap.gates import exceeds, sigmas
 from automap.records import FloatArray
 from automap.sync.path_match import Match
 
@@ -110,36 +110,40 @@ def contradicted_arm(
     ]
 
 
-def trailing_antenna(found: Estimates, own: Match, speed: float) -> list[Reason]:
-    """An antenna that is behind where it was taken to be, as on a trailer, by how it turns; bends
-    at ``speed`` m/s.
+def misplaced_antenna(found: Estimates, own: Match, speed: float) -> list[Reason]:
+    """An antenna that is behind where it was taken to be, as on a trailer, or ahead of it, by how
+    it turns; bends at ``speed`` m/s.
 
-    A receiver's filter that makes its courses late makes them late against its positions, too,
-    which ``own`` tells. Where they are late against the IMU alone, and speeds are not, the antenna
-    comes later to the bends: positions, as late, have velocities ahead of them. How far behind is
+    A receiver's filter that dates courses otherwise than speeds, or velocities otherwise than
+    positions, does so within its own, which ``own`` tells. Against the IMU an antenna that is
+    behind comes later to bends, courses and positions alike, and speeds do not. How far behind is
     told by the point that does not slide, too, which cars do not have ahead of the IMU.
     """
     lags = own.speed_lag_s, own.course_lag_s
-    early, early_sd = velocity_lead(found)
-    if lags[0] is None or lags[1] is None or not early > sigmas(OUTSIDE_95) * early_sd > 0.0:
+    if lags[0] is None or lags[1] is None:
         return []
-    value, sd = found.get(COURSE_STATE, (0.0, math.inf))
-    late = value - (lags[1].value - lags[0].value)
-    sd = math.hypot(sd, lags[0].sd, lags[1].sd)
-    if late <= sigmas(OUTSIDE_95) * sd:
+    lead, lead_sd = velocity_lead(found)
+    late, sd = found.get(COURSE_STATE, (0.0, math.inf))
+    lead, lead_sd = lead + lags[0].value, math.hypot(lead_sd, lags[0].sd)
+    late, sd = late - lags[1].value + lags[0].value, math.hypot(sd, lags[0].sd, lags[1].sd)
+    chance = exceeds((late / sd) ** 2 + (lead / lead_sd) ** 2, 2)
+    if late * lead <= 0.0 or chance > limits.UNHELD_PROBABILITY:
         return []
-    far = late * speed + max(found.get("nhc_lever_arm_x", (0.0, 0.0))[0], 0.0)
-    sure = exceeds((late / sd) ** 2 + (early / early_sd) ** 2, 2) < DOUBT_PROBABILITY
+    far = abs(late) * speed
+    if late > 0.0:
+        far += max(found.get("nhc_lever_arm_x", (0.0, 0.0))[0], 0.0)
+    where = "behind where it was taken to be, on a trailer or at the tail of a bus,"
     return [
         Reason(
             "lever_arm",
             "the receiver's positions and velocities agree with each other, and both come to bends "
-            f"{late:.2f} s later than the IMU, though they gain speed with it: as an antenna some "
-            f"{far:.0f} m behind where it was taken to be, on a trailer or at the tail of a bus, "
-            "and path and signs are as far off along the road; measure lever_arm_m of [gnss] from "
-            "the IMU forward, right and down",
+            f"{abs(late):.2f} s {'later' if late > 0.0 else 'earlier'} than the IMU, though they "
+            f"gain speed with it: as an antenna some {far:.0f} m "
+            f"{where if late > 0.0 else 'ahead of where it was taken to be,'} and path and signs "
+            "are as far off along the road; measure lever_arm_m of [gnss] from the IMU forward, "
+            "right and down",
             error_m=far,
-            state="doubtful" if sure else "good",
+            state="doubtful" if chance < DOUBT_PROBABILITY else "good",
         )
     ]
 
