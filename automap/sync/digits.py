@@ -63,3 +63,32 @@ def course_step(fixes: Fixes) -> float:
         coarse = ROUNDED_SD * math.radians(step) * fast > limits.VELOCITY_ERROR_SD
         return math.radians(step) if coarse and not few else 0.0
     return 0.0
+
+
+def course_held(fixes: Fixes) -> bool:
+    """Whether courses mostly stay the same, to the last digit, where positions turn, as the
+    bearings of a map's roads do: no receiver measures that."""
+    told = (fixes.fix_type >= FixType.TWO_D) & np.isfinite(fixes.gps_s + fixes.lat_rad)
+    told &= np.isfinite(fixes.vel_ned[:, :2]).all(axis=1)
+    rows = np.flatnonzero(told)
+    rows = rows[np.argsort(fixes.gps_s[rows], kind="stable")]
+    t, velocity = fixes.gps_s[rows], fixes.vel_ned[rows]
+    if len(t) < limits.LEAST_INTERVALS:
+        return False
+    step = max(1, round(limits.BEND_S / max(float(np.median(np.diff(t))), limits.TICK_S)))
+    before, middle, after = slice(None, -2 * step), slice(step, -step), slice(2 * step, None)
+    lat, lon = fixes.lat_rad[rows], np.unwrap(fixes.lon_rad[rows])
+    place = MEAN_RADIUS * (lat + 1j * lon * np.cos(lat[0]))
+    ways = place[middle] - place[before], place[after] - place[middle]
+    way = np.minimum(np.abs(ways[0]), np.abs(ways[1]))
+    turned = np.abs(np.angle(ways[1] * np.conj(ways[0])))
+    bends = (turned > limits.HELD_TURN_RAD) & (way > limits.SLOW_M_S * limits.BEND_S)
+    bends &= t[after] - t[before] < 3.0 * limits.BEND_S
+    # a velocity that is held altogether is another fault's
+    bends &= (velocity[after, :2] != velocity[before, :2]).any(axis=1)
+    # neighbours share all but a step of their ways
+    if np.count_nonzero(bends) < step * limits.FEW_STEPS:
+        return False
+    course = np.arctan2(velocity[:, 1], velocity[:, 0])
+    held = np.abs(course[after] - course[before]) < math.radians(limits.COURSE_DIGIT_DEG)
+    return bool(np.mean(held[bends]) > limits.HELD_SHARE)

@@ -17,7 +17,7 @@ from automap.records import BoolArray, Fixes
 from automap.sync import limits
 from automap.sync.between_fixes import nothing_new
 from automap.sync.climb_match import Vertical, match_climbs
-from automap.sync.digits import course_step
+from automap.sync.digits import course_held, course_step
 from automap.sync.epoch_means import EpochMeans, epoch_means
 from automap.sync.held_values import (
     Stretch,
@@ -97,7 +97,8 @@ class VelocityConsistency:
     ``height_stuck``: the height is one number throughout: no receiver measures that. ``between``:
     so many positions lie on the lines between others and were not measured; ``straight_m``: they
     go straight through bends, and lie as far aside of the velocities' path there. ``course_step``
-    rad: courses come in such steps, too coarse to compare with anything.
+    rad: courses come in such steps, too coarse to compare with anything; ``course_held``: they stay
+    the same in bends.
     """
 
     compared_s: float
@@ -117,11 +118,17 @@ class VelocityConsistency:
     between: int = 0
     straight_m: float = 0.0
     course_step: float = 0.0
+    course_held: bool = False
 
     @property
     def can_tell(self) -> bool:
         """Whether there is enough motion to compare scales."""
         return self.match.scale is not None
+
+    @property
+    def course_unknown(self) -> bool:
+        """Whether courses are none that were measured."""
+        return self.course_step > 0.0 or self.course_held
 
     @property
     def turned(self) -> bool:
@@ -181,7 +188,7 @@ class VelocityConsistency:
     def unusable_velocity(self, fixes: Fixes) -> BoolArray:
         """Rows [n] of ``fixes`` whose horizontal velocity is beyond doubt wrong."""
         bad = _within(fixes, (*self.velocity_stuck, *self.rows_frozen))
-        bad |= self.scale_wrong or (self.turned and not self.sign_turned) or self.course_step > 0.0
+        bad |= self.scale_wrong or (self.turned and not self.sign_turned) or self.course_unknown
         return bad & np.isfinite(fixes.vel_ned[:, :2]).all(axis=1)
 
     def unusable_vertical_velocity(self, fixes: Fixes) -> BoolArray:
@@ -208,7 +215,8 @@ def _within(fixes: Fixes, intervals: Sequence[Interval]) -> BoolArray:
 def velocity_consistency(fixes: Fixes) -> VelocityConsistency:
     """Compare the velocities of ``fixes`` with their positions; never raises."""
     step = course_step(fixes)
-    if step:
+    held = not step and course_held(fixes)
+    if step or held:
         fixes = replace(fixes, vel_ned=fixes.vel_ned * [np.nan, np.nan, 1.0])
     known = nothing_new(fixes)
     between = int(np.count_nonzero(known & ~told_again(fixes)))
@@ -221,6 +229,7 @@ def velocity_consistency(fixes: Fixes) -> VelocityConsistency:
             height_stuck=_height_stuck(path),
             between=between,
             course_step=step,
+            course_held=held,
         )
     fresh = ~in_long_repeats(path)
     match = match_paths(path, told & fresh, fresh)
@@ -360,10 +369,12 @@ def _reasons(found: VelocityConsistency) -> Iterator[Reason]:
             f"courses are told {math.degrees(-turn_rad.value):+.1f} deg off (sd "
             f"{math.degrees(turn_rad.sd):.1g}), as against the compass or a map's grid",
         )
-    if found.course_step:
+    if found.course_unknown:
         yield Reason(
             "course_coarse",
-            f"courses come in steps of {math.degrees(found.course_step):.3g} deg",
+            f"courses come in steps of {math.degrees(found.course_step):.3g} deg"
+            if found.course_step
+            else "courses stay the same where its positions turn, as those of a map's roads",
         )
     if found.positions_late_s:
         yield Reason(

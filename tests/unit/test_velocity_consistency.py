@@ -128,6 +128,11 @@ def test_what_few_digits_cut_off_is_no_contradiction() -> None:
         assert found.unusable_velocity(fixes).all()
     # a whole degree is less than what velocities err by
     assert codes(sectors(1.0)) == []
+    # nor are bearings of a road's pieces, which are those of six seconds before
+    speed = np.hypot(fine.vel_ned[:, 0], fine.vel_ned[:, 1])
+    first = np.searchsorted(fine.gps_s, fine.gps_s[0] + (fine.gps_s - fine.gps_s[0]) // 6.0 * 6.0)
+    held = fine.vel_ned[first] / np.maximum(speed[first], 1e-3)[:, None] * speed[:, None]
+    assert codes(replace(fine, vel_ned=held)) == ["course_coarse"]
     cut = [np.radians(np.rint(np.degrees(x) * 6e3) / 6e3) for x in (fine.lat_rad, fine.lon_rad)]
     found = velocity_consistency(replace(fine, lat_rad=cut[0], lon_rad=cut[1]))
     assert found.reasons == found.parted == ()
