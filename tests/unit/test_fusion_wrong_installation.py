@@ -180,7 +180,8 @@ def test_an_antenna_elsewhere_is_told_by_bends_that_the_receiver_takes_in_time()
     (ahead,) = misplaced_antenna(found(-0.05, -0.1), own(0.0, 0.0), 14.0)
     assert ahead.error_m == pytest.approx(1.4)
     # a filter is as late in its own positions, and a receiver that tells nothing is no witness
-    assert misplaced_antenna(behind, own(-0.05, 0.05), 14.0) == []
+    assert misplaced_antenna(behind, own(-0.05, 0.05, 0.02), 14.0) == []
+    assert misplaced_antenna(behind, own(0.2, 0.2), 14.0) == []
     assert misplaced_antenna(behind, Match(), 14.0) == []
     # courses may come late with positions that are of the velocities' instant
     assert misplaced_antenna(found(-0.05, 0.1), own(0.0, 0.0), 14.0) == []

@@ -10,6 +10,7 @@ from automap.fusion.delay_states import COURSE_STATE, VEL_LAG_STATE, VEL_LATENCY
 from automap.fusion.doubts import limits
 from automap.fusion.doubts.estimates import Estimates, of_axes, velocity_lead
 from automap.fusion.doubts.reason import Reason
+from automap.fusion.doubts.receiver import told_late
 from automap.fusion.limits import DOUBT_PROBABILITY, HELD_ARM_SD_M, MOST_ARM_M
 from automap.gates import exceeds, sigmas
 from automap.records import FloatArray
@@ -115,12 +116,13 @@ def misplaced_antenna(found: Estimates, own: Match, speed: float) -> list[Reason
     it turns; bends at ``speed`` m/s.
 
     A receiver's filter that dates courses otherwise than speeds, or velocities otherwise than
-    positions, does so within its own, which ``own`` tells. Against the IMU an antenna that is
-    behind comes later to bends, courses and positions alike, and speeds do not. How far behind is
-    told by the point that does not slide, too, which cars do not have ahead of the IMU.
+    positions, does so within its own, which ``own`` tells, by lags that differ from bend to bend.
+    Where it shows none an antenna that is behind comes later to bends than the IMU, courses and
+    positions alike, and speeds do not. How far behind is told by the point that does not slide,
+    too, which cars do not have ahead of the IMU.
     """
     lags = own.speed_lag_s, own.course_lag_s
-    if lags[0] is None or lags[1] is None:
+    if lags[0] is None or lags[1] is None or any(told_late(lag) for lag in lags):
         return []
     lead, lead_sd = velocity_lead(found)
     late, sd = found.get(COURSE_STATE, (0.0, math.inf))
