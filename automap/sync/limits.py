@@ -282,6 +282,9 @@ AS_GOOD = 0.01
 LEVEL_S, LEVEL_M = 120.0, 500.0
 """Heights are told to a decimetre and err by decimetres from one fix to the next: not two minutes
 of them are one number, on whatever road."""
+HEIGHT_HELD_S, HEIGHT_HELD_M = 20.0, 100.0
+"""Heights told to a decimetre stayed for 4 s and 113 m at most in recorded and simulated drives,
+with and without a barometer: not for five times as long, on whatever road."""
 BEND_S, BEND_SIGMAS, LEAST_BEND_M, STRAIGHT_SHARE = 1.0, 5.0, 0.1, 0.2
 """Three positions a second apart lie 1.6 m off a line in a street corner. One of a bend by five
 sigmas or more, and decimetres, is by chance as near to it as a fifth of that at four: never."""

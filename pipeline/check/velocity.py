@@ -37,6 +37,8 @@ ADVICE: dict[str, str] = {
     "position_frozen": "take the rows out whose position is not new",
     "rows_frozen": "take the rows out that repeat the one before",
     "vertical_turned": "the third velocity is downwards: change its sign, or take it out",
+    "height_held": "leave the column empty where nothing was measured; they count as of three "
+    "satellites",
     "height_stuck": "leave the column empty where nothing was measured; heights of path and signs "
     "are unknown then",
     "height_scale": "convert heights to metres; those of path and signs are as wrong until then",
