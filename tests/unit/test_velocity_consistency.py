@@ -98,6 +98,9 @@ def test_unit_is_told(logged: str, expected: str, factor: float) -> None:
         assert found.match.scale.value == pytest.approx(factor, abs=4.0 * found.match.scale.sd)
         assert [reason.code for reason in found.reasons] == ["velocity_unit"]
         assert found.unusable_velocity(fixes).all()
+        # all three are in that unit, and no height is wrong for it
+        assert found.unusable_vertical_velocity(fixes).all()
+        assert found.vertical is None
         assert not found.unusable_position(fixes).any()
 
 
