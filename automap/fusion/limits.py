@@ -24,6 +24,8 @@ FIX_TYPE_FACTOR = {
 satellites, or an assumed height, make errors of position that the figure may leave out."""
 CEP_SIGMAS = math.sqrt(2.0 * math.log(2.0))
 """Half of what lies in a plane lies within so many sigmas an axis."""
+UNKNOWN_HDOP = 99.0
+"""From here on it was not computed: receivers write 99.99 for that."""
 UNSTATED_SD_M = {
     **dict.fromkeys((FixType.NONE, FixType.DEAD_RECKONING, FixType.TWO_D), 1.5 / CEP_SIGMAS),
     FixType.THREE_D: 1.5 / CEP_SIGMAS,

@@ -27,6 +27,7 @@ from automap.fusion.doubts.antenna import (
     arm_by_drive,
     bend_speed,
     contradicted_arm,
+    misplaced_antenna,
     overturned_arm,
     unproven_arm,
 )
@@ -109,9 +110,11 @@ def weigh(
     stated = model_fixes(fixes, fixes.gps_s, options)
     places = places_of(stated)
     wanted = np.concatenate([*told_times(fixes, path, found), places.t - path.gps_s[0]])
+    channels = channel_consistency(result.innovations)
+    parting = innovation_doubts(channels)
     of_estimates = [
         *impossible_ages(found, dated_by_arrival=delay_is_clock and clock.method == "arrival"),
-        *impossible_errors(found),
+        *impossible_errors(found, bool(parting)),
         *outcome.leaning(path),
     ]
     gps_s = path.gps_s
@@ -180,19 +183,21 @@ def weigh(
     # a delay that is the clock's is minus the receiver's, and of any sign
     clock_only = delay_is_clock or LATENCY_STATE in found
     age_sd = math.inf if clock_only else age_sd_of(fixes, clock, options)
-    channels = channel_consistency(result.innovations)
     side = result.innovations
     if late := told_late(receiver.match.course_lag_s):
         side = on_straights(side, path, late)
     sliding = slides(channel_consistency(side))
+    # what comes later to bends looks older than it is, too
+    misplaced = misplaced_antenna(found, receiver.match, bends)
+    usual_speed = float(np.median(speed))
     reasons = [
         *of_receiver,
         *jump_doubts([*position_jumps(places), *jumps], path),
         *jump_doubts(height_jumps(stated, path), path),
         *steps,
         *of_imu,
-        *unexpected_delay(found, delay.mean, delay.sd, float(np.median(speed)), age_sd),
-        *early_velocities(found),
+        *(misplaced or unexpected_delay(found, delay.mean, delay.sd, usual_speed, age_sd)),
+        *(() if misplaced else early_velocities(found)),
         *(constancy_doubts(result.filtered_parameters, by_carrier(fixes)) if believed else ()),
         *(
             _of_arm(found, lever_arm, bends, level_sd(part for _, part in known()))
@@ -205,7 +210,7 @@ def weigh(
         *at_bound,
         *sideways((part for _, part in fused.stretches()), options, axle),
         *outcome.refused(result.innovations),
-        *innovation_doubts(channels),
+        *parting,
         *sliding,
     ]
     model = as_shown(stated, options, result.noise_factors)

@@ -43,6 +43,21 @@ def in_long_repeats(path: ReceiverPath) -> BoolArray:
     return held
 
 
+def held_heights(path: ReceiverPath) -> list[Stretch]:
+    """Where heights repeat while the vehicle drives far: a receiver that sees three satellites, or
+    none, keeps the last one. Heights told to whole metres may stay on a level road."""
+    told = path.height[np.isfinite(path.height)]
+    if not len(told) or np.all(told == np.rint(told)):
+        return []
+    way = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(path.place)))])
+    return [
+        Stretch(first, last, float(way[last] - way[first]))
+        for first, last in repeated(np.diff(path.height) == 0.0)
+        if path.t[last] - path.t[first] >= limits.HEIGHT_HELD_S
+        and way[last] - way[first] >= limits.HEIGHT_HELD_M
+    ]
+
+
 def frozen_positions(
     path: ReceiverPath, right: ComplexArray, velocity: ComplexArray, worse: float
 ) -> tuple[list[Stretch], list[Stretch]]:

@@ -222,6 +222,21 @@ MOST_OF_DRIVE = 2.0 / 3.0
 drive. Chosen: twice as long as in all others, for reflections last less than a view of the sky."""
 JUMP_EVERY_S = 30.0
 """Positions of a receiver that stands jump at most so often. Chosen: as satellites come and go."""
+FEW_STEPS = 5
+"""Latitudes, and longitudes, that differ: of numbers with five decimals ten end at the fourth by
+chance once in 1e10 drives, of those with seven once in 1e30."""
+ROUNDED = 1e-5
+"""Parts of a step within which a number, radians between, is the one that was written."""
+COURSE_STEPS_DEG = (90.0, 45.0, 22.5, 15.0, 10.0, 5.0, 2.0, 1.0)
+"""Sectors of a compass's rose and of displays, and whole degrees."""
+COURSE_DIGIT_DEG, LEAST_SECTORS = 0.051, 4
+"""A course is written to a tenth of a degree, and its direction is then within half of that. Twenty
+of them lie all so near to whole degrees by chance once in 1e20 drives; of fewer sectors a drive on
+a street and back may be."""
+HELD_TURN_RAD, HELD_SHARE = 0.26, 0.25
+"""Within two seconds positions turn by 15 deg or more in bends, four times what they err by; a
+course that was measured is the same to a twentieth of a degree in one of three hundred, and one of
+a road's pieces, 60 m long, in most. Chosen: a quarter."""
 PARTING_S = (0.0, 4.0, 16.0, 64.0)
 """Over so long positions and velocities are compared where they may contradict each other: from
 epoch to epoch, and up to the time that a receiver's error wanders in."""
@@ -267,6 +282,9 @@ AS_GOOD = 0.01
 LEVEL_S, LEVEL_M = 120.0, 500.0
 """Heights are told to a decimetre and err by decimetres from one fix to the next: not two minutes
 of them are one number, on whatever road."""
+HEIGHT_HELD_S, HEIGHT_HELD_M = 20.0, 100.0
+"""Heights told to a decimetre stayed for 4 s and 113 m at most in recorded and simulated drives,
+with and without a barometer: not for five times as long, on whatever road."""
 BEND_S, BEND_SIGMAS, LEAST_BEND_M, STRAIGHT_SHARE = 1.0, 5.0, 0.1, 0.2
 """Three positions a second apart lie 1.6 m off a line in a street corner. One of a bend by five
 sigmas or more, and decimetres, is by chance as near to it as a fifth of that at four: never."""

@@ -7,6 +7,7 @@ the conjugate.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any, overload
 
@@ -16,6 +17,7 @@ import numpy.typing as npt
 from automap.earth import metres_per_radian
 from automap.records import BoolArray, Fixes, FixType, FloatArray, IntArray
 from automap.sync import limits
+from automap.sync.digits import rounded_m
 
 ComplexArray = npt.NDArray[np.complex128]
 
@@ -26,7 +28,8 @@ class ReceiverPath:
 
     ``row`` [n] their rows among the fixes, ``t`` [n] s after the first; ``place`` [n] m from the
     first; ``velocity`` [n] m/s as told, NaN without; ``height`` [n] m, ``climb`` [n] m/s upwards,
-    NaN without. ``sd`` [n] m, the receiver's own figure of a coordinate, zero without.
+    NaN without. ``sd`` [n] m, the receiver's own figure of a coordinate, zero without;
+    ``rounded_m`` what its digits make one err by.
     """
 
     row: IntArray
@@ -37,6 +40,7 @@ class ReceiverPath:
     height: FloatArray
     climb: FloatArray
     sd: FloatArray
+    rounded_m: float = 0.0
 
     def __len__(self) -> int:
         return len(self.t)
@@ -94,6 +98,7 @@ def receiver_path(fixes: Fixes) -> ReceiverPath:
         height=height,
         climb=-fixes.vel_ned[row, 2],
         sd=sd,
+        rounded_m=rounded_m(fixes),
     )
 
 
@@ -172,7 +177,8 @@ def plausible_sd(path: ReceiverPath, over: Windows) -> FloatArray:
     windows: noise and wander of the positions, and what its velocities err by."""
     t = over.change(path.t)
     wander = np.maximum(limits.WANDER_SD_M, np.maximum(path.sd[over.first], path.sd[over.last]))
-    positions = 2.0 * (limits.POSITION_NOISE_M**2 - wander**2 * np.expm1(-t / limits.WANDER_TAU_S))
+    noise = math.hypot(limits.POSITION_NOISE_M, path.rounded_m)
+    positions = 2.0 * (noise**2 - wander**2 * np.expm1(-t / limits.WANDER_TAU_S))
     return np.asarray(np.sqrt(positions + velocity_sd(path, over) ** 2))
 
 

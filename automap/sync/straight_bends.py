@@ -45,7 +45,8 @@ def straight_in_bends(path: ReceiverPath, right: ComplexArray, use: BoolArray) -
     if len(told) < limits.LEAST_INTERVALS:
         return 0.0
     straight = np.abs(told) <= np.median(np.abs(told))
-    sd = sd_by_median(seen[straight] - told[straight])
+    # half of what a middle one of three rounded ones is off squared is its own
+    sd = max(sd_by_median(seen[straight] - told[straight]), math.sqrt(1.5) * path.rounded_m)
     bends = np.abs(told) > max(limits.BEND_SIGMAS * sd, limits.LEAST_BEND_M)
     # neighbours share all but a step of their ways
     many = int(np.count_nonzero(bends)) // step

@@ -17,10 +17,12 @@ from automap.records import BoolArray, Fixes
 from automap.sync import limits
 from automap.sync.between_fixes import nothing_new
 from automap.sync.climb_match import Vertical, match_climbs
+from automap.sync.digits import course_held, course_step
 from automap.sync.epoch_means import EpochMeans, epoch_means
 from automap.sync.held_values import (
     Stretch,
     frozen_positions,
+    held_heights,
     in_long_repeats,
     stuck_velocities,
     told_again,
@@ -93,9 +95,12 @@ class VelocityConsistency:
     those before, between and after them in which positions lie aside of most (``aside``).
     ``worse`` is how many times what is plausible they usually part by, one at least. ``means``:
     the velocities are right, and the ways between positions; None where they tell more than that.
-    ``height_stuck``: the height is one number throughout: no receiver measures that. ``between``:
+    ``height_stuck``: the height is one number throughout: no receiver measures that.
+    ``height_held``: where heights repeat while the vehicle drives far. ``between``:
     so many positions lie on the lines between others and were not measured; ``straight_m``: they
-    go straight through bends, and lie as far aside of the velocities' path there.
+    go straight through bends, and lie as far aside of the velocities' path there. ``course_step``
+    rad: courses come in such steps, too coarse to compare with anything; ``course_held``: they stay
+    the same in bends.
     """
 
     compared_s: float
@@ -111,14 +116,22 @@ class VelocityConsistency:
     worse: float
     means: EpochMeans | None = None
     height_stuck: bool = False
+    height_held: tuple[Interval, ...] = ()
     aside: tuple[Interval, ...] = ()
     between: int = 0
     straight_m: float = 0.0
+    course_step: float = 0.0
+    course_held: bool = False
 
     @property
     def can_tell(self) -> bool:
         """Whether there is enough motion to compare scales."""
         return self.match.scale is not None
+
+    @property
+    def course_unknown(self) -> bool:
+        """Whether courses are none that were measured."""
+        return self.course_step > 0.0 or self.course_held
 
     @property
     def turned(self) -> bool:
@@ -178,15 +191,19 @@ class VelocityConsistency:
     def unusable_velocity(self, fixes: Fixes) -> BoolArray:
         """Rows [n] of ``fixes`` whose horizontal velocity is beyond doubt wrong."""
         bad = _within(fixes, (*self.velocity_stuck, *self.rows_frozen))
-        bad |= self.scale_wrong or (self.turned and not self.sign_turned)
+        bad |= self.scale_wrong or (self.turned and not self.sign_turned) or self.course_unknown
         return bad & np.isfinite(fixes.vel_ned[:, :2]).all(axis=1)
 
     def unusable_vertical_velocity(self, fixes: Fixes) -> BoolArray:
         """Rows [n] of ``fixes`` whose vertical velocity is beyond doubt wrong."""
-        bad = _within(fixes, self.rows_frozen)
+        bad = _within(fixes, self.rows_frozen) | self.scale_wrong
         if self.vertical is not None:
             bad |= self.vertical.turned or self.vertical.stuck
         return bad & np.isfinite(fixes.vel_ned[:, 2])
+
+    def held_height(self, fixes: Fixes) -> BoolArray:
+        """Rows [n] of ``fixes`` whose height was kept from before."""
+        return _within(fixes, self.height_held)
 
     def unusable_position(self, fixes: Fixes) -> BoolArray:
         """Rows [n] of ``fixes`` whose position is one that the vehicle had left."""
@@ -204,6 +221,10 @@ def _within(fixes: Fixes, intervals: Sequence[Interval]) -> BoolArray:
 
 def velocity_consistency(fixes: Fixes) -> VelocityConsistency:
     """Compare the velocities of ``fixes`` with their positions; never raises."""
+    step = course_step(fixes)
+    held = not step and course_held(fixes)
+    if step or held:
+        fixes = replace(fixes, vel_ned=fixes.vel_ned * [np.nan, np.nan, 1.0])
     known = nothing_new(fixes)
     between = int(np.count_nonzero(known & ~told_again(fixes)))
     path = receiver_path(replace(fixes, lat_rad=np.where(known, np.nan, fixes.lat_rad)))
@@ -213,7 +234,10 @@ def velocity_consistency(fixes: Fixes) -> VelocityConsistency:
         return VelocityConsistency(
             *(0.0, Match(), False, None, False, none, none, none, none, None, 1.0),
             height_stuck=_height_stuck(path),
+            height_held=_intervals(path, held_heights(path)),
             between=between,
+            course_step=step,
+            course_held=held,
         )
     fresh = ~in_long_repeats(path)
     match = match_paths(path, told & fresh, fresh)
@@ -242,10 +266,12 @@ def velocity_consistency(fixes: Fixes) -> VelocityConsistency:
         position_frozen=_intervals(path, frozen),
         rows_frozen=_intervals(path, whole),
         parted=_intervals(path, parted),
-        vertical=match_climbs(path, use & position, worse),
+        # a unit is mistaken of all three
+        vertical=None if wrong else match_climbs(path, use & position, worse),
         worse=worse,
         means=epoch_means(path, use & position),
         height_stuck=_height_stuck(path),
+        height_held=_intervals(path, held_heights(path)),
         aside=_intervals(path, asides(path, right, parted)),
         between=between,
         straight_m=0.0 if wrong or unrelated else straight_in_bends(path, right, use & position),
@@ -353,6 +379,13 @@ def _reasons(found: VelocityConsistency) -> Iterator[Reason]:
             f"courses are told {math.degrees(-turn_rad.value):+.1f} deg off (sd "
             f"{math.degrees(turn_rad.sd):.1g}), as against the compass or a map's grid",
         )
+    if found.course_unknown:
+        yield Reason(
+            "course_coarse",
+            f"courses come in steps of {math.degrees(found.course_step):.3g} deg"
+            if found.course_step
+            else "courses stay the same where its positions turn, as those of a map's roads",
+        )
     if found.positions_late_s:
         yield Reason(
             "positions_late",
@@ -384,16 +417,20 @@ def _reasons(found: VelocityConsistency) -> Iterator[Reason]:
         )
     if vertical is not None and vertical.stuck:
         yield Reason("vertical_stuck", "vertical velocity is one number throughout")
+    if found.height_held and not found.height_stuck:
+        told = told_intervals(found.height_held, "over")
+        yield Reason("height_held", f"heights repeat while the vehicle drives on: {told}")
     if found.height_stuck:
         yield Reason("height_stuck", "height is one number throughout")
 
 
-def told_intervals(intervals: Sequence[Interval]) -> str:
-    """How many intervals there are, how long, the worst one and when it is."""
+def told_intervals(intervals: Sequence[Interval], by: str = "by") -> str:
+    """How many intervals there are, how long, the worst one and when it is; ``by`` or over how many
+    metres."""
     worst = max(intervals, key=lambda interval: interval.metres)
     many = "once" if len(intervals) == 1 else f"{len(intervals)} times"
     return (
-        f"{many}, {sum(interval.seconds for interval in intervals):.1f} s in all, most by "
+        f"{many}, {sum(interval.seconds for interval in intervals):.1f} s in all, most {by} "
         f"{worst.metres:.0f} m in {worst.seconds:.1f} s from {gps_to_iso(worst.start_gps_s)}"
     )
 

@@ -14,11 +14,6 @@ FASTEST_M_S = 70.0
 """Between two fixes no car is faster (250 km/h)."""
 FIX_GAP_S, FIX_GAP_STEPS = 5.0, 5.0
 """A time without fixes that is told, s and in usual steps."""
-FEW_STEPS = 5
-"""Latitudes, and longitudes, that differ: of numbers with five decimals ten end at the fourth by
-chance once in 1e10 drives, of those with seven once in 1e30."""
-ROUNDED = 1e-5
-"""Parts of a step within which a number, radians between, is the one that was written."""
 SET_SPEED_M_S, SET_WAY_S, SET_PART = 3.0, 1.0, 0.5
 """A vehicle that drove on while its clock was set: slower than this it may have parked; velocities
 are over the way of a second, which is known to half of itself at that speed."""

@@ -15,9 +15,9 @@ from importlib.resources import files
 
 import numpy as np
 
-from automap.earth import MEAN_RADIUS
 from automap.evaluation.plausibility import Finding
-from automap.records import Fixes, FixType, FloatArray
+from automap.records import Fixes, FloatArray
+from automap.sync.digits import place_digits
 from automap.timebase import ROLLOVER_S, gps_to_iso, unix_to_gps
 from pipeline.check import limits
 
@@ -107,21 +107,15 @@ def _dates(fixes: Fixes, written_s: float | None) -> list[Finding]:
 
 def _coarse(fixes: Fixes) -> list[Finding]:
     """A warning for positions that were cut to steps far above what a receiver errs by."""
-    good = (fixes.fix_type >= FixType.TWO_D) & np.isfinite(fixes.lat_rad)
-    lat, lon = (np.unique(np.degrees(each[good])) for each in (fixes.lat_rad, fixes.lon_rad))
-    if min(len(lat), len(lon)) < limits.FEW_STEPS:
+    digits = place_digits(fixes)
+    if digits is None:
         return []
-    for unit, most, digits in (("a degree", 1.0, range(5)), ("a minute", 60.0, range(3))):
-        for n in digits:
-            steps = np.concatenate([lat, lon]) * most * 10.0**n
-            if np.all(np.abs(steps - np.rint(steps)) < limits.ROUNDED):
-                step_m = np.radians(1.0 / (most * 10.0**n)) * MEAN_RADIUS
-                return [
-                    Finding(
-                        "warning",
-                        f"positions come in steps of {step_m:.3g} m, with {n} decimals of {unit}",
-                        "export them with seven decimals of a degree: velocities and the IMU make "
-                        "up for a part of it only",
-                    )
-                ]
-    return []
+    return [
+        Finding(
+            "warning",
+            f"positions come in steps of {digits.step_m:.3g} m, with {digits.decimals} decimals of "
+            f"{digits.unit}",
+            "export them with seven decimals of a degree: velocities and the IMU make up for a "
+            "part of it only",
+        )
+    ]

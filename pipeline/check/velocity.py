@@ -26,6 +26,8 @@ ADVICE: dict[str, str] = {
     "so, or take them out",
     "course_off": "courses are against true north, not against the compass; they are turned back "
     "until then",
+    "course_coarse": "log the receiver's own, to a tenth of a degree; velocities are left out "
+    "until then",
     "positions_straight": "log the positions of the receiver itself",
     "positions_late": "turn the receiver's smoothing of positions off, or log those that belong to "
     "the times; they are dated back until then",
@@ -35,6 +37,8 @@ ADVICE: dict[str, str] = {
     "position_frozen": "take the rows out whose position is not new",
     "rows_frozen": "take the rows out that repeat the one before",
     "vertical_turned": "the third velocity is downwards: change its sign, or take it out",
+    "height_held": "leave the column empty where nothing was measured; they count as of three "
+    "satellites",
     "height_stuck": "leave the column empty where nothing was measured; heights of path and signs "
     "are unknown then",
     "height_scale": "convert heights to metres; those of path and signs are as wrong until then",
@@ -87,7 +91,7 @@ def check(fixes: Fixes) -> list[Finding]:
             )
         )
     elif not swapped and not any(
-        reason.code in (*WHOLE, "positions_late") for reason in found.reasons
+        reason.code in (*WHOLE, "course_coarse", "positions_late") for reason in found.reasons
     ):
         findings += _agreement(found)
     if found.parted:

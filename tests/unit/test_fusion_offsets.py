@@ -11,7 +11,7 @@ from scipy.signal import lfilter
 
 from automap.earth import metres_per_radian
 from automap.fusion.doubts.alternation import alternation
-from automap.fusion.doubts.offsets import Offset, offsets
+from automap.fusion.doubts.offsets import Offset, offset_doubts, offsets
 from automap.fusion.doubts.receiver import accuracy_doubts
 from automap.fusion.fix_axes import Epochs, usable_epochs, whitened_epochs
 from automap.fusion.fix_levels import fix_levels
@@ -105,6 +105,11 @@ def test_the_size_of_an_offset_is_found(receiver: Receiver) -> None:
     assert change is not None
     assert change.at_s == pytest.approx(150.0, abs=3.0)
     assert (change.forward, change.right) == pytest.approx((-3.0, 1.5), abs=1.2)
+    # where it is known as a jump between places, these are told
+    half, levels = second_half(fixes), fix_levels(second_half(fixes), OPTIONS)
+    of = usable_epochs(half, OPTIONS), smooth_fixes(half, CLOCK, OPTIONS, levels), OPTIONS, levels
+    assert [reason.code for reason in offset_doubts(*of, 0.1)] == ["positions_shift"]
+    assert list(offset_doubts(*of, 0.1, [150.0])) == []
     none, other, aside = seen(throughout(fixes))
     assert aside is not None
     assert (none, other) == (0.0, None)
@@ -200,6 +205,7 @@ def test_without_velocities_an_offset_throughout_is_not_told() -> None:
     [
         (FixType.THREE_D, 0.4, np.nan, 1.27),
         (FixType.THREE_D, 2.0, np.nan, 2.12),
+        (FixType.THREE_D, 99.99, np.nan, 1.27),
         (FixType.THREE_D, 0.4, 0.2, 0.2),
         (FixType.THREE_D, 0.4, 0.8, 0.8),
         (FixType.DGNSS, 0.4, np.nan, 0.85),

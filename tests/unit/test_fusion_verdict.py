@@ -119,12 +119,17 @@ def test_fixes_from_the_future_cannot_be() -> None:
     ],
 )
 def test_a_delay_that_ran_to_its_bound_is_told(name: str, value: float) -> None:
-    assert [r.code for r in impossible_ages({name: (value, 0.01)}, False)] == ["delay_at_bound"]
+    (reason,) = impossible_ages({name: (value, 0.01)}, False)
+    assert reason.code == "delay_at_bound"
+    # what a receiver smooths is nothing against the IMU
+    assert reason.inertial != ("velocity" in name)
     assert impossible_ages({name: (0.8 * value, 0.01)}, False) == []
 
 
 def test_errors_that_no_sensor_has_are_told() -> None:
     found = {f"accel_scale_{a}": (v, 0.01) for a, v in zip("xyz", (0.03, -0.29, 0.0), strict=True)}
+    (reason,) = impossible_errors(found, fixes_part=True)
+    assert (reason.inertial, "what the receiver smooths" in reason.text) == (False, True)
     (reason,) = impossible_errors(found | {"gyro_bias_x": (0.02, 1e-4)})
     assert reason.code == "sensor_error"
     assert "axis y, would be 0.29" in reason.text

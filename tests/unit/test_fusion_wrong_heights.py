@@ -12,7 +12,7 @@ from automap.fusion.doubts.heights import height_doubts, separation_doubts
 from automap.fusion.doubts.receiver import receiver_doubts, usable_fixes
 from automap.fusion.widening import widen
 from automap.geoid import geoid_height
-from automap.records import Fixes
+from automap.records import Fixes, FixType
 from automap.sync.velocity_consistency import velocity_consistency
 from pipeline.check.velocity import check
 from tests.unit.fusion_fixes import fixes_of, hilly, town_fixes
@@ -177,3 +177,23 @@ def test_heights_that_never_change_are_left_out_and_told() -> None:
     # a minute may have one height
     minute = replace(level, fix_type=np.where(np.arange(len(level)) < 60, 3, 0))
     assert not velocity_consistency(minute).height_stuck
+
+
+def test_heights_that_are_kept_for_a_part_are_those_of_three_satellites() -> None:
+    fixes = town_fixes()
+    height = np.round(
+        fixes.height_m + 0.3 * np.random.default_rng(3).standard_normal(len(fixes)), 1
+    )
+    kept = np.where(np.arange(len(fixes)) < len(fixes) // 3, height[0], height)
+    held = replace(fixes, height_m=kept)
+    found = velocity_consistency(held)
+    usable = usable_fixes(held, found)
+    first = np.arange(1, len(fixes) // 3)
+    assert np.isnan(usable.height_m[first]).all()
+    assert (usable.fix_type[first] == FixType.TWO_D).all()
+    assert np.array_equal(usable.height_m[len(first) + 1 :], height[len(first) + 1 :])
+    (reason,) = receiver_doubts(found, 0.0)
+    assert (reason.code, reason.state) == ("height_held", "good")
+    # heights to a metre stay on a level road, those of a receiver do not
+    for sound in (np.rint(kept), height):
+        assert velocity_consistency(replace(fixes, height_m=sound)).height_held == ()

@@ -9,13 +9,20 @@ import pytest
 from scipy.signal import lfilter
 
 from automap.fusion import limits
-from automap.fusion.doubts.antenna import bend_speed, contradicted_arm, overturned_arm, unproven_arm
+from automap.fusion.doubts.antenna import (
+    bend_speed,
+    contradicted_arm,
+    misplaced_antenna,
+    overturned_arm,
+    unproven_arm,
+)
 from automap.fusion.doubts.limits import BEND_STEP_S, TRIADS_APART_S
 from automap.fusion.doubts.outcome import leaning, mounted_askew
 from automap.fusion.doubts.reason import Reason
 from automap.fusion.doubts.triads import following, lateness, triad_doubts
 from automap.io.drive import load_drive
 from automap.records import FloatArray, ImuData
+from automap.sync.path_match import Estimate, Match
 from pipeline.run.fusion_inputs import stated_arm
 from tests.unit.foreign_tables import SAMPLE
 from tests.unit.fusion_fixes import hilly
@@ -144,11 +151,40 @@ def test_an_arm_that_the_drive_moves_away_from_is_told() -> None:
     # nor what a receiver's filter does to the height of its antenna
     found = {"gnss_lever_arm_z": (-0.845, 0.046), "gnss_velocity_latency_s": (0.1, 0.01)}
     assert contradicted_arm(found, np.array(LEVER), limits.STATED_ARM_SD_M, 8.0) == []
-    # late velocities make an arm of their own, in bends at 5 m/s and in those of motorways
-    found = {"gnss_lever_arm_x": (-0.79, 0.031), "gnss_velocity_latency_s": (0.53, 0.01)}
-    assert contradicted_arm(found, np.zeros(3), limits.STATED_ARM_SD_M, 5.0) == []
-    found = {"gnss_lever_arm_x": (-0.03, 0.04986), "gnss_velocity_latency_s": (0.3, 0.01)}
-    assert contradicted_arm(found, np.zeros(3), limits.STATED_ARM_SD_M, 28.0) == []
+    # late velocities make an arm of their own, in bends at 5 m/s and in those of motorways: the
+    # path follows it, and is as unsure
+    for moved, sd, late, speed in ((-0.79, 0.031, 0.53, 5.0), (-0.03, 0.04986, 0.3, 28.0)):
+        found = {"gnss_lever_arm_x": (moved, sd), "gnss_velocity_latency_s": (late, 0.01)}
+        (slight,) = contradicted_arm(found, np.zeros(3), limits.STATED_ARM_SD_M, speed)
+        assert (slight.state, slight.error_m) == ("good", pytest.approx(-moved))
+
+
+def test_an_antenna_elsewhere_is_told_by_bends_that_the_receiver_takes_in_time() -> None:
+    def found(lead: float, late: float) -> dict[str, tuple[float, float]]:
+        return {
+            "gnss_velocity_latency_s": (-lead, 0.01),
+            "gnss_course_latency_s": (late, 0.01),
+            "nhc_lever_arm_x": (2.5, 0.2),
+        }
+
+    def own(speed: float, course: float, sd: float = 0.01) -> Match:
+        return Match(speed_lag_s=Estimate(speed, sd), course_lag_s=Estimate(course, sd))
+
+    behind = found(0.05, 0.1)
+    (reason,) = misplaced_antenna(behind, own(0.0, 0.0), 14.0)
+    assert (reason.code, reason.state) == ("lever_arm", "doubtful")
+    assert reason.error_m == pytest.approx(0.1 * 14.0 + 2.5)
+    (less,) = misplaced_antenna(behind, own(0.0, 0.0, 0.015), 14.0)
+    assert less.state == "good"
+    # cars turn about a point behind the IMU, which says nothing of an antenna that is ahead
+    (ahead,) = misplaced_antenna(found(-0.05, -0.1), own(0.0, 0.0), 14.0)
+    assert ahead.error_m == pytest.approx(1.4)
+    # a filter is as late in its own positions, and a receiver that tells nothing is no witness
+    assert misplaced_antenna(behind, own(-0.05, 0.05, 0.02), 14.0) == []
+    assert misplaced_antenna(behind, own(0.2, 0.2), 14.0) == []
+    assert misplaced_antenna(behind, Match(), 14.0) == []
+    # courses may come late with positions that are of the velocities' instant
+    assert misplaced_antenna(found(-0.05, 0.1), own(0.0, 0.0), 14.0) == []
 
 
 def test_a_height_of_the_antenna_with_the_wrong_sign_is_told_by_its_sway() -> None:

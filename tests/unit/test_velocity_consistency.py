@@ -98,6 +98,9 @@ def test_unit_is_told(logged: str, expected: str, factor: float) -> None:
         assert found.match.scale.value == pytest.approx(factor, abs=4.0 * found.match.scale.sd)
         assert [reason.code for reason in found.reasons] == ["velocity_unit"]
         assert found.unusable_velocity(fixes).all()
+        # all three are in that unit, and no height is wrong for it
+        assert found.unusable_vertical_velocity(fixes).all()
+        assert found.vertical is None
         assert not found.unusable_position(fixes).any()
 
 
@@ -105,6 +108,39 @@ def test_scale_of_no_unit_is_told_as_such() -> None:
     for seed in SEEDS:
         found = velocity_consistency(scaled(simulated_fixes(seed, seconds=240.0), 1.3))
         assert [reason.code for reason in found.reasons] == ["velocity_scale"]
+
+
+def test_what_few_digits_cut_off_is_no_contradiction() -> None:
+    fine = simulated_fixes(3, seconds=240.0, fast=30.0)
+
+    def sectors(degrees: float) -> Fixes:
+        velocity, step = fine.vel_ned.copy(), np.radians(degrees)
+        course = np.rint(np.arctan2(velocity[:, 1], velocity[:, 0]) / step) * step
+        ways = np.column_stack([np.cos(course), np.sin(course)])
+        velocity[:, :2] = np.hypot(velocity[:, 0], velocity[:, 1])[:, None] * ways
+        return replace(fine, vel_ned=velocity)
+
+    for degrees in (45.0, 10.0):
+        fixes = sectors(degrees)
+        found = velocity_consistency(fixes)
+        assert [reason.text for reason in found.reasons] == [
+            f"courses come in steps of {degrees:g} deg"
+        ]
+        assert found.parted == ()
+        assert not found.unrelated
+        assert found.unusable_velocity(fixes).all()
+    # a whole degree is less than what velocities err by
+    assert codes(sectors(1.0)) == []
+    # nor are bearings of a road's pieces, which are those of six seconds before
+    speed = np.hypot(fine.vel_ned[:, 0], fine.vel_ned[:, 1])
+    first = np.searchsorted(fine.gps_s, fine.gps_s[0] + (fine.gps_s - fine.gps_s[0]) // 6.0 * 6.0)
+    held = fine.vel_ned[first] / np.maximum(speed[first], 1e-3)[:, None] * speed[:, None]
+    assert codes(replace(fine, vel_ned=held)) == ["course_coarse"]
+    cut = [np.radians(np.rint(np.degrees(x) * 6e3) / 6e3) for x in (fine.lat_rad, fine.lon_rad)]
+    found = velocity_consistency(replace(fine, lat_rad=cut[0], lon_rad=cut[1]))
+    assert found.reasons == found.parted == ()
+    assert not found.unrelated
+    assert found.straight_m == 0.0
 
 
 @pytest.mark.parametrize(

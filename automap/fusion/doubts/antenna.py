@@ -8,11 +8,13 @@ import numpy as np
 
 from automap.fusion.delay_states import COURSE_STATE, VEL_LAG_STATE, VEL_LATENCY_STATE
 from automap.fusion.doubts import limits
-from automap.fusion.doubts.estimates import Estimates
+from automap.fusion.doubts.estimates import Estimates, of_axes, velocity_lead
 from automap.fusion.doubts.reason import Reason
+from automap.fusion.doubts.receiver import told_late
 from automap.fusion.limits import DOUBT_PROBABILITY, HELD_ARM_SD_M, MOST_ARM_M
-from automap.gates import sigmas
+from automap.gates import exceeds, sigmas
 from automap.records import FloatArray
+from automap.sync.path_match import Match
 
 _ROWS = 1 << 18
 """Of a path that are looked at at once: 45 minutes at 100 Hz."""
@@ -45,6 +47,15 @@ def arm_by_drive(
     """
     if stated is None:
         return None
+    own = _drawn_to(found, stated, stated_sd)
+    # bends tell the level arm; the upright one moves with whatever a receiver's filter does
+    far = float(np.hypot(*(own - stated)[:2]))
+    return own if far > limits.ARM_OFF_M + _velocity_lag(found) * speed else None
+
+
+def _drawn_to(found: Estimates, stated: FloatArray, stated_sd: float) -> FloatArray:
+    """The arm [3] m that the drive alone has on axes where no chance draws it so far from
+    ``stated`` [3] m, which it has on others."""
     own = np.array(stated, np.float64)
     for k, axis in enumerate("xyz"):
         estimate, sd = found.get(f"gnss_lever_arm_{axis}", (float(stated[k]), stated_sd))
@@ -53,9 +64,7 @@ def arm_by_drive(
         taken = stated_sd**2 - sd**2 if sd < stated_sd else stated_sd**2
         if abs(off) > sigmas(DOUBT_PROBABILITY) * math.sqrt(taken):
             own[k] += float(np.clip(off * stated_sd**2 / taken, -MOST_ARM_M, MOST_ARM_M))
-    # bends tell the level arm; the upright one moves with whatever a receiver's filter does
-    far = float(np.hypot(*(own - stated)[:2]))
-    return own if far > limits.ARM_OFF_M + _velocity_lag(found) * speed else None
+    return own
 
 
 def _velocity_lag(found: Estimates, *more: str) -> float:
@@ -67,10 +76,28 @@ def _velocity_lag(found: Estimates, *more: str) -> float:
 def contradicted_arm(
     found: Estimates, stated: FloatArray | None, stated_sd: float, speed: float
 ) -> list[Reason]:
-    """An arm of the antenna, as in ``arm_by_drive``, that the drive moves away from."""
-    own = arm_by_drive(found, stated, stated_sd, speed)
-    if own is None or stated is None:
+    """An arm of the antenna, as in ``arm_by_drive``, that the drive moves away from; or by less, as
+    receivers' filters make it, which the path has followed all the same."""
+    if stated is None:
         return []
+    own = arm_by_drive(found, stated, stated_sd, speed)
+    if own is None:
+        drawn = (_drawn_to(found, stated, stated_sd) != stated)[:2]
+        off = float(np.hypot(*np.where(drawn, (of_axes(found, "gnss_lever_arm") - stated)[:2], 0)))
+        return (
+            []
+            if not off
+            else [
+                Reason(
+                    "lever_arm",
+                    f"the drive draws the antenna {off:.2f} m from lever_arm_m of [gnss], as a "
+                    "receiver's filter does too: the stated uncertainty includes it; log "
+                    "velocities of an instant, or measure again",
+                    error_m=off,
+                    state="good",
+                )
+            ]
+        )
     off = float(np.linalg.norm(own - stated))
     return [
         Reason(
@@ -80,6 +107,45 @@ def contradicted_arm(
             "right and down (an antenna on the roof has a negative third number), or take the "
             "line out",
             error_m=off,
+        )
+    ]
+
+
+def misplaced_antenna(found: Estimates, own: Match, speed: float) -> list[Reason]:
+    """An antenna that is behind where it was taken to be, as on a trailer, or ahead of it, by how
+    it turns; bends at ``speed`` m/s.
+
+    A receiver's filter that dates courses otherwise than speeds, or velocities otherwise than
+    positions, does so within its own, which ``own`` tells, by lags that differ from bend to bend.
+    Where it shows none an antenna that is behind comes later to bends than the IMU, courses and
+    positions alike, and speeds do not. How far behind is told by the point that does not slide,
+    too, which cars do not have ahead of the IMU.
+    """
+    lags = own.speed_lag_s, own.course_lag_s
+    if lags[0] is None or lags[1] is None or any(told_late(lag) for lag in lags):
+        return []
+    lead, lead_sd = velocity_lead(found)
+    late, sd = found.get(COURSE_STATE, (0.0, math.inf))
+    lead, lead_sd = lead + lags[0].value, math.hypot(lead_sd, lags[0].sd)
+    late, sd = late - lags[1].value + lags[0].value, math.hypot(sd, lags[0].sd, lags[1].sd)
+    chance = exceeds((late / sd) ** 2 + (lead / lead_sd) ** 2, 2)
+    if late * lead <= 0.0 or chance > limits.UNHELD_PROBABILITY:
+        return []
+    far = abs(late) * speed
+    if late > 0.0:
+        far += max(found.get("nhc_lever_arm_x", (0.0, 0.0))[0], 0.0)
+    where = "behind where it was taken to be, on a trailer or at the tail of a bus,"
+    return [
+        Reason(
+            "lever_arm",
+            "the receiver's positions and velocities agree with each other, and both come to bends "
+            f"{abs(late):.2f} s {'later' if late > 0.0 else 'earlier'} than the IMU, though they "
+            f"gain speed with it: as an antenna some {far:.0f} m "
+            f"{where if late > 0.0 else 'ahead of where it was taken to be,'} and path and signs "
+            "are as far off along the road; measure lever_arm_m of [gnss] from the IMU forward, "
+            "right and down",
+            error_m=far,
+            state="doubtful" if chance < DOUBT_PROBABILITY else "good",
         )
     ]
 

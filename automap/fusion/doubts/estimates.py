@@ -93,13 +93,15 @@ def impossible_ages(found: Estimates, dated_by_arrival: bool) -> list[Reason]:
         if abs(value) > limits.AT_BOUND * bound:
             unit = "" if name == SKEW_STATE else " s"
             why = "the clocks do not belong together; check the stamps with 'automap check'"
-            if name in (VEL_LATENCY_STATE, VEL_LAG_STATE):
+            of_velocities = name in (VEL_LATENCY_STATE, VEL_LAG_STATE)
+            if of_velocities:
                 why = "the receiver smooths them, or those clocks are two; log those of an instant"
             reasons.append(
                 Reason(
                     "delay_at_bound",
                     f"{what} ran to {value:.3g}{unit}, the most that is searched: {why}",
-                    inertial=True,
+                    # a receiver smooths its velocities whatever the IMU does
+                    inertial=not of_velocities,
                 )
             )
     return reasons
@@ -136,12 +138,17 @@ def unexpected_delay(
     return [Reason("delay_unexpected", text, error_m=off * speed, late_s=off)]
 
 
+def velocity_lead(found: Estimates) -> tuple[float, float]:
+    """By how much velocities are ahead of the positions beside them, and its sigma, s."""
+    known = [found[name] for name in (VEL_LATENCY_STATE, VEL_LAG_STATE) if name in found]
+    return -math.fsum(value for value, _ in known), math.hypot(*(sd for _, sd in known))
+
+
 def early_velocities(found: Estimates) -> list[Reason]:
     """Velocities ahead of the positions beside them, which no receiver's are: positions are later
     than they say, or not of a filter that bends as the road does."""
-    known = [found[name] for name in (VEL_LATENCY_STATE, VEL_LAG_STATE) if name in found]
-    early = -sum(value for value, _ in known)
-    if early <= sigmas(OUTSIDE_95) * math.sqrt(sum(sd**2 for _, sd in known)):
+    early, sd = velocity_lead(found)
+    if early <= sigmas(OUTSIDE_95) * sd:
         return []
     return [
         Reason(
@@ -155,8 +162,12 @@ def early_velocities(found: Estimates) -> list[Reason]:
     ]
 
 
-def impossible_errors(found: Estimates) -> list[Reason]:
-    """Sensor errors larger than any sensor has."""
+def impossible_errors(found: Estimates, fixes_part: bool = False) -> list[Reason]:
+    """Sensor errors larger than any sensor has; ``fixes_part``: innovations of the fixes are as
+    wrong, and a filter in the receiver is as likely the cause."""
+    why = "check units, axes and signs of the IMU"
+    if fixes_part:
+        why += ", or what the receiver smooths: its fixes contradict the path for long, too"
     reasons = []
     for effect, (most, unit, what) in limits.MOST_SENSOR_ERROR.items():
         size, axis = max(
@@ -168,8 +179,8 @@ def impossible_errors(found: Estimates) -> list[Reason]:
                 Reason(
                     "sensor_error",
                     f"{what}, axis {axis}, would be {size:.3g}{unit}, more than such a sensor has "
-                    f"({most:g}{unit}): check units, axes and signs of the IMU",
-                    inertial=True,
+                    f"({most:g}{unit}): {why}",
+                    inertial=not fixes_part,
                 )
             )
     return reasons

@@ -11,7 +11,7 @@ Statistical Association 86, 1991).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -50,10 +50,16 @@ class Offset:
 
 
 def offset_doubts(
-    at: Epochs, alone: Trajectory, options: FusionOptions, levels: Mapping[str, float], sd_m: float
+    at: Epochs,
+    alone: Trajectory,
+    options: FusionOptions,
+    levels: Mapping[str, float],
+    sd_m: float,
+    jumps: Sequence[float] = (),
 ) -> Iterator[Reason]:
     """Reasons that the epochs ``at`` [k] give by themselves; ``alone`` [k] their smoothed path,
-    ``levels`` the sizes of their errors, ``sd_m`` what the path is good to, m an axis.
+    ``levels`` the sizes of their errors, ``sd_m`` what the path is good to, m an axis. A shift at
+    ``jumps``, s of the drive, is told already.
 
     An offset that is smaller than that is no doubt, but adds to it.
     """
@@ -86,6 +92,8 @@ def offset_doubts(
             late_s=abs(change.older_s),
             state="doubtful" if metres > sd_m else "good",
         )
+    elif change is not None and any(abs(change.at_s - s) < STEP_WINDOW_S for s in jumps):
+        return
     elif change is not None:
         yield reason(
             "positions_shift",

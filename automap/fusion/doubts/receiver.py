@@ -11,7 +11,7 @@ import numpy as np
 
 from automap.fusion.doubts import limits
 from automap.fusion.doubts.path import Misses
-from automap.fusion.doubts.reason import Reason, Span
+from automap.fusion.doubts.reason import Reason, Span, State
 from automap.fusion.limits import LEAST_JUDGED
 from automap.fusion.measurements.position import has_position, states_accuracy
 from automap.fusion.options import FusionOptions
@@ -22,7 +22,7 @@ from automap.sync.limits import DELAY_SD_S
 from automap.sync.path_match import Estimate
 from automap.sync.velocity_consistency import Interval, VelocityConsistency, told_intervals
 
-_HELD = ("velocity_stuck", "position_frozen", "rows_frozen")
+_HELD = ("velocity_stuck", "position_frozen", "rows_frozen", "height_held")
 _LEFT_OUT = ": they were left out; check the receiver's log and how it was made"
 
 
@@ -37,11 +37,14 @@ def usable_fixes(fixes: Fixes, found: VelocityConsistency) -> Fixes:
     velocity[found.unusable_vertical_velocity(fixes), 2] = np.nan
     if found.course_off and found.match.turn_rad is not None:
         velocity[:, :2] = velocity[:, :2] @ _turned_by(found.match.turn_rad.value).T
-    height = np.full_like(fixes.height_m, np.nan) if found.height_stuck else fixes.height_m
+    held = found.held_height(fixes)
+    height = np.where(found.height_stuck | held, np.nan, fixes.height_m)
     usable = replace(
         fixes,
         vel_ned=velocity,
         height_m=height,
+        # a solution that keeps its height is of three satellites
+        fix_type=np.where(held, np.minimum(fixes.fix_type, FixType.TWO_D), fixes.fix_type),
         lat_rad=np.where(position, np.nan, fixes.lat_rad),
         lon_rad=np.where(position, np.nan, fixes.lon_rad),
     )
@@ -187,7 +190,11 @@ def overstated(misses: Misses) -> list[Reason]:
 
 def _doubts(found: VelocityConsistency, start: float, felt: bool) -> Iterator[Reason]:
     held = dict(
-        zip(_HELD, (found.velocity_stuck, found.position_frozen, found.rows_frozen), strict=True)
+        zip(
+            _HELD,
+            (found.velocity_stuck, found.position_frozen, found.rows_frozen, found.height_held),
+            strict=True,
+        )
     )
     for reason in found.reasons:
         spans: tuple[Span, ...] = ()
@@ -228,7 +235,9 @@ def _doubts(found: VelocityConsistency, start: float, felt: bool) -> Iterator[Re
             if max(i.seconds for i in held[reason.code]) < limits.HELD_S:
                 continue
             spans = _spans(held[reason.code], start)
-        yield Reason(reason.code, f"the receiver's {reason.text}{_LEFT_OUT}", spans, handled=True)
+        state: State = "good" if reason.code in ("course_coarse", "height_held") else "doubtful"
+        text = f"the receiver's {reason.text}{_LEFT_OUT}"
+        yield Reason(reason.code, text, spans, state=state, handled=True)
     if found.unrelated:
         yield Reason(
             "velocity_unrelated",

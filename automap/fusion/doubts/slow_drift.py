@@ -57,7 +57,12 @@ def pattern_doubts(
     that is judged is good to; ``levels`` as fixes alone tell them, ``by_imu`` as an IMU does that
     has made a ``path``."""
     at = usable_epochs(fixes, options)
-    found = list(offset_doubts(at, alone, options, levels, sd_m))
+    jumps: list[float] = []
+    if any(reason.code == "positions_aside" for reason in told):
+        # places between such jumps are told, and which of them are right
+        parted = (reason for reason in told if reason.code == "positions_parted")
+        jumps = [edge for reason in parted for span in reason.spans for edge in span]
+    found = list(offset_doubts(at, alone, options, levels, sd_m, jumps))
     doubted = (reason for reason in (*told, *found) if reason.state != "good")
     if any(reason.error_m or reason.late_s for reason in doubted):
         return found, []

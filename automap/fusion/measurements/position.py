@@ -10,12 +10,19 @@ import numpy as np
 from automap.effects.measured_kernels import antenna_position
 from automap.fusion.arrays import ModelArrays, NodeArrays
 from automap.fusion.layout import CH_POS, HAS_POS_H, HAS_POS_V
-from automap.fusion.limits import DOWN_FACTOR, FIX_AGE_SD_S, LEAST_WHITE_M, UNSTATED_SD_M
+from automap.fusion.limits import (
+    DOWN_FACTOR,
+    FIX_AGE_SD_S,
+    LEAST_WHITE_M,
+    UNKNOWN_HDOP,
+    UNSTATED_SD_M,
+)
 from automap.fusion.measurements.state import AtNode
 from automap.fusion.mechanisation import radii
 from automap.fusion.options import FusionOptions
 from automap.jit import kernel
 from automap.records import BoolArray, ClockModel, Fixes, FixType, FloatArray
+from automap.sync.digits import rounded_m
 
 CORRECTED = (FixType.DGNSS, FixType.FLOAT, FixType.FIXED)
 """Fixes whose receiver was told what satellites have in common."""
@@ -27,12 +34,12 @@ def position_errors(
     """Sigma NED [n, 3] m of the whole error of positions, and of its white part.
 
     The receiver's accuracy figure, times ``factor`` [n], is taken as the size of its slowly
-    wandering error; its white part is a share of that. Carrier-phase solutions are short-term as
-    good as they say. Without a figure: HDOP times a consumer receiver's range error, and what
-    geometry does not thin out (Kaplan and Hegarty, Understanding GPS, section 7.2), but no less
-    than data sheets state; of carrier phases that alone.
+    wandering error; its white part is a share of that, and what digits cut off. Carrier-phase
+    solutions are short-term as good as they say. Without a figure: HDOP times a consumer receiver's
+    range error, and what geometry does not thin out (Kaplan and Hegarty, Understanding GPS, section
+    7.2), but no less than data sheets state; of carrier phases that alone.
     """
-    hdop = np.where(np.isfinite(fixes.hdop) & (fixes.hdop > 0), fixes.hdop, 1.0)
+    hdop = np.where((fixes.hdop > 0) & (fixes.hdop < UNKNOWN_HDOP), fixes.hdop, 1.0)
     carrier = (fixes.fix_type == FixType.FIXED) | (fixes.fix_type == FixType.FLOAT)
     least = _unstated(fixes)
     horizontal = np.hypot(options.horizontal_sd_m * hdop, options.common_horizontal_sd_m)
@@ -44,6 +51,7 @@ def position_errors(
     sd = np.where(stated, fixes.sd_pos_ned, fallback)
     sd = np.maximum(sd * factor[:, None], options.min_position_sd_m)
     white = np.where(carrier[:, None], sd, np.maximum(options.white_share * sd, LEAST_WHITE_M))
+    white[:, :2] = np.hypot(white[:, :2], rounded_m(fixes))
     return sd, white
 
 

@@ -169,7 +169,7 @@ def sensor_input(drive: Drive) -> Path | None:
 
 STAGE = Stage(
     name="ingest",
-    version=14,
+    version=15,
     run=run,
     inputs=_inputs,
     needs=(),

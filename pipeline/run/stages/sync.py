@@ -201,7 +201,7 @@ def _inputs(drive: Drive) -> list[Path]:
 
 STAGE = Stage(
     name="sync",
-    version=5,
+    version=6,
     run=run,
     inputs=_inputs,
     needs=(names.IMU, names.FIXES, names.INGEST),
