@@ -25,9 +25,10 @@ _ACCEL, _GYRO = slice(0, 3), slice(3, 6)
 class Followed:
     """A quantity of the receiver beside three channels of the IMU at the lag ``lag_s`` where they
     resemble it most: moments ``xy`` [3], ``xx`` [3, 3], ``yy``; ``share`` of it that the three
-    together explain; ``count`` of independent samples."""
+    together explain; ``count`` of independent samples among ``rows``."""
 
     count: float
+    rows: int
     xy: FloatArray
     xx: FloatArray
     yy: float
@@ -136,7 +137,7 @@ def _follow(
         rest = _without(x, y)
         share = 1.0 - float(rest @ rest) / yy
         if best is None or share > best.share:
-            best = Followed(effective_count(y), x.T @ y, x.T @ x, yy, share, lag)
+            best = Followed(effective_count(y), len(y), x.T @ y, x.T @ x, yy, share, lag)
     return best
 
 

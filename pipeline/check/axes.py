@@ -40,14 +40,16 @@ class WeighedAxes:
     mended: ImuAxes | None = None
 
 
-def weigh_axes(
-    drive: Drive, recording: Recording, fixes: Fixes | None, clock: ClockModel | None
-) -> WeighedAxes:
-    """Judge the axes of a recording's IMU by its own readings and by the receiver's motion, of
-    usable ``fixes`` and by the ``clock`` of the stamps where there are any."""
+def seen_motion(imu: ImuData, fixes: Fixes | None, clock: ClockModel | None) -> AxesEvidence:
+    """What readings show of their axes by themselves and beside the motion of usable ``fixes``, by
+    the ``clock`` of the stamps, where there are any."""
+    return axes_evidence(_usable(imu), fixes, clock)
+
+
+def weigh_axes(drive: Drive, recording: Recording, seen: AxesEvidence) -> WeighedAxes:
+    """Judge the axes of a recording's IMU by what was ``seen`` of its motion."""
     imu = recording.imu
     assert imu is not None
-    seen = axes_evidence(_usable(imu), fixes, clock)
     if imu.axes_known:
         judged = judge_stated(seen)
         scale = _gyro_scale(seen, judged.best.gyro[2], recording)
@@ -235,5 +237,8 @@ def _gyro_scale(seen: AxesEvidence, down: FloatArray, recording: Recording) -> l
     for factor, advice in units:
         if 1.0 / limits.NEAR_UNIT < value / factor < limits.NEAR_UNIT:
             return [Finding("error", text, advice, SCALE_CODE)]
-    advice = "correct gyro_unit, the sensor file, the calibration or the range that was set"
+    advice = (
+        "correct gyro_unit, the sensor file, the calibration or the range that was set, or are the "
+        "readings and the fixes of two drives?"
+    )
     return [Finding("error", text, advice, SCALE_CODE)]

@@ -26,6 +26,7 @@ def run(context: StageContext) -> None:
     from automap.io.recording import read_recording
     from automap.io.tables import write_fixes, write_imu
     from pipeline.check.judge import judge, stop_or_tell
+    from pipeline.check.same_drive import OTHER_CODE
 
     drive = context.drive
     recording = read_recording(drive, context.settings.ingest.gap_factor)
@@ -55,6 +56,7 @@ def run(context: StageContext) -> None:
             write_fixes(context.work / names.FIXES, recording.fixes)
     if drive.odometer_file is not None:
         _ingest_odometer(context, drive.odometer_file, parts)
+    summary["other_drive"] = judged.told(OTHER_CODE)
     summary["warnings"] = context.warnings
     write_json(context.work / names.INGEST, summary)
     context.result = ", ".join(parts) or "bearings only"
@@ -169,7 +171,7 @@ def sensor_input(drive: Drive) -> Path | None:
 
 STAGE = Stage(
     name="ingest",
-    version=14,
+    version=15,
     run=run,
     inputs=_inputs,
     needs=(),
