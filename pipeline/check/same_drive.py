@@ -19,7 +19,8 @@ from automap.sync.coarse import find_offset
 from automap.sync.limits import CERTAIN_LEAD_NATS, STATED_REACH_S
 from automap.sync.motion import imu_motion
 from automap.sync.motion_clock import gnss_motions, in_imu_time
-from automap.sync.same_motion import log_odds
+from automap.sync.same_motion import likeness
+from automap.sync.steadiness import clock_change, lags_by_piece
 from automap.sync.velocity_consistency import velocity_consistency
 from pipeline.check import limits
 from pipeline.check.axes import seen_motion
@@ -67,25 +68,49 @@ def other_drive(
     """A warning for readings that are of another drive than the fixes of the file ``log``, by what
     was ``seen`` of the motion under the ``clock``; None where they may be of one, or are of one at
     other stamps."""
-    if fixes is None or clock is None or log_odds(seen) > np.log(limits.DOUBTED_AXES):
+    if fixes is None or clock is None:
         return None
+    whole = likeness(seen)
+    if not whole.short:
+        return None
+    where, strange, likely = "", seen, whole.log_odds
+    begin, end = (float(t) for t in clock.gps_s(imu.t_ns[[0, -1]]))
+    middle = 0.5 * (begin + end)
+    halves = [
+        seen_motion(imu, replace(fixes, gps_s=np.where(part, fixes.gps_s, np.nan)), clock)
+        for part in (fixes.gps_s < middle, fixes.gps_s >= middle)
+    ]
+    odds = [likeness(half).log_odds for half in halves]
+    if max(odds) > CERTAIN_LEAD_NATS:
+        k = int(np.argmin(odds))
+        where = f" in the {'second' if k else 'first'} half of the readings"
+        strange, likely = halves[k], odds[k]
+    if likely > np.log(limits.DOUBTED_AXES) or _elsewhere(imu, fixes, clock):
+        return None
+    shares = [
+        f"{followed.share:.0%} of the {what}"
+        for what, followed in (("turns", strange.turn), ("changes of speed", strange.surge))
+        if followed is not None
+    ]
+    return Finding(
+        "warning",
+        f"the readings and {log} are of two drives{where}: they explain {' and '.join(shares)} of "
+        "the fixes, no more than chance does",
+        "the path is that of the fixes alone; put two files of one drive together, or fasten the "
+        "IMU to the vehicle",
+        OTHER_CODE,
+    )
+
+
+def _elsewhere(imu: ImuData, fixes: Fixes, clock: ClockModel) -> bool:
+    """Whether readings and fixes are of one motion at other stamps, or ones that run off."""
+    if clock_change(lags_by_piece(imu, fixes, clock)) is not None:
+        return True
     motion = imu_motion(imu)
     for _, gnss in gnss_motions(fixes):
         near = find_offset(motion, in_imu_time(gnss, clock, imu), STATED_REACH_S)
         if near is not None and near.certain:
             moved = replace(clock, ref_gps_s=clock.ref_gps_s - near.offset_s)
-            if log_odds(seen_motion(imu, fixes, moved)) > CERTAIN_LEAD_NATS:
-                return None
-    shares = [
-        f"{followed.share:.0%} of the {what}"
-        for what, followed in (("turns", seen.turn), ("changes of speed", seen.surge))
-        if followed is not None
-    ]
-    return Finding(
-        "warning",
-        f"the readings and {log} are of two drives: they explain {' and '.join(shares)} of the "
-        "fixes, no more than chance does",
-        "the path is that of the fixes alone; put two files of one drive together, or fasten the "
-        "IMU to the vehicle",
-        OTHER_CODE,
-    )
+            if likeness(seen_motion(imu, fixes, moved)).log_odds > CERTAIN_LEAD_NATS:
+                return True
+    return False
