@@ -16,8 +16,13 @@ from automap.records import ClockModel, Fixes, ImuData
 from automap.sync.axes_evidence import AxesEvidence
 from automap.sync.clock import has_arrival, rough_clock
 from automap.sync.coarse import find_offset
-from automap.sync.limits import CERTAIN_LEAD_NATS, STATED_REACH_S
-from automap.sync.motion import imu_motion
+from automap.sync.limits import (
+    AXES_WINDOW_S,
+    CERTAIN_LEAD_NATS,
+    LEAST_INTERVALS,
+    STATED_REACH_S,
+)
+from automap.sync.motion import imu_motion, velocity_motion
 from automap.sync.motion_clock import gnss_motions, in_imu_time
 from automap.sync.same_motion import likeness
 from automap.sync.steadiness import clock_change, lags_by_piece
@@ -69,6 +74,9 @@ def other_drive(
     was ``seen`` of the motion under the ``clock``; None where they may be of one, or are of one at
     other stamps."""
     if fixes is None or clock is None:
+        return None
+    if len(velocity_motion(fixes, AXES_WINDOW_S).start) < LEAST_INTERVALS:
+        # ways between positions scatter by whatever a receiver's places do
         return None
     whole = likeness(seen)
     if not whole.short:

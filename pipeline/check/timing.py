@@ -169,6 +169,15 @@ def _arrivals(drive: Drive, recording: Recording) -> list[Finding]:
             return []
         if imu_time(drive, recording) != "boot_ns":
             return []
+        dated = unix_to_gps(recording.imu.t_ns[[0, -1]] * 1e-9)
+        if overlap_s(np.asarray(dated), fixes.gps_s[np.isfinite(fixes.gps_s)][[0, -1]]) > 0.0:
+            return [
+                Finding(
+                    "warning",
+                    "the stamps of the IMU are dates, of the time of the fixes",
+                    'write time = "unix_ns" in [imu]; without it they are matched by the motions',
+                )
+            ]
         return [
             Finding(
                 "warning",
