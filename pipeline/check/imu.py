@@ -78,14 +78,17 @@ def check(drive: Drive, recording: Recording) -> tuple[list[Finding], WeighedAxe
     findings += plausibility.stuck_readings(drive.imu_axes.as_read(imu))
     if unit.severity != "ok":
         return findings, None
-    fixes, clock, wrong = usable_receiver(drive, recording)
+    receiver = usable_receiver(drive, recording)
+    fixes, clock, wrong, _ = receiver
     if wrong is not None:
         findings.append(Finding("error", wrong, code=UNKNOWN_CODE))
     seen = seen_motion(imu, fixes, clock)
-    log = "the fixes" if drive.gnss_file is None else drive.gnss_file.name
-    other = other_drive(imu, fixes, clock, seen, log)
-    if other is not None:
-        return [*findings, other], None
+    # one file is of one drive
+    apart = recording.imu_source == "csv" and drive.imu_file != drive.gnss_file
+    if apart and drive.gnss_file is not None:
+        other = other_drive(imu, receiver, seen, drive.gnss_file.name)
+        if other is not None:
+            return [*findings, other], None
     weighed = weigh_axes(drive, recording, seen)
     if any(found.code == CODE and found.severity == "error" for found in weighed.findings):
         # turns about an axis that is another tell nothing of a clock

@@ -38,11 +38,13 @@ OTHER_CODE = "other_drive"
 
 class UsableReceiver(NamedTuple):
     """``fixes`` without what is wrong with them by themselves, and the ``clock`` of the IMU's
-    stamps, None where there is none; ``wrong`` says why where the motions do not tell it."""
+    stamps, None where there is none; ``wrong`` says why where the motions do not tell it;
+    ``worse`` by how much more than a sound receiver's its velocities and positions part."""
 
     fixes: Fixes | None
     clock: ClockModel | None = None
     wrong: str | None = None
+    worse: float = 1.0
 
 
 def usable_receiver(drive: Drive, recording: Recording) -> UsableReceiver:
@@ -64,21 +66,21 @@ def usable_receiver(drive: Drive, recording: Recording) -> UsableReceiver:
         # arrival times that are wrong are told of their own file
         of_motions = not (has_arrival(fixes) and gnss.arrival_time == base)
         return UsableReceiver(fixes, None, str(error).rstrip(".") if of_motions else None)
-    return UsableReceiver(fixes, clock)
+    return UsableReceiver(fixes, clock, None, found.worse)
 
 
 def other_drive(
-    imu: ImuData, fixes: Fixes | None, clock: ClockModel | None, seen: AxesEvidence, log: str
+    imu: ImuData, receiver: UsableReceiver, seen: AxesEvidence, log: str
 ) -> Finding | None:
     """A warning for readings that are of another drive than the fixes of the file ``log``, by what
-    was ``seen`` of the motion under the ``clock``; None where they may be of one, or are of one at
-    other stamps."""
+    was ``seen`` of the motion; None where they may be of one, or are of one at other stamps."""
+    fixes, clock, _, worse = receiver
     if fixes is None or clock is None:
         return None
     if len(velocity_motion(fixes, AXES_WINDOW_S).start) < LEAST_INTERVALS:
         # ways between positions scatter by whatever a receiver's places do
         return None
-    whole = likeness(seen)
+    whole = likeness(seen, worse)
     if not whole.short:
         return None
     where, strange, likely = "", seen, whole.log_odds
@@ -88,7 +90,7 @@ def other_drive(
         seen_motion(imu, replace(fixes, gps_s=np.where(part, fixes.gps_s, np.nan)), clock)
         for part in (fixes.gps_s < middle, fixes.gps_s >= middle)
     ]
-    odds = [likeness(half).log_odds for half in halves]
+    odds = [likeness(half, worse).log_odds for half in halves]
     if max(odds) > CERTAIN_LEAD_NATS:
         k = int(np.argmin(odds))
         where = f" in the {'second' if k else 'first'} half of the readings"

@@ -233,7 +233,7 @@ def _gyro_unit(draft: Draft) -> tuple[Recording, WeighedAxes] | None:
         if read is None or read[1].imu is None:
             return None
         drive, recording = read
-        fixes, clock, _ = usable_receiver(drive, recording)
+        fixes, clock, *_ = usable_receiver(drive, recording)
         weighed = weigh_axes(drive, recording, seen_motion(read[1].imu, fixes, clock))
         # speeds in a wrong unit do not say how fast the vehicle is
         seen[unit] = replace(recording, fixes=fixes), weighed

@@ -13,7 +13,7 @@ from automap.io.drive import load_drive
 from automap.records import Fixes, FloatArray, ImuData
 from pipeline.check.axes import seen_motion
 from pipeline.check.command import check_drive
-from pipeline.check.same_drive import other_drive
+from pipeline.check.same_drive import UsableReceiver, other_drive
 from pipeline.run.stage import StageContext
 from pipeline.run.stages import fuse, ingest, sync
 from pipeline.settings.load import Settings
@@ -36,7 +36,8 @@ def fixes_of(seed: int) -> Fixes:
 
 
 def told(imu: ImuData, fixes: Fixes) -> str | None:
-    found = other_drive(imu, fixes, CLOCK, seen_motion(imu, fixes, CLOCK), "gnss.ubx")
+    receiver = UsableReceiver(fixes, CLOCK)
+    found = other_drive(imu, receiver, seen_motion(imu, fixes, CLOCK), "gnss.ubx")
     return None if found is None else found.text
 
 
@@ -45,6 +46,14 @@ def test_readings_of_another_drive_are_told() -> None:
     assert text is not None
     assert "the readings and gnss.ubx are of two drives: they explain" in text
     assert told(readings(1), fixes_of(1)) is None
+
+
+def test_velocities_that_err_are_no_other_drive() -> None:
+    noise = np.random.default_rng(1).normal(0.0, 1.0, (len(fixes_of(1)), 3))
+    quick = receive(city_drive(SECONDS, 1), Receiver(rate=10.0), 1)
+    more = np.random.default_rng(2).normal(0.0, 1.0, (len(quick), 3))
+    for fixes, errors in ((fixes_of(1), noise), (quick, more)):
+        assert told(readings(1), replace(fixes, vel_ned=fixes.vel_ned + errors)) is None
 
 
 @pytest.mark.parametrize(
