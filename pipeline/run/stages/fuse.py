@@ -89,14 +89,15 @@ def _smooth_fixes(context: StageContext, clock: ClockModel, reason: str) -> None
     from pipeline.run.fusion_inputs import read_usable_fixes, stated_arm
     from pipeline.settings.presets import fusion_options
 
+    other = _ingested(context).get("other_drive")
+    told = [] if other is None else [Reason(OTHER_CODE, other, handled=True)]
+    reason = "the IMU is left out" if told else reason
     context.warn(
         f"{reason}: the trajectory is the smoothed GPS track alone, with headings from the "
         "course; positions of signs will be less sure"
     )
     fixes, receiver = read_usable_fixes(context.out)
     options, presets = fusion_options(context.drive, context.settings.fuse)
-    other = _ingested(context).get("other_drive")
-    told = [] if other is None else [Reason(OTHER_CODE, other, handled=True)]
     weighed = weigh_alone(fixes, clock, options, receiver, stated_arm(context.drive), told)
     _write_trajectory(context, weighed.trajectory, names.TRAJECTORY)
     context.verdict = weighed.verdict.as_dict()
