@@ -9,14 +9,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from automap.errors import InputError
 from automap.io.drive import load_drive
+from automap.io.recording import read_recording
 from automap.records import Fixes, FloatArray, ImuData
 from pipeline.check.axes import seen_motion
 from pipeline.check.command import check_drive
 from pipeline.check.same_drive import UsableReceiver, other_drive
+from pipeline.check.wheels import untied
 from pipeline.run.stage import StageContext
 from pipeline.run.stages import fuse, ingest, sync
 from pipeline.settings.load import Settings
+from tests.unit.checked_drive import edit
 from tests.unit.fusion_drive import CLOCK, Sensor, record
 from tests.unit.fusion_motion import city_drive
 from tests.unit.fusion_receiver import Receiver, receive
@@ -104,3 +108,46 @@ def test_a_run_goes_on_with_the_fixes_and_says_why(tmp_path: Path) -> None:
     (reason,) = context.verdict["reasons"]
     assert reason["code"] == "other_drive"
     assert text in reason["text"]
+
+
+def refused(folder: Path, tmp_path: Path) -> str:
+    """The sentence with which `run` stops; `check` has the same."""
+    context = StageContext(load_drive(folder), tmp_path, tmp_path, Settings())
+    with pytest.raises(InputError) as caught:
+        ingest.run(context)
+    errors = [f.text for f in check_drive(folder).findings if f.severity == "error"]
+    assert any(text in str(caught.value) for text in errors)
+    return str(caught.value)
+
+
+def test_a_clock_that_the_motions_do_not_tell_is_refused_by_check_too(tmp_path: Path) -> None:
+    """It passed, and the run's second stage stopped."""
+    folder = write_drive(tmp_path / "drive")
+    (folder / "gnss_arrival.csv").unlink()
+    still = np.random.default_rng(1).normal(0.0, 0.01, (900, 6))
+    still[:, 5] -= 9.81
+    write_imu_rows(folder, still[:, :3], still[:, 3:], np.arange(900) * 0.1)
+    assert "does not stand out from their motions" in refused(folder, tmp_path)
+
+
+def test_arrival_times_of_a_longer_log_are_named(tmp_path: Path) -> None:
+    folder = write_drive(tmp_path / "drive")
+    rows = [line.split(",") for line in (folder / "gnss_arrival.csv").read_text().split()]
+    longer = [f"{2 * int(o)},{t}" for o, t in rows[1:]]
+    (folder / "gnss_arrival.csv").write_text("\n".join(["offset,t_ns", *longer]) + "\n")
+    assert "the two are not of one recording, or the log was cut" in refused(folder, tmp_path)
+    # without an IMU they are the only clock
+    (folder / "imu.csv").unlink()
+    assert "the two are not of one recording, or the log was cut" in refused(folder, tmp_path)
+
+
+def test_wheels_of_a_clock_that_nothing_ties_are_left_out(tmp_path: Path) -> None:
+    """The run stopped in its third stage for what it can do without."""
+    folder = write_drive(tmp_path / "drive", imu_section='time = "gps_ns"')
+    (folder / "gnss_arrival.csv").unlink()
+    edit(folder, "[gnss]", '[odometer]\ntime = "boot_ns"\n[gnss]')
+    (folder / "odometer.csv").write_text("t_ns,speed_m_s\n1000,2.0\n2000,2.0\n")
+    drive = load_drive(folder)
+    told = untied(drive, read_recording(drive))
+    assert told is not None
+    assert "have nothing in common" in told.text
