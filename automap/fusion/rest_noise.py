@@ -1,4 +1,4 @@
-"""The noise of the inertial sensor at rest: a vehicle that drives has no less."""
+"""The noise of the inertial sensor at rest, and what it shows of vibration that folds down."""
 
 from __future__ import annotations
 
@@ -27,6 +27,23 @@ def least_levels(
         if density is not None:
             out[level] = density / stated
     return out
+
+
+def shaken_levels(imu: ImuData, options: FusionOptions) -> dict[str, float]:
+    """Factors on the levels "accel" and "gyro" that readings show by how much they differ from one
+    to the next.
+
+    What shakes a sensor faster than it is read folds down to white noise of that density (an axis,
+    the mean square of second differences is six times the variance).
+    """
+    dt = float(np.median(np.diff(imu.t_ns))) * 1e-9
+    return {
+        level: float(np.sqrt((np.diff(readings, 2, axis=0) ** 2).mean() / 6.0 * dt)) / stated
+        for level, readings, stated in (
+            ("accel", imu.accel, options.accel_noise),
+            ("gyro", imu.gyro, options.gyro_noise),
+        )
+    }
 
 
 def rest_density(

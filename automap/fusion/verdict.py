@@ -76,6 +76,7 @@ from automap.fusion.limits import STATED_ARM_SD_M, UNKNOWN_HEADING_SD
 from automap.fusion.measurements.position import age_sd_of, by_carrier
 from automap.fusion.nodes import as_shown, model_fixes
 from automap.fusion.options import FusionOptions
+from automap.fusion.rest_noise import shaken_levels
 from automap.fusion.result import FusionResult, Prior
 from automap.fusion.unread import driven_m, joined, later, unread
 from automap.fusion.verdict_alone import at_sensor
@@ -126,6 +127,9 @@ def weigh(
     path = fused.motion()
     of_imu = [*readings.alone, *of_estimates]
     at_bound = levels_at_bound(result.noise_factors, options.tune)
+    if any(reason.inertial for reason in at_bound):
+        shaken = shaken_levels(read_imu(), options)
+        at_bound = levels_at_bound(result.noise_factors, options.tune, shaken)
     felt = not any(reason.inertial for reason in (*of_imu, *at_bound))
     of_receiver = receiver_doubts(receiver, float(path.gps_s[0]), felt)
     of_receiver += accuracy_doubts(fixes, options)

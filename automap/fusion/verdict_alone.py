@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -9,6 +10,7 @@ import numpy as np
 from automap.fusion.doubts.heights import separation_doubts
 from automap.fusion.doubts.path import fix_misses, off_the_fixes
 from automap.fusion.doubts.position_jump import height_jumps, jump_doubts, places_of, position_jumps
+from automap.fusion.doubts.reason import Reason
 from automap.fusion.doubts.receiver import (
     accuracy_doubts,
     dated_velocities,
@@ -33,9 +35,10 @@ def weigh_alone(
     options: FusionOptions,
     receiver: VelocityConsistency,
     lever_arm: FloatArray | None = None,
+    told: Sequence[Reason] = (),
 ) -> Weighed:
-    """The path of ``fixes`` alone, judged; ``receiver`` and ``lever_arm`` as in ``weigh``. It is
-    that of the antenna where nobody stated an arm.
+    """The path of ``fixes`` alone, judged; ``receiver`` and ``lever_arm`` as in ``weigh``, ``told``
+    what is known already. It is that of the antenna where nobody stated an arm.
 
     Raises:
         InputError: fewer than two usable fixes.
@@ -48,7 +51,7 @@ def weigh_alone(
     misses = fix_misses(path, as_shown(stated, options, levels))
     off, _ = off_the_fixes(misses, options.wander_tau_s)
     off += overstated(fix_misses(path, stated))
-    reasons = [*receiver_doubts(receiver, float(path.gps_s[0])), *off]
+    reasons = [*told, *receiver_doubts(receiver, float(path.gps_s[0])), *off]
     reasons += accuracy_doubts(fixes, options)
     reasons += separation_doubts(fixes, reasons)
     reasons += jump_doubts(position_jumps(places_of(stated)), path)

@@ -155,9 +155,9 @@ def _keep_longer_part(
     allowed = limits.RAISED_SHARE if shorter_is_raised else limits.STEP_SHARE
     if abs(step.size) >= limits.STEP_ERROR_S and share > allowed:
         raise InputError(
-            f"{seen}: the host clock was set during the drive, or the receiver's time was wrong "
-            f"in one part. Cut the recording there into two drives, or record with a monotonic "
-            f"clock."
+            f"{seen}: the host clock was set during the drive, the receiver's time was wrong in "
+            "one part, or the arrival times are of another log. Put the files of one recording "
+            "together, cut it there into two drives, or record with a monotonic clock."
         )
     warnings.append(
         f"{seen}; the shorter part, {share:.0%} of the epochs, is left out of the clock"

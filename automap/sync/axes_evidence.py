@@ -25,9 +25,12 @@ _ACCEL, _GYRO = slice(0, 3), slice(3, 6)
 class Followed:
     """A quantity of the receiver beside three channels of the IMU at the lag ``lag_s`` where they
     resemble it most: moments ``xy`` [3], ``xx`` [3, 3], ``yy``; ``share`` of it that the three
-    together explain; ``count`` of independent samples."""
+    together explain; ``count`` of independent samples among ``rows``, of which each has ``noise``,
+    one sigma, as far as it changes faster than vehicles do."""
 
     count: float
+    rows: int
+    noise: float
     xy: FloatArray
     xx: FloatArray
     yy: float
@@ -136,8 +139,18 @@ def _follow(
         rest = _without(x, y)
         share = 1.0 - float(rest @ rest) / yy
         if best is None or share > best.share:
-            best = Followed(effective_count(y), x.T @ y, x.T @ x, yy, share, lag)
+            noise = _fast_noise(motion.start[use], y)
+            best = Followed(effective_count(y), len(y), noise, x.T @ y, x.T @ x, yy, share, lag)
     return best
+
+
+def _fast_noise(start: FloatArray, y: FloatArray) -> float:
+    """White noise of changes [n] over windows from ``start`` [n] s, by how neighbours differ: the
+    noise of four velocities does not average out, where that of each change is of two. 0 where
+    neighbours are so far apart that a vehicle's own motion differs."""
+    step = np.diff(start)
+    near = step < limits.NEIGHBOUR_S
+    return float(np.sqrt(0.5 * np.mean(np.diff(y)[near] ** 2))) if near.any() else 0.0
 
 
 def _slow_tilts(sums: _Sums, motion: GnssMotion, surge_lag: float, turn_lag: float) -> Tilts | None:

@@ -58,15 +58,12 @@ def rough_clock(
     arrival_time: str = "boot_ns",
     output_delay_s: float | None = None,
 ) -> ClockModel | None:
-    """The same clock before motions are compared, good to some tenths of a second; None where
-    nothing tells it."""
-    try:
-        found = _by_stamps(imu, fixes, imu_time, arrival_time, output_delay_s, limits.DRIFT_SD)
-        if found is None and not np.isfinite(fixes.gps_s).any():
-            return None
-        return correlation_clock(imu, fixes).clock if found is None else found.clock
-    except InputError:
+    """The same clock before motions are compared, good to some tenths of a second; None for fixes
+    without times. Raises InputError as ``synchronise``."""
+    found = _by_stamps(imu, fixes, imu_time, arrival_time, output_delay_s, limits.DRIFT_SD)
+    if found is None and not np.isfinite(fixes.gps_s).any():
         return None
+    return correlation_clock(imu, fixes).clock if found is None else found.clock
 
 
 def contradiction(clock: ClockModel | None, imu: ImuData, fixes: Fixes | None) -> str | None:

@@ -277,6 +277,13 @@ leans on a sloping road, one sigma. Chosen: wrong axes are off by 90 deg or 180.
 MISTAKE = 0.01
 """Part of the manifests with a certain kind of mistake. Chosen: seldom, but known from experience;
 ten times as many change a verdict by two nats."""
+NEIGHBOUR_S = 0.3
+"""Windows whose starts are no further apart differ by noise: a vehicle whose acceleration changes
+by 1 m/s^2 from one end of them to the other shows 0.3 m/s."""
+TURN_UNEXPLAINED, SURGE_UNEXPLAINED = 0.8, 0.9
+"""Turns times speed and changes of speed over ``AXES_WINDOW_S``, m/s one sigma, that readings of
+one vehicle leave open at most. Recorded cars: 0.05 to 0.78, the most where a receiver's filter lags
+behind by a second, and 0.1 to 0.92, the most of hills."""
 AS_GOOD = 0.01
 """A hypothesis with a hundredth of the best one's odds is told beside it."""
 LEVEL_S, LEVEL_M = 120.0, 500.0

@@ -28,6 +28,8 @@ CODE = "imu_axes"
 """Of findings about axes and signs."""
 SCALE_CODE = "gyro_scale"
 """Of findings about the gyro's unit."""
+FORCE_CODE = "accel_scale"
+"""Of findings about the unit of one axis of the accelerometer; of all three gravity tells."""
 
 
 @dataclass(frozen=True)
@@ -40,17 +42,20 @@ class WeighedAxes:
     mended: ImuAxes | None = None
 
 
-def weigh_axes(
-    drive: Drive, recording: Recording, fixes: Fixes | None, clock: ClockModel | None
-) -> WeighedAxes:
-    """Judge the axes of a recording's IMU by its own readings and by the receiver's motion, of
-    usable ``fixes`` and by the ``clock`` of the stamps where there are any."""
+def seen_motion(imu: ImuData, fixes: Fixes | None, clock: ClockModel | None) -> AxesEvidence:
+    """What readings show of their axes by themselves and beside the motion of usable ``fixes``, by
+    the ``clock`` of the stamps, where there are any."""
+    return axes_evidence(_usable(imu), fixes, clock)
+
+
+def weigh_axes(drive: Drive, recording: Recording, seen: AxesEvidence) -> WeighedAxes:
+    """Judge the axes of a recording's IMU by what was ``seen`` of its motion."""
     imu = recording.imu
     assert imu is not None
-    seen = axes_evidence(_usable(imu), fixes, clock)
     if imu.axes_known:
         judged = judge_stated(seen)
         scale = _gyro_scale(seen, judged.best.gyro[2], recording)
+        scale += _force_scale(seen, judged.best.accel)
         return WeighedAxes((_stated(drive, seen, judged), *scale), imu)
     if seen.turn is None or seen.surge is None:
         text = "axes unknown: the mounting is estimated from the drive"
@@ -167,7 +172,7 @@ def _unknown(
     chosen = best if doubted or best.rigid else judged.stated
     accel, gyro = judged.mounting @ chosen.accel, judged.mounting @ chosen.gyro
     facts = _facts(seen, 0.0, accel)
-    scale = _gyro_scale(seen, gyro[2], recording)
+    scale = [*_gyro_scale(seen, gyro[2], recording), *_force_scale(seen, accel)]
     if not doubted:
         near = axes_value(_nearest(accel)).strip('"')
         text = f"axes unknown, about {near} (the mounting is estimated): {facts}"
@@ -235,5 +240,31 @@ def _gyro_scale(seen: AxesEvidence, down: FloatArray, recording: Recording) -> l
     for factor, advice in units:
         if 1.0 / limits.NEAR_UNIT < value / factor < limits.NEAR_UNIT:
             return [Finding("error", text, advice, SCALE_CODE)]
-    advice = "correct gyro_unit, the sensor file, the calibration or the range that was set"
+    advice = (
+        "correct gyro_unit, the sensor file, the calibration or the range that was set, or are the "
+        "readings and the fixes of two drives?"
+    )
     return [Finding("error", text, advice, SCALE_CODE)]
+
+
+def _force_scale(seen: AxesEvidence, axes: FloatArray) -> list[Finding]:
+    """What is wrong where forces along vehicle ``axes`` [3, 3] are smaller than the motion's.
+
+    Larger ones, as hills and a turned sensor make them, are no fault of a unit.
+    """
+    for followed, axis, what in (
+        (seen.surge, axes[0], "speed changes are {} times the force forward"),
+        (seen.lateral, axes[1], "turns are {} times the force to the right"),
+    ):
+        if followed is None or followed.share < limits.LEAST_SHARE:
+            continue
+        value, sd = slope(followed, axis)
+        least = [
+            value - sigmas(p) * sd for p in (limits.DOUBTED_AXES, limits.GYRO_SCALE_PROBABILITY)
+        ]
+        if least[0] > 1.0 + limits.GYRO_SCALE_OFF:
+            wrong = least[1] > 1.0 + limits.GYRO_SCALE_OFF
+            text = f"the {what.format(f'{value:.3g}')} (sigma {sd:.1g}), and gravity is right"
+            advice = "one axis of the accelerometer is in another unit, as g: bring all to one"
+            return [Finding("error" if wrong else "warning", text, advice, FORCE_CODE)]
+    return []

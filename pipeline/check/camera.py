@@ -22,18 +22,17 @@ _NOTHING = "the camera gives no detections"
 
 
 def judge(drive: Drive, video: VideoInput) -> Iterator[tuple[Path, list[Finding]]]:
-    """Errors of the manifest's numbers, which put every sign in a wrong place; ``check`` has them
-    among the rest."""
+    """What is wrong with the manifest's numbers, which put every sign in a wrong place."""
     size = image_size(video.chapters)
     found = geometry(drive, video, size)
-    yield drive.manifest_file, [finding for finding in found if finding.severity == "error"]
+    yield drive.manifest_file, [finding for finding in found if finding.code]
     mismatch = None if size is None else size_mismatch(video, *size)
     if mismatch is not None:
         yield video.chapters[0], [mismatch]
 
 
 def check(drive: Drive, video: VideoInput) -> Iterator[tuple[Path | str, list[Finding]]]:
-    """Findings on one camera, file by file, but for the errors, which ``judge`` has."""
+    """Findings on one camera, file by file, but for those that ``judge`` has."""
     headers: list[VideoHeader] = []
     for path in video.chapters:
         try:
@@ -48,7 +47,7 @@ def check(drive: Drive, video: VideoInput) -> Iterator[tuple[Path | str, list[Fi
         yield path, [*_chapter(video, header), *counted]
     size = (headers[0].width, headers[0].height) if headers else None
     found = geometry(drive, video, size)
-    yield drive.manifest_file, [finding for finding in found if finding.severity != "error"]
+    yield drive.manifest_file, [finding for finding in found if not finding.code]
     if headers and video.frames is None:
         yield drive.manifest_file, _start(video, headers)
     if not headers and video.detections is None:
@@ -160,14 +159,25 @@ def geometry(drive: Drive, video: VideoInput, size: tuple[int, int] | None) -> l
                 f"{width}x{height}",
                 "was it measured at other proportions, as 4:3? Calibrate with the settings of this "
                 "video",
+                "camera_matrix",
+            )
+        )
+    elif view > limits.STRAIGHT_DEG and not any(section.distortion or ()):
+        findings.append(
+            Finding(
+                "warning",
+                f"{shown}, and no distortion, which no lens so wide is without",
+                "does the matrix belong to another resolution? Calibrate with the settings of this "
+                "video",
+                "camera_matrix",
             )
         )
     elif not limits.VIEW_DEG[0] < view < limits.VIEW_DEG[1]:
-        findings.append(Finding("warning", shown, "check fx: it is in pixels of this resolution"))
+        advice = "check fx: it is in pixels of this resolution"
+        findings.append(Finding("warning", shown, advice, "camera_matrix"))
     elif abs(fx / fy - 1.0) > limits.ASPECT:
-        findings.append(
-            Finding("warning", f"{shown}, fx and fy differ by {100 * abs(fx / fy - 1):.0f} %")
-        )
+        text = f"{shown}, fx and fy differ by {100 * abs(fx / fy - 1):.0f} %"
+        findings.append(Finding("warning", text, code="camera_matrix"))
     else:
         findings.append(Finding("ok", shown))
     return findings

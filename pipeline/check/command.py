@@ -214,9 +214,12 @@ def _finished(drive: Drive, collector: _Collector) -> None:
     """Check a finished trajectory and bearings."""
     if drive.trajectory_file is not None:
         from automap.io.trajectory_file import read_finished
+        from automap.sync.finished import trajectory_clock
 
         try:
             finished = read_finished(drive.trajectory_file)
+            if finished.time == "both":
+                trajectory_clock(finished.data.t_ns, finished.data.gps_s)
         except InputError as error:
             wrong = Finding("error", str(error), code="trajectory_unreadable")
             collector.add(drive.trajectory_file, [wrong])

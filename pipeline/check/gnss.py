@@ -15,6 +15,16 @@ from automap.records import FixType
 from automap.timebase import gps_to_iso
 from pipeline.check import geoid, limits, position
 
+_VELOCITY = (
+    "let the receiver send NAV-PVT, RMC or VTG",
+    "give the table columns of speed and course, or of vn and ve; a speed alone serves as a file "
+    "of wheel speeds, [odometer]",
+)
+_HEIGHT = (
+    "let the receiver send GGA with the geoid separation, or NAV-PVT",
+    "give the table a column of heights, above the ellipsoid or beside the geoid's",
+)
+"""What to do, for a receiver's log and for a table."""
 ABSENT = Finding(
     "error",
     "no receiver log",
@@ -92,13 +102,14 @@ def _quality(recording: Recording, good: np.ndarray) -> list[Finding]:
         findings.append(
             Finding("warning", f"{100 * lost:.0f} % of the epochs have no fix", "check the antenna")
         )
+    is_table = recording.log is not None and recording.log.kind == "table"
     velocity = np.isfinite(fixes.vel_ned[good, :2]).all(axis=1)
     if not velocity.all():
         findings.append(
             Finding(
                 "warning",
                 f"{np.count_nonzero(~velocity)} fixes without velocity",
-                "let the receiver send NAV-PVT, RMC or VTG; velocity carries most of the accuracy",
+                f"{_VELOCITY[is_table]}; velocity carries most of the accuracy",
             )
         )
     height = np.isfinite(fixes.height_m[good])
@@ -107,7 +118,7 @@ def _quality(recording: Recording, good: np.ndarray) -> list[Finding]:
             Finding(
                 "warning",
                 f"{np.count_nonzero(~height)} fixes without ellipsoidal height",
-                "let the receiver send GGA with the geoid separation, or NAV-PVT",
+                _HEIGHT[is_table],
             )
         )
     if np.any(fixes.fix_type >= FixType.FLOAT):

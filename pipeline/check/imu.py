@@ -11,10 +11,13 @@ from automap.io.drive import Drive
 from automap.io.recording import Recording
 from automap.records import ImuData
 from pipeline.check import limits
-from pipeline.check.axes import CODE, WeighedAxes, weigh_axes
+from pipeline.check.axes import CODE, WeighedAxes, seen_motion, weigh_axes
+from pipeline.check.same_drive import OTHER_CODE, UNKNOWN_CODE, other_drive, usable_receiver
 from pipeline.check.steadiness import check as steadiness
-from pipeline.check.steadiness import offset, usable_receiver
+from pipeline.check.steadiness import offset
 
+LEFT_OUT = ("imu_sparse", OTHER_CODE)
+"""Codes of findings with which a drive goes on without its IMU."""
 ABSENT = Finding(
     "warning",
     "no IMU recording",
@@ -75,8 +78,18 @@ def check(drive: Drive, recording: Recording) -> tuple[list[Finding], WeighedAxe
     findings += plausibility.stuck_readings(drive.imu_axes.as_read(imu))
     if unit.severity != "ok":
         return findings, None
-    fixes, clock = usable_receiver(drive, recording)
-    weighed = weigh_axes(drive, recording, fixes, clock)
+    receiver = usable_receiver(drive, recording)
+    fixes, clock, wrong, _ = receiver
+    if wrong is not None:
+        findings.append(Finding("error", wrong, code=UNKNOWN_CODE))
+    seen = seen_motion(imu, fixes, clock)
+    # one file is of one drive
+    apart = recording.imu_source == "csv" and drive.imu_file != drive.gnss_file
+    if apart and drive.gnss_file is not None:
+        other = other_drive(imu, receiver, seen, drive.gnss_file.name)
+        if other is not None:
+            return [*findings, other], None
+    weighed = weigh_axes(drive, recording, seen)
     if any(found.code == CODE and found.severity == "error" for found in weighed.findings):
         # turns about an axis that is another tell nothing of a clock
         return [*findings, *weighed.findings], weighed

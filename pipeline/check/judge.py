@@ -19,7 +19,8 @@ from pipeline.check import camera, gnss, imu, timing, velocity
 NEEDED = frozenset(
     (
         *("no_fix", "few_fixes", "no_positions", "gnss_unreadable"),
-        *("no_overlap", "arrival_times", "imu_clock_offset", "manifest", "camera_view"),
+        *("no_overlap", "arrival_times", "imu_clock_offset", "imu_clock_unknown"),
+        *("manifest", "camera_view"),
     )
 )
 """Codes of errors that leave nothing to go on with: they cannot be accepted."""
@@ -50,6 +51,10 @@ class Judgement:
     imu: ImuData | None = None
     mended: ImuAxes | None = None
 
+    def told(self, code: str) -> str | None:
+        """The sentence of the finding of a ``code``, None where there is none."""
+        return next((item.sentence() for item in self.found if item.finding.code == code), None)
+
 
 def judge(drive: Drive, recording: Recording) -> Judgement:
     """Judge the recordings of a drive; errors that its manifest accepts are warnings."""
@@ -59,7 +64,8 @@ def judge(drive: Drive, recording: Recording) -> Judgement:
         few = imu.sparse(recording.imu)
         measured, weighed = ([few], None) if few else imu.check(drive, recording)
         found += _all(drive.imu_file or drive.gnss_file or drive.manifest_file, measured)
-        recording = replace(recording, imu=None) if few else recording
+        if any(finding.code in imu.LEFT_OUT for finding in measured):
+            recording = replace(recording, imu=None)
     found += [*_receiver(drive, recording), *_cameras(drive)]
     if drive.trajectory_file is not None:
         found = [replace(item, finding=_unused(item.finding)) for item in found]

@@ -53,6 +53,9 @@ OFF_CENTRE_DOUBTED = 0.08
 by 0.17; of the recorded drives' cameras none is by more than 0.04."""
 VIEW_DEG = (20.0, 150.0)
 """Horizontal views of cameras that look at a road through a lens with a pinhole model."""
+STRAIGHT_DEG = 105.0
+"""Wider lenses bend straight lines: those made not to end at some 100 deg across (14 mm on full
+frame, 104 deg), and pictures that were straightened are cut to less."""
 WIDEST_DEG = 170.0
 """No lens with a pinhole model sees more: its picture would be 23 focal lengths wide."""
 ASPECT = 0.1

@@ -5,35 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from automap.evaluation.plausibility import Finding
-from automap.fusion.doubts.receiver import usable_fixes
-from automap.io.drive import Drive
-from automap.io.recording import Recording, imu_time
 from automap.records import ClockModel, Fixes, ImuData
-from automap.sync.clock import contradiction, rough_clock
+from automap.sync.clock import contradiction
 from automap.sync.steadiness import ClockChange, clock_change, lags_by_piece
-from automap.sync.velocity_consistency import velocity_consistency
 
 OFFSET_CODE = "imu_clock_offset"
 """Of a finding about stamps that are seconds off: nothing can be done with them."""
 CODES = {"rate": "imu_clock_rate", "jump": "imu_clock_jump"}
 """Of findings about stamps that run off, and that jump."""
-
-
-def usable_receiver(drive: Drive, recording: Recording) -> tuple[Fixes | None, ClockModel | None]:
-    """Fixes without what is wrong with them by themselves, and the clock of the IMU's stamps; None
-    where there is none."""
-    imu, fixes = recording.imu, recording.fixes
-    if imu is None or fixes is None or not len(fixes):
-        return fixes, None
-    found = velocity_consistency(fixes)
-    # velocities that are wrong themselves say nothing of the IMU, nor does a mirrored path, as one
-    # of swapped coordinates is, nor one of which velocities and positions tell two
-    fixes = usable_fixes(fixes, found)
-    if found.match.mirrored or found.unrelated:
-        return fixes, None
-    gnss = drive.gnss
-    base = imu_time(drive, recording)
-    return fixes, rough_clock(imu, fixes, base, gnss.arrival_time, gnss.output_delay_s)
 
 
 def offset(imu: ImuData, fixes: Fixes | None, clock: ClockModel | None) -> Finding | None:

@@ -7,6 +7,7 @@ import numpy as np
 from automap.errors import InputError
 from automap.evaluation.plausibility import Finding, overlap_s
 from automap.fusion.limits import FIX_EDGE_S, LEAST_FIXES
+from automap.io.arrival import read_arrival
 from automap.io.drive import Drive
 from automap.io.frame_times import frame_times
 from automap.io.recording import Recording, imu_time
@@ -14,6 +15,9 @@ from automap.io.video import VideoInput, read_header
 from automap.records import NO_TIME, FloatArray, IntArray
 from automap.timebase import MOST_ZONE_H, QUARTER_S, ROLLOVER_S, gps_to_iso, unix_to_gps
 from pipeline.check import clock_set, limits
+
+ARRIVAL_CODE = "arrival_times"
+"""Of a finding about arrival times that make no clock."""
 
 
 def imu_gps_time(drive: Drive, recording: Recording) -> FloatArray | None:
@@ -159,28 +163,37 @@ def _outside(video: VideoInput, t_ns: IntArray) -> list[Finding]:
 def _arrivals(drive: Drive, recording: Recording) -> list[Finding]:
     fixes = recording.fixes
     assert fixes is not None
-    if recording.imu is None:
-        return []
     known = fixes.arrival_ns != NO_TIME
-    if drive.arrival_file is None and not np.any(known):
-        if imu_time(drive, recording) == "boot_ns":
+    if not np.any(known):
+        if recording.imu is None or drive.arrival_file is not None:
+            return []
+        if imu_time(drive, recording) != "boot_ns":
+            return []
+        dated = unix_to_gps(recording.imu.t_ns[[0, -1]] * 1e-9)
+        if overlap_s(np.asarray(dated), fixes.gps_s[np.isfinite(fixes.gps_s)][[0, -1]]) > 0.0:
             return [
                 Finding(
                     "warning",
-                    "no arrival times, and the IMU is on the host's clock",
-                    "the offset is found by correlating the two, to some 10 ms; record "
-                    "gnss_arrival.csv next time",
+                    "the stamps of the IMU are dates, of the time of the fixes",
+                    'write time = "unix_ns" in [imu]; without it they are matched by the motions',
                 )
             ]
-        return []
-    if not np.any(known):
+        return [
+            Finding(
+                "warning",
+                "no arrival times, and the IMU is on the host's clock",
+                "the offset is found by correlating the two, to some 10 ms; record "
+                "gnss_arrival.csv next time",
+            )
+        ]
+    if recording.imu is None and drive.gnss.arrival_time == "gps_ns":
         return []
     from automap.sync.arrival import fit_arrival_clock
 
     try:
         fit = fit_arrival_clock(fixes.arrival_ns, fixes.gps_s, drive.gnss.output_delay_s)
     except InputError as error:
-        return [Finding("error", str(error).rstrip("."), code="arrival_times")]
+        return [Finding("error", _of_other_log(drive) or str(error).rstrip("."), "", ARRIVAL_CODE)]
     text = (
         f"arrival times of {np.count_nonzero(known)} of {len(fixes)} epochs, median "
         f"{1e3 * fit.waiting_s:.0f} ms beyond the least, host clock off in rate by "
@@ -188,8 +201,23 @@ def _arrivals(drive: Drive, recording: Recording) -> list[Finding]:
     )
     findings = [Finding("ok", text)]
     findings += [Finding("warning", warning) for warning in fit.warnings]
-    if drive.gnss.output_delay_s is None:
+    if drive.gnss.output_delay_s is None and recording.imu is not None:
         findings.append(
             Finding("info", "output_delay_s is not given; it is estimated with the trajectory")
         )
     return findings
+
+
+def _of_other_log(drive: Drive) -> str | None:
+    """The sentence for arrival times, wrong ones, of more bytes than the log has; else None."""
+    if drive.arrival_file is None or drive.gnss_file is None:
+        return None
+    last = int(read_arrival(drive.arrival_file, drive.gnss.arrival_table.form).offset[-1])
+    size = drive.gnss_file.stat().st_size
+    if last <= size:
+        return None
+    return (
+        f"it tells when {last} bytes of the log arrived, and {drive.gnss_file.name} has {size}: "
+        "the two are not of one recording, or the log was cut; put those of one drive together, or "
+        "leave the arrival times out"
+    )

@@ -8,8 +8,9 @@ from automap.errors import InputError
 from automap.evaluation.plausibility import Finding
 from automap.io.drive import Drive
 from automap.io.odometer_csv import read_odometer_csv
-from automap.io.recording import Recording
+from automap.io.recording import Recording, imu_time
 from automap.records import WheelSpeed
+from automap.sync.clock import has_arrival
 from pipeline.check import limits
 from pipeline.check.timing import gps_time
 
@@ -40,7 +41,24 @@ def check(drive: Drive, recording: Recording) -> list[Finding]:
     if rate < limits.SLOW_WHEELS_HZ:
         text = f"wheel speed comes once in {1.0 / rate:.1f} s"
         findings.append(Finding("info", text, "let the adapter ask for the speed alone"))
-    return findings + _against_receiver(drive, recording, wheels)
+    loose = untied(drive, recording)
+    return findings + ([loose] if loose else _against_receiver(drive, recording, wheels))
+
+
+def untied(drive: Drive, recording: Recording) -> Finding | None:
+    """A warning for stamps that nothing ties to the IMU's; else None."""
+    time, fixes = drive.manifest.odometer.time, recording.fixes
+    if time != "boot_ns" or recording.imu is None or imu_time(drive, recording) == time:
+        return None
+    if has_arrival(fixes) and drive.gnss.arrival_time == time:
+        return None
+    own = imu_time(drive, recording)
+    return Finding(
+        "warning",
+        f"[odometer] time = {time!r} and the {own!r} of [imu] have nothing in common",
+        "the drive goes on without it; write the clock that its stamps are in as time, or record "
+        "gnss_arrival.csv",
+    )
 
 
 def _against_receiver(drive: Drive, recording: Recording, wheels: WheelSpeed) -> list[Finding]:

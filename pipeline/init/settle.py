@@ -23,8 +23,8 @@ from automap.io.table_units import UNITS
 from automap.io.trust import allowing
 from automap.records import FloatArray
 from automap.timebase import gps_to_unix, unix_to_gps
-from pipeline.check.axes import SCALE_CODE, WeighedAxes, weigh_axes
-from pipeline.check.steadiness import usable_receiver
+from pipeline.check.axes import SCALE_CODE, WeighedAxes, seen_motion, weigh_axes
+from pipeline.check.same_drive import usable_receiver
 from pipeline.importers.level_axes import SLOW, is_slow, level_axes
 from pipeline.init.draft import AS_UTC, Draft
 from pipeline.init.video_start import ZONES_H, start_videos
@@ -233,8 +233,8 @@ def _gyro_unit(draft: Draft) -> tuple[Recording, WeighedAxes] | None:
         if read is None or read[1].imu is None:
             return None
         drive, recording = read
-        fixes, clock = usable_receiver(drive, recording)
-        weighed = weigh_axes(drive, recording, fixes, clock)
+        fixes, clock, *_ = usable_receiver(drive, recording)
+        weighed = weigh_axes(drive, recording, seen_motion(read[1].imu, fixes, clock))
         # speeds in a wrong unit do not say how fast the vehicle is
         seen[unit] = replace(recording, fixes=fixes), weighed
         scaled = any(f.code == SCALE_CODE for f in seen[unit][1].findings)

@@ -19,9 +19,11 @@ from automap.fusion.doubts.outcome import refused, unsure_path, weak_heading
 from automap.fusion.doubts.path import Misses, contradicted, local_error, spans_of
 from automap.fusion.doubts.reason import Reason, verdict_of
 from automap.fusion.doubts.receiver import dated_velocities, receiver_doubts
+from automap.fusion.options import FusionOptions
 from automap.fusion.output import Innovations
+from automap.fusion.rest_noise import shaken_levels
 from automap.fusion.widening import widen
-from automap.records import Fixes, FloatArray, Trajectory
+from automap.records import Fixes, FloatArray, ImuData, Trajectory
 from automap.sync.path_match import Estimate, Match
 from automap.sync.velocity_consistency import Interval, VelocityConsistency
 from tests.unit.fusion_motion import city_drive
@@ -140,7 +142,32 @@ def test_noise_as_large_as_may_be_is_told() -> None:
     factors = {"accel": 16.0, "gyro": 0.0625, "velocity_h": 8.0}
     (reason,) = levels_at_bound(factors, tuned=False)
     assert "the noise of the accelerometer is 16 times" in reason.text
+    assert reason.inertial
     assert levels_at_bound(factors, tuned=True) == []
+
+
+def test_noise_that_the_readings_show_themselves_accuses_no_sensor() -> None:
+    """A telephone's ten readings a second: units, axes and stamps were blamed."""
+    t_ns = np.arange(2000) * np.int64(10**8)
+    shakes = np.random.default_rng(1).normal(0.0, 1.0, (2, 2000, 3))
+    options = FusionOptions()
+    wanted = {"accel": 9.0, "gyro": 20.0}
+    accel, gyro = (
+        f * stated * np.sqrt(10.0) * s
+        for f, stated, s in zip(
+            wanted.values(), (options.accel_noise, options.gyro_noise), shakes, strict=True
+        )
+    )
+    # what moves slowly is no noise
+    slow = 5.0 * np.sin(0.05 * t_ns * 1e-9)[:, None]
+    shaken = shaken_levels(ImuData(t_ns, gyro, accel + slow), options)
+    assert shaken == pytest.approx(wanted, rel=0.05)
+    told = levels_at_bound({"accel": 16.0, "gyro": 16.0}, False, shaken)
+    assert not any(reason.inertial for reason in told)
+    assert all("record at 50 Hz or more" in reason.text for reason in told)
+    (accel_told, gyro_told) = levels_at_bound(dict.fromkeys(wanted, 16.0), False, {"gyro": 8.5})
+    assert accel_told.inertial
+    assert not gyro_told.inertial
 
 
 # what the filter says

@@ -29,7 +29,7 @@ from automap.io.drive import load_drive
 from automap.io.recording import read_recording
 from automap.records import ClockModel, Fixes, ImuData
 from automap.sync.velocity_consistency import velocity_consistency
-from pipeline.check.steadiness import usable_receiver
+from pipeline.check.same_drive import usable_receiver
 from pipeline.run.fusion_inputs import _delay_prior
 from tests.unit.foreign_tables import SAMPLE
 from tests.unit.fusion_drive import CLOCK, Sensor, record

@@ -91,6 +91,15 @@ def test_a_wrong_unit_is_found_and_stops_the_run(
     assert list((tmp_path / "work").iterdir()) == []
 
 
+def test_one_axis_in_another_unit_is_found_by_the_motion(drive: Path) -> None:
+    """Gravity does not tell it, and the noise of both triads was blamed."""
+    move = motion()
+    _rewrite(drive, move.gyro, move.accel / np.array([9.81, 1.0, 1.0]))
+    said = errors_told(check_drive(drive))
+    assert "the force forward" in said
+    assert "one axis of the accelerometer is in another unit" in said
+
+
 def test_gravity_taken_out_is_not_mistaken_for_a_unit(drive: Path) -> None:
     move = motion()
     _rewrite(drive, move.gyro, move.accel + np.array([0, 0, 9.81]))

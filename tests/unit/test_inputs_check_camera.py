@@ -9,7 +9,7 @@ import pytest
 from input_drive import BOOT_NS, write_drive
 
 from pipeline.check.command import check_drive
-from tests.unit.checked_drive import edit, errors_told
+from tests.unit.checked_drive import edit, errors_told, ingested
 
 
 @pytest.fixture
@@ -44,6 +44,18 @@ def test_a_camera_that_does_not_fit_its_video(drive: Path) -> None:
     )
     edit(drive, "[video.front]", "[video.front]\nwidth = 96\nheight = 72")
     assert "its proportions are others" in errors_told(check_drive(drive))
+
+
+def test_a_wide_view_without_distortion_is_told_by_check_and_run(drive: Path) -> None:
+    """As a matrix of half the resolution has it: nine of ten signs lay outside their ellipses."""
+    manifest = drive / "drive.toml"
+    manifest.write_text(
+        manifest.read_text() + "[video.front]\nwidth = 1242\nheight = 375\n"
+        "camera_matrix = [[353.5, 0.0, 601.0], [0.0, 353.5, 183.0], [0.0, 0.0, 1.0]]\n"
+    )
+    told = "and no distortion, which no lens so wide is without"
+    assert " ".join(check_drive(drive).text().split()).count(told) == 1
+    assert any(told in text for text in ingested(drive, drive / "work").warnings)
 
 
 def test_frames_of_another_video_are_told(drive: Path) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import replace
+from types import MappingProxyType
 
 import numpy as np
 
@@ -196,19 +197,25 @@ def beside_scale(path: Trajectory, found: Estimates) -> Trajectory:
     return replace(path, sd_vel_ned=np.hypot(path.sd_vel_ned, scale * path.vel_ned))
 
 
-def levels_at_bound(factors: Mapping[str, float], tuned: bool) -> list[Reason]:
-    """Noise levels as large as they may become."""
-    most = (FINE if tuned else COARSE).limit
+def levels_at_bound(
+    factors: Mapping[str, float], tuned: bool, shaken: Mapping[str, float] = MappingProxyType({})
+) -> list[Reason]:
+    """Noise levels as large as they may become; ``shaken`` are those that an IMU's readings show
+    from one to the next, to a step of the search what was found or more."""
+    search = FINE if tuned else COARSE
     reasons = []
     for level, what in _LEVELS.items():
-        if factors.get(level, 1.0) > limits.AT_BOUND * most:
-            reasons.append(
-                Reason(
-                    "noise_at_bound",
-                    f"the {what} is {factors[level]:.0f} times what was assumed, the most that is "
-                    "tried: something else is wrong with that sensor; check its units, axes and "
-                    "stamps",
-                    inertial=level in INERTIAL_LEVELS,
-                )
-            )
+        factor = factors.get(level, 1.0)
+        if factor <= limits.AT_BOUND * search.limit:
+            continue
+        folds = factor <= search.factor * shaken.get(level, 0.0)
+        why = (
+            "its readings differ by as much from one to the next, as what shakes a sensor faster "
+            "than it is read makes them: record at 50 Hz or more, and name the sensor in [imu]"
+            if folds
+            else "something else is wrong with that sensor; check its units, axes and stamps"
+        )
+        text = f"the {what} is {factor:.0f} times what was assumed, the most that is tried: {why}"
+        inertial = level in INERTIAL_LEVELS and not folds
+        reasons.append(Reason("noise_at_bound", text, inertial=inertial))
     return reasons

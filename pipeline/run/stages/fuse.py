@@ -53,12 +53,16 @@ def run(context: StageContext) -> None:
 
 
 def _is_receivers_own(context: StageContext) -> bool:
+    imu = _ingested(context).get("imu") or {}
+    return bool(imu.get("source") == "receiver")
+
+
+def _ingested(context: StageContext) -> dict[str, Any]:
+    """What ingest wrote of the recordings."""
     import json
 
     path = context.out / names.INGEST
-    if not path.exists():
-        return False
-    return bool(json.loads(path.read_text(encoding="utf-8"))["imu"]["source"] == "receiver")
+    return dict(json.loads(path.read_text(encoding="utf-8"))) if path.exists() else {}
 
 
 def _take_finished(context: StageContext) -> None:
@@ -79,17 +83,22 @@ def _take_finished(context: StageContext) -> None:
 
 
 def _smooth_fixes(context: StageContext, clock: ClockModel, reason: str) -> None:
+    from automap.fusion.doubts.reason import Reason
     from automap.fusion.verdict_alone import weigh_alone
+    from pipeline.check.same_drive import OTHER_CODE
     from pipeline.run.fusion_inputs import read_usable_fixes, stated_arm
     from pipeline.settings.presets import fusion_options
 
+    other = _ingested(context).get("other_drive")
+    told = [] if other is None else [Reason(OTHER_CODE, other, handled=True)]
+    reason = "the IMU is left out" if told else reason
     context.warn(
         f"{reason}: the trajectory is the smoothed GPS track alone, with headings from the "
         "course; positions of signs will be less sure"
     )
     fixes, receiver = read_usable_fixes(context.out)
     options, presets = fusion_options(context.drive, context.settings.fuse)
-    weighed = weigh_alone(fixes, clock, options, receiver, stated_arm(context.drive))
+    weighed = weigh_alone(fixes, clock, options, receiver, stated_arm(context.drive), told)
     _write_trajectory(context, weighed.trajectory, names.TRAJECTORY)
     context.verdict = weighed.verdict.as_dict()
     content = {"method": "gnss only", "epochs": weighed.rows, "verdict": context.verdict}

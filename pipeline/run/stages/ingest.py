@@ -26,6 +26,7 @@ def run(context: StageContext) -> None:
     from automap.io.recording import read_recording
     from automap.io.tables import write_fixes, write_imu
     from pipeline.check.judge import judge, stop_or_tell
+    from pipeline.check.same_drive import OTHER_CODE
 
     drive = context.drive
     recording = read_recording(drive, context.settings.ingest.gap_factor)
@@ -54,17 +55,21 @@ def run(context: StageContext) -> None:
         if fixed:
             write_fixes(context.work / names.FIXES, recording.fixes)
     if drive.odometer_file is not None:
-        _ingest_odometer(context, drive.odometer_file, parts)
+        _ingest_odometer(context, drive.odometer_file, recording, parts)
+    summary["other_drive"] = judged.told(OTHER_CODE)
     summary["warnings"] = context.warnings
     write_json(context.work / names.INGEST, summary)
     context.result = ", ".join(parts) or "bearings only"
 
 
-def _ingest_odometer(context: StageContext, path: Path, parts: list[str]) -> None:
+def _ingest_odometer(
+    context: StageContext, path: Path, recording: Recording, parts: list[str]
+) -> None:
     """Wheel speeds help where they are good; a bad file is left out with a warning."""
     from automap.io.odometer_csv import read_odometer_csv
     from automap.io.tables import write_odometer
     from pipeline.check.judge import GOES_ON
+    from pipeline.check.wheels import untied
 
     try:
         found = read_odometer_csv(path, context.drive.manifest.odometer.form)
@@ -74,6 +79,10 @@ def _ingest_odometer(context: StageContext, path: Path, parts: list[str]) -> Non
     wheels = found.data
     for text in found.warnings:
         context.warn(text)
+    loose = untied(context.drive, recording)
+    if loose is not None:
+        context.warn(f"{path}: {loose.sentence()}")
+        return
     write_odometer(context.work / names.ODOMETER, wheels)
     parts.append(f"{len(wheels)} wheel speeds")
 

@@ -23,7 +23,7 @@ def run(context: StageContext) -> None:
 
     imu_path, fixes_path = context.out / names.IMU, context.out / names.FIXES
     imu = read_imu(imu_path) if imu_path.exists() else None
-    fixes = read_fixes(fixes_path) if fixes_path.exists() else None
+    fixes = _usable(read_fixes(fixes_path)) if fixes_path.exists() else None
     base, result = _find_clock(context, imu, fixes)
     for text in result.warnings:
         context.warn(text)
@@ -35,6 +35,14 @@ def run(context: StageContext) -> None:
         _write_delays(context.work / names.SYNC_DELAYS, result, fixes)
     _metrics(context, result)
     context.result = _in_words(result)
+
+
+def _usable(fixes: Fixes) -> Fixes:
+    """Fixes without what is wrong with them by themselves, as ``automap check`` compares them."""
+    from automap.fusion.doubts.receiver import usable_fixes
+    from automap.sync.velocity_consistency import velocity_consistency
+
+    return usable_fixes(fixes, velocity_consistency(fixes))
 
 
 def _find_clock(

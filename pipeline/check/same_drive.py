@@ -1,0 +1,126 @@
+"""Whether the IMU's readings are of the drive of the fixes, and what of these to compare with."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from automap.errors import InputError
+from automap.evaluation.plausibility import Finding
+from automap.fusion.doubts.receiver import usable_fixes
+from automap.io.drive import Drive
+from automap.io.recording import Recording, imu_time
+from automap.records import ClockModel, Fixes, ImuData
+from automap.sync.axes_evidence import AxesEvidence
+from automap.sync.clock import has_arrival, rough_clock
+from automap.sync.coarse import find_offset
+from automap.sync.limits import (
+    AXES_WINDOW_S,
+    CERTAIN_LEAD_NATS,
+    LEAST_INTERVALS,
+    STATED_REACH_S,
+)
+from automap.sync.motion import imu_motion, velocity_motion
+from automap.sync.motion_clock import gnss_motions, in_imu_time
+from automap.sync.same_motion import likeness
+from automap.sync.steadiness import clock_change, lags_by_piece
+from automap.sync.velocity_consistency import velocity_consistency
+from pipeline.check import limits
+from pipeline.check.axes import seen_motion
+
+UNKNOWN_CODE = "imu_clock_unknown"
+"""Of a finding about stamps that nothing ties to the receiver's time."""
+OTHER_CODE = "other_drive"
+"""Of a finding about readings that are of another drive than the fixes."""
+
+
+class UsableReceiver(NamedTuple):
+    """``fixes`` without what is wrong with them by themselves, and the ``clock`` of the IMU's
+    stamps, None where there is none; ``wrong`` says why where the motions do not tell it;
+    ``worse`` by how much more than a sound receiver's its velocities and positions part."""
+
+    fixes: Fixes | None
+    clock: ClockModel | None = None
+    wrong: str | None = None
+    worse: float = 1.0
+
+
+def usable_receiver(drive: Drive, recording: Recording) -> UsableReceiver:
+    """What of a recording's receiver the IMU may be compared with."""
+    imu, fixes = recording.imu, recording.fixes
+    if imu is None or fixes is None or not len(fixes):
+        return UsableReceiver(fixes)
+    found = velocity_consistency(fixes)
+    # velocities that are wrong themselves say nothing of the IMU, nor does a mirrored path, as one
+    # of swapped coordinates is, nor one of which velocities and positions tell two
+    fixes = usable_fixes(fixes, found)
+    if found.match.mirrored or found.unrelated:
+        return UsableReceiver(fixes)
+    gnss = drive.gnss
+    base = imu_time(drive, recording)
+    try:
+        clock = rough_clock(imu, fixes, base, gnss.arrival_time, gnss.output_delay_s)
+    except InputError as error:
+        # arrival times that are wrong are told of their own file
+        of_motions = not (has_arrival(fixes) and gnss.arrival_time == base)
+        return UsableReceiver(fixes, None, str(error).rstrip(".") if of_motions else None)
+    return UsableReceiver(fixes, clock, None, found.worse)
+
+
+def other_drive(
+    imu: ImuData, receiver: UsableReceiver, seen: AxesEvidence, log: str
+) -> Finding | None:
+    """A warning for readings that are of another drive than the fixes of the file ``log``, by what
+    was ``seen`` of the motion; None where they may be of one, or are of one at other stamps."""
+    fixes, clock, _, worse = receiver
+    if fixes is None or clock is None:
+        return None
+    if len(velocity_motion(fixes, AXES_WINDOW_S).start) < LEAST_INTERVALS:
+        # ways between positions scatter by whatever a receiver's places do
+        return None
+    whole = likeness(seen, worse)
+    if not whole.short:
+        return None
+    where, strange, likely = "", seen, whole.log_odds
+    begin, end = (float(t) for t in clock.gps_s(imu.t_ns[[0, -1]]))
+    middle = 0.5 * (begin + end)
+    halves = [
+        seen_motion(imu, replace(fixes, gps_s=np.where(part, fixes.gps_s, np.nan)), clock)
+        for part in (fixes.gps_s < middle, fixes.gps_s >= middle)
+    ]
+    odds = [likeness(half, worse).log_odds for half in halves]
+    if max(odds) > CERTAIN_LEAD_NATS:
+        k = int(np.argmin(odds))
+        where = f" in the {'second' if k else 'first'} half of the readings"
+        strange, likely = halves[k], odds[k]
+    if likely > np.log(limits.DOUBTED_AXES) or _elsewhere(imu, fixes, clock):
+        return None
+    shares = [
+        f"{followed.share:.0%} of the {what}"
+        for what, followed in (("turns", strange.turn), ("changes of speed", strange.surge))
+        if followed is not None
+    ]
+    return Finding(
+        "warning",
+        f"the readings and {log} are of two drives{where}: they explain {' and '.join(shares)} of "
+        "the fixes, no more than chance does",
+        "the path is that of the fixes alone; put two files of one drive together, or fasten the "
+        "IMU to the vehicle",
+        OTHER_CODE,
+    )
+
+
+def _elsewhere(imu: ImuData, fixes: Fixes, clock: ClockModel) -> bool:
+    """Whether readings and fixes are of one motion at other stamps, or ones that run off."""
+    if clock_change(lags_by_piece(imu, fixes, clock)) is not None:
+        return True
+    motion = imu_motion(imu)
+    for _, gnss in gnss_motions(fixes):
+        near = find_offset(motion, in_imu_time(gnss, clock, imu), STATED_REACH_S)
+        if near is not None and near.certain:
+            moved = replace(clock, ref_gps_s=clock.ref_gps_s - near.offset_s)
+            if likeness(seen_motion(imu, fixes, moved)).log_odds > CERTAIN_LEAD_NATS:
+                return True
+    return False

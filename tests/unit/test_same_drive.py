@@ -1,0 +1,153 @@
+"""Readings that are of another drive than the fixes are told as that, others are not."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from automap.errors import InputError
+from automap.io.drive import load_drive
+from automap.io.recording import read_recording
+from automap.records import Fixes, FloatArray, ImuData
+from pipeline.check.axes import seen_motion
+from pipeline.check.command import check_drive
+from pipeline.check.same_drive import UsableReceiver, other_drive
+from pipeline.check.wheels import untied
+from pipeline.run.stage import StageContext
+from pipeline.run.stages import fuse, ingest, sync
+from pipeline.settings.load import Settings
+from tests.unit.checked_drive import edit
+from tests.unit.fusion_drive import CLOCK, Sensor, record
+from tests.unit.fusion_motion import city_drive
+from tests.unit.fusion_receiver import Receiver, receive
+from tests.unit.input_drive import SPAN_S, write_drive, write_imu_rows
+
+SECONDS = 240.0
+
+
+@cache
+def readings(seed: int) -> ImuData:
+    return record(city_drive(SECONDS, seed), Sensor(), seed, rate=10.0)
+
+
+@cache
+def fixes_of(seed: int) -> Fixes:
+    return receive(city_drive(SECONDS, seed), Receiver(rate=1.0), seed)
+
+
+def told(imu: ImuData, fixes: Fixes) -> str | None:
+    receiver = UsableReceiver(fixes, CLOCK)
+    found = other_drive(imu, receiver, seen_motion(imu, fixes, CLOCK), "gnss.ubx")
+    return None if found is None else found.text
+
+
+def test_readings_of_another_drive_are_told() -> None:
+    text = told(readings(1), fixes_of(2))
+    assert text is not None
+    assert "the readings and gnss.ubx are of two drives: they explain" in text
+    assert told(readings(1), fixes_of(1)) is None
+
+
+def test_velocities_that_err_are_no_other_drive() -> None:
+    noise = np.random.default_rng(1).normal(0.0, 1.0, (len(fixes_of(1)), 3))
+    quick = receive(city_drive(SECONDS, 1), Receiver(rate=10.0), 1)
+    more = np.random.default_rng(2).normal(0.0, 1.0, (len(quick), 3))
+    for fixes, errors in ((fixes_of(1), noise), (quick, more)):
+        assert told(readings(1), replace(fixes, vel_ned=fixes.vel_ned + errors)) is None
+
+
+@pytest.mark.parametrize(
+    "axes", [np.diag([1.0, -1.0, 1.0]), np.roll(np.eye(3), 1, axis=0), -np.eye(3)]
+)
+def test_axes_and_units_make_no_other_drive(axes: FloatArray) -> None:
+    """Mirrored, turned and negated; the gyro in another unit and one that reads nothing."""
+    imu = readings(1)
+    turned = replace(imu, gyro=imu.gyro @ axes.T, accel=imu.accel @ axes.T)
+    for gyro in (57.3, 0.0):
+        assert told(replace(turned, gyro=gyro * turned.gyro), fixes_of(1)) is None
+
+
+def test_a_file_that_was_put_together_of_two_drives_is_told_by_its_half() -> None:
+    imu, other = readings(1), readings(2)
+    first = (np.arange(len(imu)) < len(imu) // 2)[:, None]
+    mixed = replace(
+        imu,
+        gyro=np.where(first, imu.gyro, other.gyro),
+        accel=np.where(first, imu.accel, other.accel),
+    )
+    text = told(mixed, fixes_of(1))
+    assert text is not None
+    assert "of two drives in the second half of the readings" in text
+
+
+def test_stamps_that_are_off_make_no_other_drive() -> None:
+    for off in (1.0, 30.0):
+        assert told(readings(1), replace(fixes_of(1), gps_s=fixes_of(1).gps_s + off)) is None
+    imu = readings(1)
+    fast = imu.t_ns[0] + np.rint(1.02 * (imu.t_ns - imu.t_ns[0])).astype(np.int64)
+    assert told(replace(imu, t_ns=fast), fixes_of(1)) is None
+
+
+def test_a_run_goes_on_with_the_fixes_and_says_why(tmp_path: Path) -> None:
+    """It was doubtful for reasons of which none was it, and its sigmas were too small."""
+    folder = write_drive(tmp_path / "drive")
+    kept = slice(0, int(10.0 * SPAN_S))
+    other = readings(2)
+    t = (other.t_ns[kept] - other.t_ns[0]) * 1e-9
+    write_imu_rows(folder, other.gyro[kept], other.accel[kept], t)
+    (text,) = (f.text for f in check_drive(folder).findings if f.code == "other_drive")
+    context = StageContext(load_drive(folder), tmp_path, tmp_path, Settings())
+    for stage in (ingest, sync, fuse):
+        stage.run(context)
+    assert context.verdict is not None
+    assert context.verdict["state"] == "doubtful"
+    (reason,) = context.verdict["reasons"]
+    assert reason["code"] == "other_drive"
+    assert text in reason["text"]
+
+
+def refused(folder: Path, tmp_path: Path) -> str:
+    """The sentence with which `run` stops; `check` has the same."""
+    context = StageContext(load_drive(folder), tmp_path, tmp_path, Settings())
+    with pytest.raises(InputError) as caught:
+        ingest.run(context)
+    errors = [f.text for f in check_drive(folder).findings if f.severity == "error"]
+    assert any(text in str(caught.value) for text in errors)
+    return str(caught.value)
+
+
+def test_a_clock_that_the_motions_do_not_tell_is_refused_by_check_too(tmp_path: Path) -> None:
+    """It passed, and the run's second stage stopped."""
+    folder = write_drive(tmp_path / "drive")
+    (folder / "gnss_arrival.csv").unlink()
+    still = np.random.default_rng(1).normal(0.0, 0.01, (900, 6))
+    still[:, 5] -= 9.81
+    write_imu_rows(folder, still[:, :3], still[:, 3:], np.arange(900) * 0.1)
+    assert "does not stand out from their motions" in refused(folder, tmp_path)
+
+
+def test_arrival_times_of_a_longer_log_are_named(tmp_path: Path) -> None:
+    folder = write_drive(tmp_path / "drive")
+    rows = [line.split(",") for line in (folder / "gnss_arrival.csv").read_text().split()]
+    longer = [f"{2 * int(o)},{t}" for o, t in rows[1:]]
+    (folder / "gnss_arrival.csv").write_text("\n".join(["offset,t_ns", *longer]) + "\n")
+    assert "the two are not of one recording, or the log was cut" in refused(folder, tmp_path)
+    # without an IMU they are the only clock
+    (folder / "imu.csv").unlink()
+    assert "the two are not of one recording, or the log was cut" in refused(folder, tmp_path)
+
+
+def test_wheels_of_a_clock_that_nothing_ties_are_left_out(tmp_path: Path) -> None:
+    """The run stopped in its third stage for what it can do without."""
+    folder = write_drive(tmp_path / "drive", imu_section='time = "gps_ns"')
+    (folder / "gnss_arrival.csv").unlink()
+    edit(folder, "[gnss]", '[odometer]\ntime = "boot_ns"\n[gnss]')
+    (folder / "odometer.csv").write_text("t_ns,speed_m_s\n1000,2.0\n2000,2.0\n")
+    drive = load_drive(folder)
+    told = untied(drive, read_recording(drive))
+    assert told is not None
+    assert "have nothing in common" in told.text
