@@ -66,7 +66,8 @@ class FusionResult:
     ``delay`` of the IMU stamps against the fixes (imu_time_offset > 0: stamps later than the
     truth) with sd; ``mounting`` sensor to vehicle; ``standstill`` intervals in s from the
     first sample; ``align_margin`` in nats; ``noise_factors`` what the
-    drive made of the noise levels; ``wheels`` None where the drive has no wheel speed.
+    drive made of the noise levels; ``wheels`` None where the drive has no wheel speed; ``age_sd``
+    s by which the path at a stamp may be of another instant, as the age of the fixes is not known.
     """
 
     t_ns: IntArray
@@ -84,6 +85,7 @@ class FusionResult:
     noise_factors: dict[str, float]
     wheels: WheelResult | None = None
     warnings: list[str] = field(default_factory=list)
+    age_sd: float = 0.0
 
     @cached_property
     def trajectory(self) -> Trajectory:
@@ -197,4 +199,5 @@ def assemble(
         len(np.unique(outcome.nodes.fix_row[outcome.nodes.fix_row >= 0])),
         outcome.factors,
         warnings=warnings,
+        age_sd=age_sd,
     )

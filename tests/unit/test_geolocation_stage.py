@@ -89,6 +89,21 @@ def test_frames_outside_the_drive_are_the_result(context: StageContext) -> None:
     )
 
 
+def test_signs_are_unsure_along_a_road_that_is_dated_by_fixes_of_unknown_age(
+    context: StageContext,
+) -> None:
+    """A tenth of a second at 12 m/s; a bend of one rate tells stamps from turns not at all."""
+    write_trajectory(context.out / names.TRAJECTORY, drive_path(duration_s=14.0))
+    write_detections(context.out / names.DETECTIONS, [seen()])
+    variance = []
+    for age_sd in (0.0, 0.1):
+        (context.out / names.FUSION).write_text(json.dumps({"age_sd_s": age_sd}))
+        STAGE.run(context)
+        first = read_signs(context.work / names.SIGNS_RAW)[0]
+        variance.append(float(np.trace(first.cov_enu[:2, :2])))
+    assert variance[1] - variance[0] == pytest.approx(1.2**2, rel=0.3)
+
+
 @pytest.mark.parametrize("picture", others_slow(["mirrored", "", "upside down"], fast=2))
 def test_boxes_are_taken_as_the_bends_of_their_video_say(
     context: StageContext, picture: str

@@ -307,6 +307,7 @@ def _report(
             "imu_delay_s": result.delay.mean,
             "imu_delay_sd_s": result.delay.sd,
             "delay_is_clock": is_clock,
+            "age_sd_s": result.age_sd,
             "mounting_rpy_deg": [float(a) for a in np.degrees(result.mounting.rpy)],
             "mounting_rpy_sd_deg": [float(a) for a in np.degrees(result.mounting.sd)],
             "align_margin_nats": float(result.align_margin),

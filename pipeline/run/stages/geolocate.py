@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import math
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -65,7 +67,17 @@ def run(context: StageContext) -> None:
         write_nothing(context, table)
         return
     known = _as_pictured(trajectory, known, cameras, turns)
-    _locate(context, trajectory, table, known, cameras)
+    _locate(context, trajectory, table, known, _dated(cameras, context.out / names.FUSION))
+
+
+def _dated(cameras: dict[str, Camera], fused: Path) -> dict[str, Camera]:
+    """The cameras with their stamps as unsure against the path as against its clock and, where
+    nobody knows how old the fixes are that date it, as that; ``fused`` tells it."""
+    age_sd = json.loads(fused.read_text()).get("age_sd_s", 0.0) if fused.is_file() else 0.0
+    return {
+        name: replace(camera, time_offset_sd=math.hypot(camera.time_offset_sd, age_sd))
+        for name, camera in cameras.items()
+    }
 
 
 def _locate_bearings(context: StageContext, path: Path) -> None:
@@ -339,12 +351,13 @@ STAGE = Stage(
     # 35: what stays at its place in the picture is left out
     # 36: and what is followed for longer than signs are in sight
     # 37: a sign is sought from distances by its size alone
-    version=41,
+    # 42: stamps of a camera are unsure against a path that is dated by fixes of unknown age
+    version=42,
     run=run,
     inputs=_inputs,
     needs=(
         *(names.TRAJECTORY, names.DETECTIONS, names.SEARCHED, names.CAMERA_TURNS),
-        *(names.SYNC, names.IMU),
+        *(names.SYNC, names.IMU, names.FUSION),
     ),
     # the adjusted trajectory is written where signs seen again or surveyed ones move the vehicle
     outputs=(names.SIGNS_RAW, names.OBSERVATIONS, names.TRAJECTORY_ADJUSTED),
