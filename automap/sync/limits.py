@@ -233,10 +233,11 @@ COURSE_DIGIT_DEG, LEAST_SECTORS = 0.051, 4
 """A course is written to a tenth of a degree, and its direction is then within half of that. Twenty
 of them lie all so near to whole degrees by chance once in 1e20 drives; of fewer sectors a drive on
 a street and back may be."""
-HELD_TURN_RAD, HELD_SHARE = 0.26, 0.25
-"""Within two seconds positions turn by 15 deg or more in bends, four times what they err by; a
-course that was measured is the same to a twentieth of a degree in one of three hundred, and one of
-a road's pieces, 60 m long, in most. Chosen: a quarter."""
+HELD_TURN_RAD, HELD_SHARE = 0.26, 0.5
+"""Within two seconds positions turn by 15 deg or more in bends; a course that was measured is the
+same to a twentieth of a degree in one of three hundred, and one of a road's pieces, 60 m long, in
+two of three. More than half is most: a phone whose filter holds its course while positions wander
+has it in a third (``iphone-austin``)."""
 PARTING_S = (0.0, 4.0, 16.0, 64.0)
 """Over so long positions and velocities are compared where they may contradict each other: from
 epoch to epoch, and up to the time that a receiver's error wanders in."""

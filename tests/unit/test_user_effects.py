@@ -11,7 +11,7 @@ import pytest
 
 from automap.effects import CATALOGUE, Signals, UserTerm, distort_imu, user_effect
 from automap.effects.formula_text import parse_formula
-from automap.effects.signals import VOCABULARY, signals_of, signals_of_readings
+from automap.effects.signals import FIELDS, signals_of, signals_of_readings
 from automap.effects.user import set_user_effects, signal_of, towards, turned
 from automap.effects.user_tables import as_table, effects_of_formulas
 from automap.errors import ConfigError
@@ -44,7 +44,7 @@ def no_effects_stay() -> Iterator[None]:
 
 def some_signals(n: int = 50) -> Signals:
     t = np.linspace(0.0, 5.0, n)
-    names = [name for name in VOCABULARY if name not in ("rate", "force", "time")]
+    names = [name for name in FIELDS if name != "time"]
     return Signals(time=t, **{name: np.sin(t + i) for i, name in enumerate(names)})
 
 
@@ -56,6 +56,7 @@ def some_signals(n: int = 50) -> Signals:
         ("step(time - 2) / (1 + abs(rate_z))", lambda s: (s.time > 2) / (1 + abs(s.rate_z))),
         ("exp(-time / 30) * pi", lambda s: np.exp(-s.time / 30.0) * np.pi),
         ("rate + force", lambda s: s.rate + s.force),
+        ("climb", lambda s: s.speed * (s.force_x - s.acceleration) / 9.80665),
         ("1", lambda s: np.ones(len(s.time))),
         ("lag(time, 2)", lambda s: s.time - 2.0 * (1.0 - np.exp(-s.time / 2.0))),
         ("play(time, 1)", lambda s: np.maximum(s.time - 1.0, 0.0)),
@@ -201,7 +202,7 @@ def test_a_reading_gets_the_signal_and_a_table_comes_back() -> None:
 
 def test_directions_of_the_fixes() -> None:
     t = np.zeros(2)
-    east = Signals(t, **{n: t for n in VOCABULARY if n not in ("rate", "force", "time")})
+    east = Signals(t, **{n: t for n in FIELDS if n != "time"})
     signals = replace(east, heading=np.array([0.0, 0.5 * np.pi]))
 
     def direction(channel: str) -> np.ndarray:
