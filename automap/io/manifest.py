@@ -208,6 +208,12 @@ class VideoSection(Section):
         return value
 
 
+CAMERA_KEYS = frozenset(VideoSection.model_fields) - {
+    *("files", "frames", "time", "start_ns", "detections")
+}
+"""What ``[video.NAME]`` says of the camera itself: optics, place, direction and offset."""
+
+
 class SiteSection(Section):
     """``[site]``. ``country`` is the ISO 3166 code of two letters, ``roads`` a file of lines,
     ``background`` one of pictures, tiles or lines to lay below the map."""

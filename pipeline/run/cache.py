@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from automap.io import names
+from automap.io.manifest import CAMERA_KEYS
 from pipeline.run.digests import DigestCache
 from pipeline.run.named_files import names_of, without_folders
 from pipeline.run.stage import Stage
@@ -73,7 +74,7 @@ def gather(
     return Ingredients(
         version=stage.version,
         settings=flatten(without_folders(settings.echo(stage.settings), named)),
-        manifest=_manifest(manifest, stage.manifest),
+        manifest=_manifest(manifest, stage.manifest, stage.blind),
         inputs=inputs,
         needs=needs,
     )
@@ -116,7 +117,7 @@ def why_run(
     return "; ".join(unique) or None
 
 
-def _manifest(path: Path, sections: tuple[str, ...] | None) -> dict[str, Any]:
+def _manifest(path: Path, sections: tuple[str, ...] | None, blind: bool) -> dict[str, Any]:
     # by content, so that comments and layout do not matter
     try:
         content = tomllib.loads(path.read_text(encoding="utf-8"))
@@ -125,7 +126,13 @@ def _manifest(path: Path, sections: tuple[str, ...] | None) -> dict[str, Any]:
     if sections is not None:
         content = {key: value for key, value in content.items() if key in sections}
     plain: dict[str, Any] = json.loads(json.dumps(content, default=str))
-    return flatten(plain)
+    values = flatten(plain)
+    return {key: value for key, value in values.items() if not (blind and _of_camera(key))}
+
+
+def _of_camera(key: str) -> bool:
+    section, _, rest = key.partition(".")
+    return section == "video" and rest.rpartition(".")[2] in CAMERA_KEYS
 
 
 def _history(earlier: Sequence[Mapping[str, Any]]) -> str:

@@ -55,7 +55,9 @@ class Stage:
     must do with a missing need when the drive has nothing to make it from: the runner only sees
     to it that the stage which would write it has run. ``run.json`` among the needs means
     that the stage shows what the earlier stages did, and runs after any of them.
-    ``manifest`` names the sections of drive.toml the stage uses, None stands for all.
+    ``manifest`` names the sections of drive.toml the stage uses, None stands for all; a stage
+    that is ``blind`` uses nothing of how cameras look and where they sit
+    (``io.manifest.CAMERA_KEYS``).
     ``version`` is raised by hand when the result changes for the same input.
 
     The module of a stage is imported whenever a run looks whether the stage is up to date:
@@ -71,3 +73,4 @@ class Stage:
     settings: tuple[str, ...] = ()
     setting_files: Callable[[Settings], list[Path]] = lambda settings: []
     manifest: tuple[str, ...] | None = None
+    blind: bool = False

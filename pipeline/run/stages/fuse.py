@@ -353,4 +353,5 @@ STAGE = Stage(
     ),
     settings=("effects", "fuse"),
     setting_files=lambda settings: settings.effects.paths(),
+    blind=True,
 )

@@ -37,6 +37,8 @@ def run(context: StageContext) -> None:
     if context.drive.bearings_file is not None:
         _locate_bearings(context, context.drive.bearings_file)
         return
+    for text in context.drive.camera_warnings():
+        context.warn(text)
     detections_file = context.out / names.DETECTIONS
     if not detections_file.is_file():
         context.warn("There are no detections, so the map has no signs.")
@@ -352,7 +354,8 @@ STAGE = Stage(
     # 36: and what is followed for longer than signs are in sight
     # 37: a sign is sought from distances by its size alone
     # 42: stamps of a camera are unsure against a path that is dated by fixes of unknown age
-    version=42,
+    # 43: tells what the manifest does not say of the camera, as ingest did
+    version=43,
     run=run,
     inputs=_inputs,
     needs=(

@@ -31,7 +31,7 @@ def run(context: StageContext) -> None:
     drive = context.drive
     recording = read_recording(drive, context.settings.ingest.gap_factor)
     summary: dict[str, Any] = {"drive": drive.name, "imu": None, "gnss": None, "trajectory": None}
-    for text in (*drive.warnings, *drive.camera_warnings(), *recording.warnings):
+    for text in (*drive.warnings, *recording.warnings):
         context.warn(text)
     judged = judge(drive, recording)
     stop_or_tell(judged.found, InputError, context.warn)
@@ -184,7 +184,7 @@ STAGE = Stage(
     needs=(),
     outputs=(names.IMU, names.FIXES, names.ODOMETER, names.INGEST),
     settings=("ingest",),
-    # the manifest's sections on the camera and the antenna's place change nothing here, but
-    # the names of files in any section may
+    # the antenna's place changes nothing here, but the names of files in any section may
     manifest=None,
+    blind=True,
 )

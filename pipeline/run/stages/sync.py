@@ -215,4 +215,5 @@ STAGE = Stage(
     needs=(names.IMU, names.FIXES, names.INGEST),
     outputs=(names.SYNC, names.SYNC_DELAYS),
     settings=("sync",),
+    blind=True,
 )
