@@ -2,11 +2,11 @@
 
 A camera that is turned a little, or whose stamps are late, makes the rays of every sign miss
 one another in the same way. The signs' own unknowns are eliminated one by one (Schur
-complement: Triggs et al., Bundle Adjustment, 2000), which leaves nine equations a camera:
-turn, time offset, focal length, lever arm and the margin of its boxes. The lever arm is
-considered, not corrected: along the road it is one with the place of all signs. Boxes drawn a
-pixel or two too tall make signs grow too slowly on approach, which looks like a greater
-distance, and on one side of the road like a turned camera.
+complement: Triggs et al., Bundle Adjustment, 2000), which leaves ten equations a camera:
+turn, time offset, focal length, lever arm, the margin of its boxes and the radial distortion of
+its lens. The lever arm is considered, not corrected: along the road it is one with the place of all
+signs. Boxes drawn a pixel or two too tall make signs grow too slowly on approach, which looks like
+a greater distance, and on one side of the road like a turned camera.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ import numpy as np
 from automap.effects.lens import focal_length
 from automap.geolocation import limits
 from automap.geolocation.landmark import Landmark, SizePrior
-from automap.geolocation.landmark_kernels import N_COMMON
+from automap.geolocation.landmark_kernels import MARGIN, N_COMMON, RADIAL
 from automap.geolocation.pass_errors import equations, pass_sd
 from automap.geolocation.views import CameraCorrection, Views
 from automap.records import Camera, FloatArray
 
-N_CAMERA = 9
+N_CAMERA = 10
 """Of the errors common to views, those that a camera shares with all signs."""
 
 _LEVER_ARM = slice(5, 8)
@@ -40,10 +40,11 @@ class CameraPriors:
 
 
 def prior_covariance(camera: Camera, priors: CameraPriors) -> FloatArray:
-    """Covariance [9, 9] of turn (rad), time offset (s), log focal length, lever arm (m) and box
-    margin (rad) before any sign was seen."""
+    """Covariance [10, 10] of turn (rad), time offset (s), log focal length, lever arm (m), box
+    margin (rad) and radial distortion k1 before any sign was seen."""
     sd = [camera.mount_sd] * 3 + [camera.time_offset_sd, priors.focal_sd]
-    sd += [camera.lever_arm_sd] * 3 + [priors.margin_sd_px / focal_length(camera)]
+    sd += [camera.lever_arm_sd] * 3
+    sd += [priors.margin_sd_px / focal_length(camera), camera.distortion_sd]
     return np.diag(np.maximum(np.array(sd), 1e-9) ** 2)
 
 
@@ -53,7 +54,7 @@ def camera_covariances(
     corrections: Mapping[str, CameraCorrection],
     priors: CameraPriors,
 ) -> list[FloatArray]:
-    """Covariances [9, 9] of the views' cameras: as signs left them, else those before any sign."""
+    """Covariances [10, 10] of the views' cameras: as signs left them, else before any sign."""
     before = {name: prior_covariance(cameras[name], priors) for name in views.camera_names}
     return [
         corrections[name].covariance if name in corrections else own for name, own in before.items()
@@ -90,7 +91,8 @@ def refine_correction(
         turn=after[:3],
         time_s=float(after[3]),
         focal_log=float(after[4]),
-        margin=float(after[8]),
+        margin=float(after[MARGIN]),
+        radial=float(after[RADIAL]),
         covariance=covariance,
     )
 
@@ -117,9 +119,9 @@ def solve_camera(
     camera: Camera,
     priors: CameraPriors,
 ) -> tuple[FloatArray, FloatArray]:
-    """Values [9] of a camera and their covariance [9, 9] from the ``evidence`` of landmarks.
+    """Values [10] of a camera and their covariance [10, 10] from the ``evidence`` of landmarks.
 
-    ``before`` [9] the values that views and landmarks were made with; ``attitude_variance`` [3]
+    ``before`` [10] the values that views and landmarks were made with; ``attitude_variance`` [3]
     of every landmark, of the trajectory's error that it shares with others of its time.
     """
     n = N_CAMERA
@@ -152,11 +154,11 @@ def solve_camera(
 def evidence_of(
     views: Views, landmark: Landmark, prior: SizePrior, pass_errors: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Information [9, 9] and right-hand side [9] of one sign, its own unknowns eliminated (Schur
+    """Information [10, 10] and right-hand side [10] of one sign, its own unknowns eliminated (Schur
     complement: Triggs et al., Bundle Adjustment, 2000).
 
     Its own unknowns are its place and size and the errors of its pass, of sigmas
-    ``pass_errors`` [12], but for the attitude, which it shares with its neighbours in time.
+    ``pass_errors`` [13], but for the attitude, which it shares with its neighbours in time.
     """
     N, A, shared, _, _, chi2, _ = equations(
         views, landmark, landmark.parameters, np.zeros(N_COMMON), prior

@@ -12,23 +12,25 @@ from scipy.special import bdtrc
 from automap.gates import sigmas
 from automap.geolocation import limits
 from automap.geolocation.views import CameraCorrection
-from automap.records import BoolArray, Camera, FloatArray, Sign
+from automap.records import UNKNOWN_DISTORTION_SD, BoolArray, Camera, FloatArray, Sign
 
 
 def as_unknown(camera: Camera) -> Camera:
-    """The camera with its turn and time offset as good as unknown."""
+    """The camera with its turn, time offset and lens as good as unknown."""
     return replace(
         camera,
         mount_sd=max(camera.mount_sd, limits.DOUBTED_TURN_RAD),
         time_offset_sd=max(camera.time_offset_sd, limits.DOUBTED_TIME_S),
+        distortion_sd=max(camera.distortion_sd, UNKNOWN_DISTORTION_SD),
     )
 
 
 def beyond_stated(correction: CameraCorrection, camera: Camera, focal_sd: float) -> bool:
-    """Whether turn, time offset or focal length are off by more than their sigmas allow."""
-    sd = np.array([camera.mount_sd] * 3 + [camera.time_offset_sd, focal_sd])
+    """Whether turn, time offset, focal length or k1 are off by more than their sigmas allow."""
+    sd = [camera.mount_sd] * 3 + [camera.time_offset_sd, focal_sd, camera.distortion_sd]
+    off = np.append(correction.values[:5], correction.radial)
     most = sigmas(limits.BEYOND_MANIFEST_PROBABILITY)
-    return bool((np.abs(correction.values[:5]) > most * np.maximum(sd, 1e-9)).any())
+    return bool((np.abs(off) > most * np.maximum(sd, 1e-9)).any())
 
 
 def misfit(used: BoolArray, note: npt.NDArray[np.object_], signs: Sequence[Sign]) -> list[str]:

@@ -13,6 +13,7 @@ import numpy as np
 
 from automap.effects.camera_kernels import (
     FOCAL,
+    LENS,
     LEVER_ARM,
     N_COLUMNS,
     TIME,
@@ -25,12 +26,13 @@ from automap.jit import kernel
 from automap.records import FloatArray
 from automap.robust import loss
 
-N_COMMON = 12
-"""Common to the views of a sign: turn (3), time offset, log focal length, lever arm (3), box
-margin, which its camera shares with other signs, and the trajectory's velocity error (3)."""
+N_COMMON = 13
+"""Common to the views of a sign: turn (3), time offset, log focal length, lever arm (3), box margin
+and radial distortion k1, which its camera shares with other signs, and the trajectory's velocity
+error (3)."""
 
-MARGIN = 8
-"""Place of the box margin among them."""
+MARGIN, RADIAL, VELOCITY = 8, 9, 10
+"""Places of the box margin, of k1 and of the velocity error among them."""
 _LEAST_INFO = 1e-300
 """Of a parameter that no box tells no more is left than rounding."""
 
@@ -153,9 +155,10 @@ def common_columns(  # type: ignore[no-untyped-def]
                 B[r, k] = E[r, TURN + k]
                 B[r, 5 + k] = E[r, LEVER_ARM + k]
                 # a velocity error has moved the camera as a longer lever arm would
-                B[r, 9 + k] = E[r, LEVER_ARM + k] * elapsed[i]
+                B[r, VELOCITY + k] = E[r, LEVER_ARM + k] * elapsed[i]
             B[r, 3] = E[r, TIME]
             B[r, 4] = E[r, FOCAL]
+            B[r, RADIAL] = E[r, LENS]
         # boxes with a margin are taller than their signs by the same number of pixels
         B[2, MARGIN] = 1.0 / height
     return common, effects

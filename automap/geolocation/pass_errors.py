@@ -22,7 +22,7 @@ from automap.geolocation.landmark import (
     place,
     sign_equations,
 )
-from automap.geolocation.landmark_kernels import N_COMMON
+from automap.geolocation.landmark_kernels import MARGIN, N_COMMON, VELOCITY
 from automap.geolocation.view_errors import by_expected_heights
 from automap.geolocation.views import Views
 from automap.records import FloatArray, IntArray
@@ -33,7 +33,7 @@ _STEPS, _SETTLED = 5, 1e-3
 
 
 def pass_sd(views: Views, rows: IntArray, attitude: bool = True) -> FloatArray:
-    """One-sigma errors [12] of one pass of one sign, in the order of ``N_COMMON``.
+    """One-sigma errors [13] of one pass of one sign, in the order of ``N_COMMON``.
 
     The lever arm's shows in bends only and then differently in each (on the straight it is one
     with the place of the sign). ``attitude`` whether the trajectory's attitude error is among
@@ -47,15 +47,15 @@ def pass_sd(views: Views, rows: IntArray, attitude: bool = True) -> FloatArray:
     sd[1:3] = np.hypot(sd[1:3], 0.5 * margin)
     sd[3] = limits.STAMP_SD_S
     sd[5:8] = views.lever_arm_sd[rows].mean()
-    sd[8] = margin
-    sd[9:12] = np.sqrt(np.mean(views.velocity_sd[rows] ** 2, axis=0))
+    sd[MARGIN] = margin
+    sd[VELOCITY:] = np.sqrt(np.mean(views.velocity_sd[rows] ** 2, axis=0))
     return sd
 
 
 def equations(
     views: Views, landmark: Landmark, parameters: FloatArray, bias: FloatArray, prior: SizePrior
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, float, float]:
-    """``normal_equations`` of a landmark's views at other parameters [4] and biases [12]."""
+    """``normal_equations`` of a landmark's views at other parameters [4] and biases [13]."""
     rows, anchor = landmark.rows, landmark.anchor
     columns, _ = columns_of(views, rows, anchor, parameters)
     boxes = by_expected_heights(boxes_of(views, rows, anchor, prior), parameters)

@@ -155,8 +155,8 @@ def warnings_of(
             turn = ", ".join(f"{v:.2f}" for v in np.degrees(correction.turn))
             sentences.append(
                 f"camera {name} seems turned by ({turn}) deg in roll, pitch, yaw, its frames "
-                f"{correction.time_s:+.3f} s off and its focal length {correction.focal_log:+.1%}, "
-                "more than the manifest's sigmas allow; check mount_rpy_deg, time_offset_s and "
-                "camera_matrix."
+                f"{correction.time_s:+.3f} s off, its focal length {correction.focal_log:+.1%} and "
+                f"k1 of its lens {correction.radial:+.3f}, more than the manifest's sigmas allow; "
+                "check mount_rpy_deg, time_offset_s, camera_matrix and distortion."
             )
     return sentences

@@ -22,8 +22,8 @@ class Sighting:
     """A landmark with what the map needs of it; vectors in the local frame (NED).
 
     ``own_cov`` [3, 3] from its boxes alone, and what these leave open where they contradict one
-    another (``contradictory``: ``contradiction.py``); ``camera_effect`` [3, 9] derivative of the
-    position by what is common to the camera, with ``camera_cov`` [9, 9]; ``pass_cov``
+    another (``contradictory``: ``contradiction.py``); ``camera_effect`` [3, 10] derivative of the
+    position by what is common to the camera, with ``camera_cov`` [10, 10]; ``pass_cov``
     [3, 3] effect of what is common to this pass (attitude and velocity of the trajectory, margin
     of the boxes);
     ``path_sd`` [3] the trajectory's position error at the nearest view, m; ``time_s`` the
@@ -88,7 +88,7 @@ def make_sighting(
     found: Disagreement = AGREED,
     size: SizePrior | None = None,
 ) -> Sighting:
-    """Turn a landmark into a sighting; ``camera_covariances`` [9, 9] one per camera, ``found`` of
+    """Turn a landmark into a sighting; ``camera_covariances`` [10, 10] one per camera, ``found`` of
     its bearings and heights, ``size`` that it was taken for (None: as if boxes alone told it)."""
     rows = landmark.rows
     J = position_jacobian(views, landmark)

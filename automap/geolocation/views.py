@@ -112,17 +112,19 @@ class Views:
 class CameraCorrection:
     """What was found out about a camera: a turn (roll, pitch, yaw, rad, applied after the
     mounting, in camera axes), a further time offset in s, the logarithm of the true focal
-    length over the given one, and the margin that boxes leave above and below their signs, in
-    sum and over the focal length (rad). ``covariance`` [9, 9] of turn, time, focal length, lever
-    arm (m) and margin; the lever arm is considered, not corrected: on a straight road it is one
-    with the place of all. ``time_minima`` time offsets that explain the boxes alike, where the
-    drive does not tell one from another."""
+    length over the given one, the margin that boxes leave above and below their signs, in
+    sum and over the focal length (rad), and what k1 of the lens is more than stated.
+    ``covariance`` [10, 10] of turn, time, focal length, lever arm (m), margin and k1; the lever arm
+    is considered, not corrected: on a straight road it is one with the place of all.
+    ``time_minima`` time offsets that explain the boxes alike, where the drive does not tell one
+    from another."""
 
     turn: FloatArray
     time_s: float
     covariance: FloatArray
     focal_log: float = 0.0
     margin: float = 0.0
+    radial: float = 0.0
     time_minima: tuple[float, ...] = ()
 
     def applied(self, camera: Camera) -> Camera:
@@ -133,13 +135,15 @@ class CameraCorrection:
                 "camera_boresight": dict(zip(("roll", "pitch", "yaw"), self.turn, strict=True)),
                 "camera_time_offset": {"s": self.time_s},
                 "camera_focal": {"relative": float(np.expm1(self.focal_log))},
+                "camera_distortion": {"k1": self.radial},
             },
         )
 
     @property
     def values(self) -> FloatArray:
-        """All [9], the lever arm's zeros among them."""
-        return np.array([*self.turn, self.time_s, self.focal_log, 0.0, 0.0, 0.0, self.margin])
+        """All [10], the lever arm's zeros among them."""
+        own = self.time_s, self.focal_log
+        return np.array([*self.turn, *own, 0.0, 0.0, 0.0, self.margin, self.radial])
 
 
 def build_views(

@@ -26,7 +26,13 @@ from automap.io.receiver_file import find_receiver
 from automap.io.sensor_file import find_sensor
 from automap.io.trust import check_inside
 from automap.io.video import VideoInput, image_size
-from automap.records import Camera, FloatArray, usual_matrix
+from automap.records import (
+    DISTORTION_SD,
+    UNKNOWN_DISTORTION_SD,
+    Camera,
+    FloatArray,
+    usual_matrix,
+)
 
 _GNSS_FILES = ("gnss.ubx", "gnss.nmea", "gnss.pos", "gnss.csv", "fixes.csv")
 _ODOMETER_FILE = "odometer.csv"
@@ -393,4 +399,13 @@ def _camera(video: VideoInput) -> Camera | None:
         time_offset_s=section.time_offset_s,
         time_offset_sd=section.time_offset_sigma_s,
         lever_arm_sd=section.lever_arm_sigma_m,
+        distortion_sd=_distortion_sd(section),
     )
+
+
+def _distortion_sd(section: VideoSection) -> float:
+    """One sigma of k1: as stated, else of a calibration, else of a lens of which nobody said what
+    it does."""
+    if section.distortion_sigma is not None:
+        return section.distortion_sigma
+    return DISTORTION_SD if "distortion" in section.model_fields_set else UNKNOWN_DISTORTION_SD

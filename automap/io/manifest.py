@@ -181,6 +181,7 @@ class VideoSection(Section):
     height: Annotated[int, Field(gt=0)] | None = None
     camera_matrix: tuple[Triple, Triple, Triple] | None = None
     distortion: tuple[FiniteFloat, ...] = (0.0, 0.0, 0.0, 0.0, 0.0)
+    distortion_sigma: NotNegative | None = None
     lever_arm_m: Triple = (0.0, 0.0, 0.0)
     lever_arm_sigma_m: NotNegative = LEVER_ARM_SD_M
     mount_rpy_deg: Triple = (0.0, 0.0, 0.0)

@@ -10,9 +10,11 @@ from automap.records.arrays import NO_TIME, BoolArray, FloatArray, Image, IntArr
 from automap.records.clocks import ClockModel, DriveClocks
 from automap.records.motion import DrivePath, Trajectory, along_course
 from automap.records.pictures import (
+    DISTORTION_SD,
     FARTHEST_ARM_M,
     LEVER_ARM_SD_M,
     TRACK_PROBABILITIES,
+    UNKNOWN_DISTORTION_SD,
     Camera,
     Crop,
     Detections,
@@ -45,10 +47,12 @@ from automap.records.signs import (
 )
 
 __all__ = [
+    "DISTORTION_SD",
     "FARTHEST_ARM_M",
     "LEVER_ARM_SD_M",
     "NO_TIME",
     "TRACK_PROBABILITIES",
+    "UNKNOWN_DISTORTION_SD",
     "Bearings",
     "BoolArray",
     "Camera",

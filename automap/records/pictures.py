@@ -15,6 +15,9 @@ FARTHEST_ARM_M = 100.0
 """Of a point of the vehicle from the IMU; the longest road trains have some sixty metres."""
 LEVER_ARM_SD_M = 0.3
 """Of a camera's place on the vehicle of which nobody says how well it is known: by eye."""
+DISTORTION_SD, UNKNOWN_DISTORTION_SD = 0.01, 0.2
+"""Of k1 as a calibration states it, those of one of KITTI's cameras on several days differ by half
+of that; and of a lens of which nobody says anything, from a phone's -0.05 to a wide one's -0.4."""
 
 
 @dataclass(frozen=True)
@@ -24,7 +27,7 @@ class Camera:
     ``matrix`` [3, 3], ``distortion`` [k] OpenCV order, ``lever_arm_m`` [3] IMU to camera in
     body axes, ``mount_rpy`` [3] rad (C_body_cam = Rz(yaw) Ry(pitch) Rx(roll), camera axes
     forward, right, down), ``mount_sd`` rad, ``time_offset_s`` added to frame stamps,
-    ``lever_arm_sd`` one sigma of the lever arm in m, each axis.
+    ``lever_arm_sd`` one sigma of the lever arm in m, each axis, ``distortion_sd`` of k1.
     """
 
     width: int
@@ -37,6 +40,7 @@ class Camera:
     time_offset_s: float
     time_offset_sd: float
     lever_arm_sd: float = LEVER_ARM_SD_M
+    distortion_sd: float = DISTORTION_SD
 
 
 def usual_matrix(width: int, height: int) -> FloatArray:

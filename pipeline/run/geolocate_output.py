@@ -86,6 +86,7 @@ def report_result(context: StageContext, result: GeolocationResult) -> None:
     import numpy as np
 
     from automap.effects.lens import focal_length
+    from automap.geolocation.landmark_kernels import MARGIN, RADIAL
     from automap.geolocation.result import mostly_left_out
 
     signs, observations = result.signs, result.observations
@@ -122,8 +123,10 @@ def report_result(context: StageContext, result: GeolocationResult) -> None:
                 "time_offset_sd_s": float(sd[3]),
                 "focal_scale": float(np.exp(found.focal_log)),
                 "focal_scale_sd": float(sd[4]),
+                "k1_added": found.radial,
+                "k1_sd": float(sd[RADIAL]),
                 "box_margin_px": found.margin * focal_length(cameras[name]),
-                "box_margin_sd_px": float(sd[8]) * focal_length(cameras[name]),
+                "box_margin_sd_px": float(sd[MARGIN]) * focal_length(cameras[name]),
             },
         )
     context.result = f"{len(signs)} signs from {len(observations.used)} detections"

@@ -172,6 +172,7 @@ def _corrections(shown: MapDrive, cameras: dict[str, Camera]) -> dict[str, Any]:
     """What the run found out about the cameras, as its record says."""
     from automap.effects.lens import focal_length
     from automap.geolocation.boresight import CameraPriors, prior_covariance
+    from automap.geolocation.landmark_kernels import MARGIN, RADIAL
     from automap.geolocation.views import CameraCorrection
 
     assert shown.out is not None
@@ -184,13 +185,15 @@ def _corrections(shown: MapDrive, cameras: dict[str, Camera]) -> dict[str, Any]:
             sd = [*np.radians(told["boresight_rpy_sd_deg"]), told["time_offset_sd_s"]]
             sd += [told["focal_scale_sd"]]
             covariance[:5, :5] = np.diag(np.array(sd, np.float64) ** 2)
-            covariance[8, 8] = (told["box_margin_sd_px"] / focal) ** 2
+            covariance[MARGIN, MARGIN] = (told["box_margin_sd_px"] / focal) ** 2
+            covariance[RADIAL, RADIAL] = told["k1_sd"] ** 2
             found[name] = CameraCorrection(
                 turn=np.radians(told["boresight_rpy_deg"]),
                 time_s=float(told["time_offset_s"]),
                 covariance=covariance,
                 focal_log=float(np.log(told["focal_scale"])),
                 margin=float(told["box_margin_px"]) / focal,
+                radial=float(told["k1_added"]),
             )
         except (KeyError, TypeError, ValueError):
             continue
