@@ -17,7 +17,7 @@ from automap.geolocation.landmark import (
     fit_landmark,
     position_jacobian,
 )
-from automap.geolocation.landmark_kernels import N_COMMON, normal_equations
+from automap.geolocation.landmark_kernels import N_COMMON, RADIAL, normal_equations
 from automap.geolocation.locate import locate_signs
 from automap.geolocation.result import GeolocationResult
 from automap.geolocation.rules import GeolocationRules
@@ -365,7 +365,8 @@ def test_track_numbers_of_a_detector_are_used(world) -> None:
 
 
 def test_derivatives_against_differences(world) -> None:
-    """The effect of the camera's turn and time offset, against a camera turned and delayed."""
+    """The effect of turn, time offset, focal length and distortion, against a camera that has
+    them."""
     path, _, found, owner = world
     rows = np.flatnonzero(owner == np.bincount(owner).argmax())
     view = camera()
@@ -379,19 +380,18 @@ def test_derivatives_against_differences(world) -> None:
     N, A, *_ = normal_equations(landmark.parameters, boxes, columns, np.zeros(N_COMMON), PLAIN)
     by_common = -np.linalg.solve(N, A)
 
-    def shifted(turn: np.ndarray, time_s: float) -> np.ndarray:
-        correction = CameraCorrection(turn, time_s, np.eye(9))
+    def shifted(change: np.ndarray) -> np.ndarray:
+        rest = {"focal_log": change[4], "radial": change[RADIAL]}
+        correction = CameraCorrection(change[:3], change[3], np.eye(10), **rest)
         moved = build_views(
             path, [take(found, rows)], {"front": view}, noise, {"front": correction}
         )
         return fit_landmark(moved, np.arange(len(moved)), prior, robust=False).position
 
-    steps = [2e-4, 2e-4, 2e-4, 2e-3]
-    for k, step in enumerate(steps):
-        change = np.zeros(4)
+    for k, step in {0: 2e-4, 1: 2e-4, 2: 2e-4, 3: 2e-3, 4: 1e-3, RADIAL: 2e-3}.items():
+        change = np.zeros(N_COMMON)
         change[k] = step
-        up = shifted(change[:3], change[3])
-        down = shifted(-change[:3], -change[3])
+        up, down = shifted(change), shifted(-change)
         numeric = (up - down) / (2.0 * step)
         effect = position_jacobian(views, landmark) @ by_common[:, k]
         np.testing.assert_allclose(effect, numeric, atol=0.02 * np.abs(numeric).max())

@@ -20,7 +20,7 @@ from automap.geolocation.landmark_kernels import N_COMMON, Boxes
 from automap.geolocation.pass_errors import equations
 from automap.geolocation.rules import GeolocationRules
 from automap.geolocation.views import CameraCorrection, MeasurementNoise, build_views
-from automap.records import FloatArray
+from automap.records import UNKNOWN_DISTORTION_SD, FloatArray
 
 
 def positive(rng: np.random.Generator, n: int, scale: FloatArray) -> FloatArray:
@@ -30,13 +30,13 @@ def positive(rng: np.random.Generator, n: int, scale: FloatArray) -> FloatArray:
 
 
 def test_priors_of_a_camera_are_its_sigmas_in_the_order_of_its_errors() -> None:
-    view = camera(mount_sd=0.01, time_offset_sd=0.02, lever_arm_sd=0.3)
+    view = camera(mount_sd=0.01, time_offset_sd=0.02, lever_arm_sd=0.3, distortion_sd=0.07)
     sd = np.sqrt(np.diag(prior_covariance(view, CameraPriors(0.004, 3.0))))
     # of a thousand pixels
-    assert sd == pytest.approx([0.01] * 3 + [0.02, 0.004] + [0.3] * 3 + [0.003])
+    assert sd == pytest.approx([0.01] * 3 + [0.02, 0.004] + [0.3] * 3 + [0.003, 0.07])
 
 
-@pytest.mark.parametrize("before", [np.zeros(9), np.linspace(-0.01, 0.02, 9)])
+@pytest.mark.parametrize("before", [np.zeros(10), np.linspace(-0.01, 0.02, 10)])
 def test_a_camera_is_the_mean_of_its_signs_with_attitude_errors_of_their_minutes(
     before: FloatArray,
 ) -> None:
@@ -49,29 +49,29 @@ def test_a_camera_is_the_mean_of_its_signs_with_attitude_errors_of_their_minutes
     t_s = np.array([0.0, 0.4 * window, 0.99 * window, 1.01 * window, 3.5 * window])
     views: Any = SimpleNamespace(t_ns=np.int64(5e12) + np.rint(t_s * 1e9).astype(np.int64))
     marks: Any = [SimpleNamespace(rows=np.array([k])) for k in range(5)]
-    evidence = [(positive(rng, 9, scale), rng.normal(size=9) / scale) for _ in range(5)]
+    evidence = [(positive(rng, 10, scale), rng.normal(size=10) / scale) for _ in range(5)]
     variance = [rng.uniform(0.2, 2.0, 3) * scale[:3] ** 2 for _ in range(5)]
     # what all have in common, then each window's own
     number = np.array([0, 0, 0, 1, 2])
-    N, g = np.zeros((18, 18)), np.zeros(18)
+    N, g = np.zeros((19, 19)), np.zeros(19)
     held = prior.copy()
     held[5:8, 5:8] = 1e-12 * np.eye(3)
-    N[:9, :9] = np.linalg.inv(held)
-    g[:9] = -N[:9, :9] @ before
+    N[:10, :10] = np.linalg.inv(held)
+    g[:10] = -N[:10, :10] @ before
     for k in range(3):
-        at = slice(9 + 3 * k, 12 + 3 * k)
+        at = slice(10 + 3 * k, 13 + 3 * k)
         members = np.flatnonzero(number == k)
         N[at, at] = np.diag(1.0 / np.mean([variance[m] for m in members], axis=0))
         for m in members:
-            design = np.zeros((9, 18))
-            design[:, :9] = np.eye(9)
+            design = np.zeros((10, 19))
+            design[:, :10] = np.eye(10)
             design[:3, at] = np.eye(3)
             N += design.T @ evidence[m][0] @ design
             g += design.T @ evidence[m][1]
     joint = np.linalg.inv(N)
     found, covariance = solve_camera(views, marks, evidence, variance, before, view, priors)
-    free = [0, 1, 2, 3, 4, 8]
-    assert found[free] == pytest.approx((before + (joint @ g)[:9])[free], rel=1e-6)
+    free = [0, 1, 2, 3, 4, 8, 9]
+    assert found[free] == pytest.approx((before + (joint @ g)[:10])[free], rel=1e-6)
     np.testing.assert_allclose(
         covariance[np.ix_(free, free)] / np.outer(scale[free], scale[free]),
         joint[np.ix_(free, free)] / np.outer(scale[free], scale[free]),
@@ -95,7 +95,7 @@ def test_what_a_sign_says_of_a_camera_has_its_place_and_its_passs_errors_taken_o
     rows = np.flatnonzero(owner[views.row] == np.bincount(owner).argmax())
     prior = SizePrior()
     mark = fit_landmark(views, rows, prior)
-    sd = np.array([1e-3, 2e-3, 3e-3, 5e-3, 1e-2, 0.1, 0.1, 0.1, 2e-3, 0.05, 0.06, 0.07])
+    sd = np.array([1e-3, 2e-3, 3e-3, 5e-3, 1e-2, 0.1, 0.1, 0.1, 2e-3, 0.02, 0.05, 0.06, 0.07])
     N, A, shared, _, _, chi2, _ = equations(views, mark, mark.parameters, np.zeros(N_COMMON), prior)
     scale = max(1.0, chi2 / mark.dof)
     assert (scale > 1.2) == (noise_px > 5.0)
@@ -112,12 +112,12 @@ def test_what_a_sign_says_of_a_camera_has_its_place_and_its_passs_errors_taken_o
     pull = right[of] - gone @ right[other]
     own, step = evidence_of(views, mark, prior, sd)
     # none says more of an error than what it is of the pass
-    unit = sd[:9]
+    unit = sd[:10]
     information *= np.outer(size[of], size[of])
     np.testing.assert_allclose(
-        own * np.outer(unit, unit), information[:9, :9] * np.outer(unit, unit), atol=1e-6
+        own * np.outer(unit, unit), information[:10, :10] * np.outer(unit, unit), atol=1e-6
     )
-    np.testing.assert_allclose(step * unit, (size[of] * pull)[:9] * unit, atol=1e-5)
+    np.testing.assert_allclose(step * unit, (size[of] * pull)[:10] * unit, atol=1e-5)
 
 
 def test_signs_of_another_camera_with_few_views_or_without_a_place_say_nothing_of_it() -> None:
@@ -132,19 +132,20 @@ def test_signs_of_another_camera_with_few_views_or_without_a_place_say_nothing_o
     assert boresight.usable_landmarks(views, marks, 1) == [marks[2]]
 
 
-@pytest.mark.parametrize("k", range(5))
+@pytest.mark.parametrize("k", range(6))
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_a_camera_is_beyond_what_is_stated_by_its_own_sigmas(k: int, sign: float) -> None:
-    view = camera(mount_sd=0.01, time_offset_sd=0.02)
-    sd = [0.01, 0.01, 0.01, 0.02, 0.004]
+    view = camera(mount_sd=0.01, time_offset_sd=0.02, distortion_sd=0.03)
+    sd = [0.01, 0.01, 0.01, 0.02, 0.004, 0.03]
     most = sigmas(limits.BEYOND_MANIFEST_PROBABILITY)
     for factor in (0.99, 1.01):
-        values = np.zeros(5)
+        values = np.zeros(6)
         values[k] = sign * factor * most * sd[k]
-        found = CameraCorrection(values[:3], values[3], np.eye(9), focal_log=values[4])
+        rest = {"focal_log": values[4], "radial": values[5]}
+        found = CameraCorrection(values[:3], values[3], np.eye(10), **rest)
         assert beyond_stated(found, view, 0.004) == (factor > 1.0)
     # the margin is the detector's
-    wide = CameraCorrection(np.zeros(3), 0.0, np.eye(9), margin=1.0)
+    wide = CameraCorrection(np.zeros(3), 0.0, np.eye(10), margin=1.0)
     assert not beyond_stated(wide, view, 0.004)
 
 
@@ -155,6 +156,7 @@ def test_a_camera_is_let_go_but_not_held_closer_than_stated() -> None:
     )
     assert as_unknown(sure).mount_sd == limits.DOUBTED_TURN_RAD
     assert as_unknown(sure).time_offset_sd == limits.DOUBTED_TIME_S
+    assert as_unknown(sure).distortion_sd == UNKNOWN_DISTORTION_SD
     assert (as_unknown(unsure).mount_sd, as_unknown(unsure).time_offset_sd) == (2.0, 9.0)
 
 
@@ -320,26 +322,26 @@ def test_what_moves_along_is_likelier_by_the_gate_in_sigmas_that_its_boxes_show(
 
 
 def test_refining_is_one_step_from_the_values_before(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The solution's nine values and those of a correction are in one order."""
-    values = np.arange(1.0, 10.0)
+    """The solution's ten values and those of a correction are in one order."""
+    values = np.arange(1.0, 11.0)
     seen: dict[str, Any] = {}
 
     def solve(views: Any, usable: Any, evidence: Any, attitude: Any, before: Any, *_: Any) -> Any:
         seen.update(before=before, attitude=attitude)
-        return values, np.eye(9)
+        return values, np.eye(10)
 
     mark = SimpleNamespace(rows=np.array([0, 1]))
     views: Any = SimpleNamespace(attitude_sd=np.array([[1.0, 2.0, 3.0], [3.0, 2.0, 1.0]]))
     monkeypatch.setattr(boresight, "usable_landmarks", lambda *_: [mark])
-    monkeypatch.setattr(boresight, "pass_sd", lambda *_, **__: np.zeros(12))
-    monkeypatch.setattr(boresight, "evidence_of", lambda *_: (np.eye(9), np.zeros(9)))
+    monkeypatch.setattr(boresight, "pass_sd", lambda *_, **__: np.zeros(N_COMMON))
+    monkeypatch.setattr(boresight, "evidence_of", lambda *_: (np.eye(10), np.zeros(10)))
     monkeypatch.setattr(boresight, "solve_camera", solve)
     rest: Any = (camera(), None, SizePrior(), CameraPriors())
     found = boresight.refine_correction(views, [], 0, *rest)
     assert found.turn.tolist() == [1.0, 2.0, 3.0]
-    assert (found.time_s, found.focal_log, found.margin) == (4.0, 5.0, 9.0)
-    assert seen["before"].tolist() == [0.0] * 9
+    assert (found.time_s, found.focal_log, found.margin, found.radial) == (4.0, 5.0, 9.0, 10.0)
+    assert seen["before"].tolist() == [0.0] * 10
     assert seen["attitude"][0] == pytest.approx([5.0, 4.0, 5.0])
     boresight.refine_correction(views, [], 0, camera(), found, SizePrior(), CameraPriors())
-    assert np.delete(seen["before"], [5, 6, 7]).tolist() == [1.0, 2.0, 3.0, 4.0, 5.0, 9.0]
+    assert np.delete(seen["before"], [5, 6, 7]).tolist() == [1.0, 2.0, 3.0, 4.0, 5.0, 9.0, 10.0]
     assert replace(found, time_s=0.0).values[3] == 0.0

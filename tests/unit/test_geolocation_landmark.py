@@ -29,7 +29,7 @@ from automap.robust import BY_CAUCHY, BY_HUBER
 
 PRIOR = SizePrior(0.6, 0.3)
 COMMON = (
-    "roll", "pitch", "yaw", "time", "focal", "lever_x", "lever_y", "lever_z", "margin",
+    "roll", "pitch", "yaw", "time", "focal", "lever_x", "lever_y", "lever_z", "margin", "k1",
     "velocity_x", "velocity_y", "velocity_z",
 )  # fmt: skip
 
@@ -148,11 +148,14 @@ def moved(views: Views, name: str, step: float) -> Views:
     return replace(views, measured=measured)
 
 
-@pytest.mark.parametrize("name", [n for n in COMMON if n not in ("roll", "pitch", "yaw", "time")])
+BY_CAMERA = ("roll", "pitch", "yaw", "time", "k1")
+
+
+@pytest.mark.parametrize("name", [n for n in COMMON if n not in BY_CAMERA])
 def test_what_is_common_to_the_views_moves_the_sign_as_its_derivative_says(
     views: Views, name: str
 ) -> None:
-    """Turn and time have a test of their own, by another camera."""
+    """Turn, time and lens have a test of their own, by another camera."""
     rows = np.arange(len(views))
     plain = fit_landmark(views, rows, PRIOR, robust=False)
     # boxes without noise: then the derivative of first order is all
@@ -212,8 +215,8 @@ def tilted(rng: np.random.Generator, size: float) -> FloatArray:
 def passes(views: Views) -> list[Sighting]:
     """Three sightings with errors of every kind; the first two by one camera."""
     rng = np.random.default_rng(6)
-    base = make_sighting(views, fit_landmark(views, np.arange(len(views)), PRIOR), [np.eye(9)])
-    camera_cov = [0.01 * np.cov(rng.standard_normal((9, 40))) for _ in range(2)]
+    base = make_sighting(views, fit_landmark(views, np.arange(len(views)), PRIOR), [np.eye(10)])
+    camera_cov = [0.01 * np.cov(rng.standard_normal((10, 40))) for _ in range(2)]
     return [
         replace(
             base,
@@ -221,7 +224,7 @@ def passes(views: Views) -> list[Sighting]:
             position=rng.normal(0.0, 0.5, 3),
             own_cov=tilted(rng, 0.3),
             pass_cov=tilted(rng, 0.2),
-            camera_effect=rng.normal(0.0, 1.0, (3, 9)),
+            camera_effect=rng.normal(0.0, 1.0, (3, 10)),
             camera_cov=camera_cov[camera],
             path_sd=rng.uniform(0.3, 1.0, 3),
             time_s=time_s,

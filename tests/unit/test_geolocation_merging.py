@@ -23,7 +23,7 @@ def seen() -> tuple[Views, list[Sighting]]:
     views = build_views(path, [found], {"front": camera()}, MeasurementNoise())
     thirds = np.array_split(np.arange(len(views)), 3)
     marks = [fit_landmark(views, rows, SizePrior()) for rows in thirds]
-    return views, [make_sighting(views, mark, [1e-8 * np.eye(9)]) for mark in marks]
+    return views, [make_sighting(views, mark, [1e-8 * np.eye(10)]) for mark in marks]
 
 
 def placed(sighting: Sighting, east_m: float, sd_m: float) -> Sighting:

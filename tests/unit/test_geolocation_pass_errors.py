@@ -12,7 +12,7 @@ from automap.geolocation import limits
 from automap.geolocation.boresight import evidence_of
 from automap.geolocation.box_noise import scatter
 from automap.geolocation.landmark import Landmark, SizePrior, fit_landmark
-from automap.geolocation.landmark_kernels import N_COMMON
+from automap.geolocation.landmark_kernels import N_COMMON, VELOCITY
 from automap.geolocation.pass_errors import equations, pass_sd, solve_with_pass_errors
 from automap.geolocation.sightings import make_sighting
 from automap.geolocation.views import CameraCorrection, MeasurementNoise, Views, build_views
@@ -51,7 +51,7 @@ def test_a_velocity_error_has_the_effect_that_its_derivative_says(approach) -> N
         error[axis] = 0.05
         shifted = with_velocity_error(views, landmark, error)
         bias = np.zeros(N_COMMON)
-        bias[9 + axis] = 0.05
+        bias[VELOCITY + axis] = 0.05
         none = np.zeros(N_COMMON)
         rest = equations(views, landmark, landmark.parameters, none, PRIOR)[3]
         effect = equations(shifted, landmark, landmark.parameters, none, PRIOR)[3] - rest
@@ -65,7 +65,7 @@ def test_the_margin_of_boxes_has_the_effect_that_its_derivative_says(approach) -
     loose = found.box + np.array([0.0, -0.5, 0.0, 0.5]) * margin_px
     path = drive_path(30.0)
     correction = CameraCorrection(
-        np.zeros(3), 0.0, np.eye(9), margin=margin_px / camera().matrix[1, 1]
+        np.zeros(3), 0.0, np.eye(10), margin=margin_px / camera().matrix[1, 1]
     )
     again = build_views(
         path,
@@ -88,7 +88,7 @@ def test_an_error_of_the_pass_is_found_within_its_sigma(approach) -> None:
     assert off[1] < off[0]
     # where sign and errors of the pass settle, the gradient of both is nothing
     sd = pass_sd(shifted, settled.rows)
-    assert settled.pass_bias[10] > 0.5 * 0.15
+    assert settled.pass_bias[VELOCITY + 1] > 0.5 * 0.15
     found = equations(shifted, settled, settled.parameters, settled.pass_bias, PRIOR)[2]
     off = sd**2 * found[:N_COMMON, -1] - settled.pass_bias
     assert (np.abs(off) <= 0.01 * sd).all()
@@ -194,7 +194,7 @@ def test_what_a_sign_is_taken_for_moves_its_place_as_is_told(approach) -> None:
     taller[:, 2] = np.log(np.exp(taller[:, 2]) + margin)
     looser = place(replace(views, measured=taller), usual)
     mark = solve_with_pass_errors(views, fit_landmark(views, rows, usual), usual)
-    told = make_sighting(views, mark, [np.eye(9)], size=usual).size_effect
+    told = make_sighting(views, mark, [np.eye(10)], size=usual).size_effect
     moved = np.hypot(np.linalg.norm(larger - at), np.linalg.norm(looser - at)) / tenth
     assert np.linalg.norm(looser - at) > 0.5 * np.linalg.norm(larger - at)
     assert np.linalg.norm(told) == pytest.approx(moved, rel=0.15)

@@ -94,7 +94,7 @@ def test_a_turn_that_was_found_counts_as_if_the_manifest_had_it() -> None:
     one, other = (
         build_views(path, [found], {"front": seen}, MeasurementNoise(), corrections)
         for seen, corrections in (
-            (view, {"front": CameraCorrection(turn, 0.0, np.eye(9))}),
+            (view, {"front": CameraCorrection(turn, 0.0, np.eye(10))}),
             (replace(view, mount_rpy=mount), None),
         )
     )
