@@ -99,11 +99,10 @@ def adjust_trajectory(
 def shift_sighting(sighting: Sighting, adjustment: Adjustment) -> Sighting:
     """The sighting as the adjusted trajectory gives it."""
     error, sd = adjustment.at(np.array([sighting.time_s]))
-    position = sighting.position - error[0]
+    # the landmark stays where its views see it from, which are not moved
     return replace(
         sighting,
-        position=position,
-        landmark=replace(sighting.landmark, position=position),
+        position=sighting.position - error[0],
         path_sd=np.minimum(sd[0], sighting.path_sd),
     )
 

@@ -68,6 +68,11 @@ def test_control_signs_take_the_common_error_off(passed) -> None:
     for sign in result.signs:
         place = local_ned(sign.lat_rad, sign.lon_rad, 0.0, ORIGIN)[:2]
         assert np.linalg.norm(scene.position[:, :2] - place, axis=1).min() < 1.2
+    # boxes are as far off their signs as they are drawn, wherever the path was
+    plain = locate_signs(off, [found], {"front": camera()})
+    one, other = (r.observations.residual_px[r.observations.used] for r in (result, plain))
+    assert np.sqrt(np.mean(one**2)) == pytest.approx(np.sqrt(np.mean(other**2)), rel=0.05)
+    assert np.sqrt(np.mean(one**2)) < 1.5
 
 
 def test_without_control_or_second_pass_nothing_is_adjusted(passed) -> None:
