@@ -12,7 +12,6 @@ distance, and on one side of the road like a turned camera.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -21,6 +20,7 @@ from automap.geolocation import limits
 from automap.geolocation.landmark import Landmark, SizePrior
 from automap.geolocation.landmark_kernels import N_COMMON
 from automap.geolocation.pass_errors import equations, pass_sd
+from automap.geolocation.rules import GeolocationRules
 from automap.geolocation.views import CameraCorrection, Views
 from automap.records import Camera, FloatArray
 
@@ -30,20 +30,11 @@ N_CAMERA = 9
 _LEVER_ARM = slice(5, 8)
 
 
-@dataclass(frozen=True)
-class CameraPriors:
-    """One-sigma priors that the manifest does not state: relative ``focal_sd``,
-    ``margin_sd_px`` by which boxes are taller than their signs."""
-
-    focal_sd: float = 0.005
-    margin_sd_px: float = 2.0
-
-
-def prior_covariance(camera: Camera, priors: CameraPriors) -> FloatArray:
+def prior_covariance(camera: Camera, rules: GeolocationRules) -> FloatArray:
     """Covariance [9, 9] of turn (rad), time offset (s), log focal length, lever arm (m) and box
     margin (rad) before any sign was seen."""
-    sd = [camera.mount_sd] * 3 + [camera.time_offset_sd, priors.focal_sd]
-    sd += [camera.lever_arm_sd] * 3 + [priors.margin_sd_px / focal_length(camera)]
+    sd = [camera.mount_sd] * 3 + [camera.time_offset_sd, rules.focal_sd]
+    sd += [camera.lever_arm_sd] * 3 + [rules.camera_margin_sd_px / focal_length(camera)]
     return np.diag(np.maximum(np.array(sd), 1e-9) ** 2)
 
 
@@ -51,10 +42,10 @@ def camera_covariances(
     views: Views,
     cameras: Mapping[str, Camera],
     corrections: Mapping[str, CameraCorrection],
-    priors: CameraPriors,
+    rules: GeolocationRules,
 ) -> list[FloatArray]:
     """Covariances [9, 9] of the views' cameras: as signs left them, else those before any sign."""
-    before = {name: prior_covariance(cameras[name], priors) for name in views.camera_names}
+    before = {name: prior_covariance(cameras[name], rules) for name in views.camera_names}
     return [
         corrections[name].covariance if name in corrections else own for name, own in before.items()
     ]
@@ -66,8 +57,7 @@ def refine_correction(
     camera_index: int,
     camera: Camera,
     current: CameraCorrection | None,
-    prior: SizePrior,
-    priors: CameraPriors,
+    rules: GeolocationRules,
 ) -> CameraCorrection:
     """One Gauss-Newton step for a camera's turn, time offset and focal length.
 
@@ -79,13 +69,13 @@ def refine_correction(
     usable = usable_landmarks(views, landmarks, camera_index)
     evidence = [
         evidence_of(
-            *(views, mark, prior),
+            *(views, mark, rules.size),
             pass_sd(views, mark.rows, attitude=False),
         )
         for mark in usable
     ]
     attitude = [np.mean(views.attitude_sd[mark.rows] ** 2, axis=0) for mark in usable]
-    after, covariance = solve_camera(views, usable, evidence, attitude, before, camera, priors)
+    after, covariance = solve_camera(views, usable, evidence, attitude, before, camera, rules)
     return CameraCorrection(
         turn=after[:3],
         time_s=float(after[3]),
@@ -115,7 +105,7 @@ def solve_camera(
     attitude_variance: Sequence[FloatArray],
     before: FloatArray,
     camera: Camera,
-    priors: CameraPriors,
+    rules: GeolocationRules,
 ) -> tuple[FloatArray, FloatArray]:
     """Values [9] of a camera and their covariance [9, 9] from the ``evidence`` of landmarks.
 
@@ -129,7 +119,7 @@ def solve_camera(
         number = int((views.t_ns[first] - views.t_ns[0]) * 1e-9 // limits.ATTITUDE_WINDOW_S)
         known, pull, attitude = windows.get(number, (np.zeros((n, n)), np.zeros(n), []))
         windows[number] = (known + own, pull + step, [*attitude, variance])
-    before_any = prior_covariance(camera, priors)
+    before_any = prior_covariance(camera, rules)
     # what bends tell of the lever arm is each pass's own: it has no share in the solution
     held = before_any.copy()
     held[_LEVER_ARM, _LEVER_ARM] = 1e-12 * np.eye(3)
