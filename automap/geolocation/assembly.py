@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -13,22 +12,13 @@ from automap.geolocation import limits
 from automap.geolocation.facing import Facing
 from automap.geolocation.merging import size_effect
 from automap.geolocation.path_relation import Path, roads_at, side_of_path
+from automap.geolocation.rules import GeolocationRules
 from automap.geolocation.sightings import Sighting, class_weights
 from automap.geolocation.views import Views
 from automap.records import FloatArray, IntArray, Sign
 from automap.signs.vocabulary import load_vocabulary
 
 C_ENU_NED: FloatArray = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
-
-
-@dataclass(frozen=True)
-class AssemblyRules:
-    """``imu_above_road_m`` height of the IMU above the road, ``imu_above_road_sd_m`` one sigma of
-    it; ``drive`` the drive's name."""
-
-    imu_above_road_m: float = limits.IMU_ABOVE_ROAD_M
-    imu_above_road_sd_m: float = limits.IMU_ABOVE_ROAD_SD_M
-    drive: str = ""
 
 
 def assemble_sign(
@@ -38,7 +28,7 @@ def assemble_sign(
     path: Path,
     facing: Facing,
     number: int,
-    rules: AssemblyRules,
+    rules: GeolocationRules,
     existence: float,
 ) -> Sign:
     """One sign from its sightings (at least one), seen from the views.

@@ -90,11 +90,8 @@ def _depth_scale(
     good = sd < limits.GOOD_CROSSING
     if good.sum() < limits.LEAST_DEPTHS:
         return DepthScale()
-    return fit_depth_scale(
-        *(np.exp(rays.log_depth[rows[good]]), distance[good]),
-        np.hypot(sd[good], rules.depth_log_sd),
-        *(rules.depth_offset_sd_m, rules.depth_scale_log_sd),
-    )
+    log_sd = np.hypot(sd[good], rules.depth_log_sd)
+    return fit_depth_scale(np.exp(rays.log_depth[rows[good]]), distance[good], log_sd, rules)
 
 
 def _without_single(points: FloatArray, owner: IntArray) -> tuple[FloatArray, IntArray]:

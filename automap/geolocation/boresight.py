@@ -12,7 +12,6 @@ a greater distance, and on one side of the road like a turned camera.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -21,6 +20,7 @@ from automap.geolocation import limits
 from automap.geolocation.landmark import Landmark, SizePrior
 from automap.geolocation.landmark_kernels import MARGIN, N_COMMON, RADIAL
 from automap.geolocation.pass_errors import equations, pass_sd
+from automap.geolocation.rules import GeolocationRules
 from automap.geolocation.views import CameraCorrection, Views
 from automap.records import Camera, FloatArray
 
@@ -30,21 +30,12 @@ N_CAMERA = 10
 _LEVER_ARM = slice(5, 8)
 
 
-@dataclass(frozen=True)
-class CameraPriors:
-    """One-sigma priors that the manifest does not state: relative ``focal_sd``,
-    ``margin_sd_px`` by which boxes are taller than their signs."""
-
-    focal_sd: float = 0.005
-    margin_sd_px: float = 2.0
-
-
-def prior_covariance(camera: Camera, priors: CameraPriors) -> FloatArray:
+def prior_covariance(camera: Camera, rules: GeolocationRules) -> FloatArray:
     """Covariance [10, 10] of turn (rad), time offset (s), log focal length, lever arm (m), box
     margin (rad) and radial distortion k1 before any sign was seen."""
-    sd = [camera.mount_sd] * 3 + [camera.time_offset_sd, priors.focal_sd]
+    sd = [camera.mount_sd] * 3 + [camera.time_offset_sd, rules.focal_sd]
     sd += [camera.lever_arm_sd] * 3
-    sd += [priors.margin_sd_px / focal_length(camera), camera.distortion_sd]
+    sd += [rules.camera_margin_sd_px / focal_length(camera), camera.distortion_sd]
     return np.diag(np.maximum(np.array(sd), 1e-9) ** 2)
 
 
@@ -52,10 +43,10 @@ def camera_covariances(
     views: Views,
     cameras: Mapping[str, Camera],
     corrections: Mapping[str, CameraCorrection],
-    priors: CameraPriors,
+    rules: GeolocationRules,
 ) -> list[FloatArray]:
     """Covariances [10, 10] of the views' cameras: as signs left them, else before any sign."""
-    before = {name: prior_covariance(cameras[name], priors) for name in views.camera_names}
+    before = {name: prior_covariance(cameras[name], rules) for name in views.camera_names}
     return [
         corrections[name].covariance if name in corrections else own for name, own in before.items()
     ]
@@ -67,8 +58,7 @@ def refine_correction(
     camera_index: int,
     camera: Camera,
     current: CameraCorrection | None,
-    prior: SizePrior,
-    priors: CameraPriors,
+    rules: GeolocationRules,
 ) -> CameraCorrection:
     """One Gauss-Newton step for a camera's turn, time offset and focal length.
 
@@ -80,13 +70,13 @@ def refine_correction(
     usable = usable_landmarks(views, landmarks, camera_index)
     evidence = [
         evidence_of(
-            *(views, mark, prior),
+            *(views, mark, rules.size),
             pass_sd(views, mark.rows, attitude=False),
         )
         for mark in usable
     ]
     attitude = [np.mean(views.attitude_sd[mark.rows] ** 2, axis=0) for mark in usable]
-    after, covariance = solve_camera(views, usable, evidence, attitude, before, camera, priors)
+    after, covariance = solve_camera(views, usable, evidence, attitude, before, camera, rules)
     return CameraCorrection(
         turn=after[:3],
         time_s=float(after[3]),
@@ -117,7 +107,7 @@ def solve_camera(
     attitude_variance: Sequence[FloatArray],
     before: FloatArray,
     camera: Camera,
-    priors: CameraPriors,
+    rules: GeolocationRules,
 ) -> tuple[FloatArray, FloatArray]:
     """Values [10] of a camera and their covariance [10, 10] from the ``evidence`` of landmarks.
 
@@ -131,7 +121,7 @@ def solve_camera(
         number = int((views.t_ns[first] - views.t_ns[0]) * 1e-9 // limits.ATTITUDE_WINDOW_S)
         known, pull, attitude = windows.get(number, (np.zeros((n, n)), np.zeros(n), []))
         windows[number] = (known + own, pull + step, [*attitude, variance])
-    before_any = prior_covariance(camera, priors)
+    before_any = prior_covariance(camera, rules)
     # what bends tell of the lever arm is each pass's own: it has no share in the solution
     held = before_any.copy()
     held[_LEVER_ARM, _LEVER_ARM] = 1e-12 * np.eye(3)

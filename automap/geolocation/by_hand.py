@@ -55,13 +55,13 @@ def locate_chosen(
     views = replace(views, sd=sd, log_aspect=aspect)
     size = rules.size
     size = replace(size, by_class={**usual_sizes(views.class_name.tolist()), **size.by_class})
-    covariances = camera_covariances(views, cameras, corrections, rules.camera)
+    covariances = camera_covariances(views, cameras, corrections, rules)
     passes = [np.arange(len(views))] if bare.any() else _passes(views)
     seen = [_sighting(views, rows, size, covariances, bool(bare.any())) for rows in passes]
     path = make_path(trajectory, views.origin)
     facings, _ = find_facings(views, [seen], path)
     # a person says that it is there
-    return assemble_sign(views, seen, combine(seen), path, facings[0], 1, rules.assembly, 1.0)
+    return assemble_sign(views, seen, combine(seen), path, facings[0], 1, rules, 1.0)
 
 
 def _passes(views: Views) -> list[IntArray]:

@@ -40,7 +40,7 @@ def first_corrections(
             corrections[found.camera] = CameraCorrection(
                 turn=start[:3],
                 time_s=float(start[3]),
-                covariance=prior_covariance(camera, rules.camera),
+                covariance=prior_covariance(camera, rules),
             )
     return corrections
 
@@ -81,10 +81,7 @@ def estimate_cameras(
             before = corrections
             seen, marks = fitted(before, boxes)
             corrections = {
-                name: refine_correction(
-                    *(seen, marks, index, known[name], before.get(name)),
-                    *(rules.size, rules.camera),
-                )
+                name: refine_correction(seen, marks, index, known[name], before.get(name), rules)
                 for index, name in enumerate(seen.camera_names)
             }
             if all(n in before and _settled(before[n], corrections[n]) for n in known):
@@ -97,7 +94,7 @@ def estimate_cameras(
         for one in ends:
             found = one.corrections[name]
             at = *fitted(one.corrections, one.boxes), cameras[name], found
-            minima.append((found, time_minima.cost_of(*at, rules.size, rules.camera)))
+            minima.append((found, time_minima.cost_of(*at, rules)))
         best, times = time_minima.alike(minima)
         return ends[best], times
 
@@ -168,7 +165,7 @@ def _time_as_given(
     correction: CameraCorrection, camera: Camera, times: tuple[float, ...], rules: GeolocationRules
 ) -> CameraCorrection:
     """The same with the time offset as uncertain as before any sign was seen."""
-    before = prior_covariance(camera, rules.camera)
+    before = prior_covariance(camera, rules)
     covariance = correction.covariance.copy()
     covariance[3], covariance[:, 3] = before[3], before[:, 3]
     return replace(correction, time_s=0.0, covariance=covariance, time_minima=times)

@@ -28,8 +28,7 @@ class Trial:
 
     def assuming(self, name: str, one: Hypothesis, trajectory: Trajectory) -> Trial:
         """The same with what a hypothesis says of a camera, and with focal lengths let go."""
-        camera = replace(self.rules.camera, focal_sd=limits.DOUBTED_FOCAL)
-        rules = replace(self.rules, camera=camera)
+        rules = replace(self.rules, focal_sd=limits.DOUBTED_FOCAL)
         detections, notes = list(self.detections), list(self.notes)
         at = self.place(name)
         detections[at] = one.found
@@ -54,7 +53,7 @@ def explain_doubted(
 ) -> GeolocationResult:
     """The signs ``found`` with all cameras as ``stated``; those of cameras that are not so as the
     best explanation gives them, and doubtful where there is none. ``locate`` locates anew."""
-    focal_sd = stated.rules.camera.focal_sd
+    focal_sd = stated.rules.focal_sd
     trial = stated
     names = [
         record.camera

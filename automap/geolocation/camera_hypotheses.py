@@ -45,7 +45,8 @@ class _Judge:
 
     trajectory: Trajectory
     origin: tuple[float, float, float]
-    stated_focal: float
+    plain: Hypothesis
+    """Boxes and camera as stated, with its turn and time offset let go."""
     out: BoolArray
     """Boxes [n] that say nothing of the camera."""
 
@@ -57,7 +58,7 @@ class _Judge:
     def scale(self, one: Hypothesis, rad: float) -> float:
         """An angle of the stated camera as it is with another focal length: a box is off by as
         many pixels whatever the lens."""
-        return rad * self.stated_focal / focal_length(one.camera)
+        return rad * focal_length(self.plain.camera) / focal_length(one.camera)
 
     def loss(self, one: Hypothesis) -> float:
         """Mean loss of a pair after turn and time offset were let go; infinite without pairs."""
@@ -102,19 +103,18 @@ def better_explanations(
     """The hypotheses that explain the boxes of a camera better than a turn and a time offset do,
     by more than chance, the best first; those ``out`` [n] say nothing."""
     judge = _judge(trajectory, found, camera, out)
-    plain = Hypothesis("", found, as_unknown(camera))
-    others = [*_mountings(plain), *_calibrations(plain), *_best_pace(judge, plain)]
-    gains, tried = _gains(judge, plain, others)
+    plain = judge.plain
+    others = [*_mountings(plain), *_calibrations(plain), *_best_pace(judge)]
+    gains, tried = _gains(judge, others)
     least = gate(limits.START_PROBABILITY / max(len(tried), 1), 4)
     order = sorted(range(len(tried)), key=lambda k: -gains[k])
     return [tried[k] for k in order if gains[k] > least]
 
 
-def _gains(
-    judge: _Judge, plain: Hypothesis, others: list[Hypothesis]
-) -> tuple[list[float], list[Hypothesis]]:
+def _gains(judge: _Judge, others: list[Hypothesis]) -> tuple[list[float], list[Hypothesis]]:
     """By how much pictures, late and left out frames and ``others`` explain boxes better; none
     where nothing tells."""
+    plain = judge.plain
     start = judge.loss(plain)
     if not np.isfinite(start):
         return [], []
@@ -134,8 +134,9 @@ def _gains(
     return [(start - judge.loss(one)) * geometry.n_boxes for one in tried], tried
 
 
-def _best_pace(judge: _Judge, plain: Hypothesis) -> Iterator[Hypothesis]:
+def _best_pace(judge: _Judge) -> Iterator[Hypothesis]:
     """The boxes at the pace of stamps that fits best; the search takes as long as the drive."""
+    plain = judge.plain
     geometry = judge.geometry(plain)
     if not geometry.n_boxes:
         return
@@ -151,9 +152,9 @@ def _best_pace(judge: _Judge, plain: Hypothesis) -> Iterator[Hypothesis]:
 def _judge(
     trajectory: Trajectory, found: Detections, camera: Camera, out: BoolArray | None
 ) -> _Judge:
-    none = np.zeros(len(found), np.bool_)
-    origin = map_origin(trajectory)
-    return _Judge(trajectory, origin, focal_length(camera), none if out is None else out)
+    plain = Hypothesis("", found, as_unknown(camera))
+    none = np.zeros(len(found), np.bool_) if out is None else out
+    return _Judge(trajectory, map_origin(trajectory), plain, none)
 
 
 def contradicted(
@@ -163,7 +164,7 @@ def contradicted(
     late or left out frames, than as stated as chance makes no more than once in a million cameras:
     such boxes may well be linked to signs, only elsewhere. Those ``out`` [n] say nothing."""
     judge = _judge(trajectory, found, camera, out)
-    gains, tried = _gains(judge, Hypothesis("", found, as_unknown(camera)), [])
+    gains, tried = _gains(judge, [])
     if not tried:
         return False
     best = int(np.argmax(gains))
@@ -179,8 +180,7 @@ def in_picture(
     """The boxes of a camera whose picture is one of ``pictures``, as they are in that of these
     that they fit best; as they are where there is none."""
     judge = _judge(trajectory, found, camera, None)
-    plain = Hypothesis("", found, as_unknown(camera))
-    tried = [one for one in _pictures(plain) if one.what.removeprefix(_PICTURE) in pictures]
+    tried = [one for one in _pictures(judge.plain) if one.what.removeprefix(_PICTURE) in pictures]
     return min(tried, key=judge.loss).found if tried else found
 
 

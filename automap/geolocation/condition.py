@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 
 import numpy as np
 
@@ -13,29 +13,16 @@ from automap.geolocation import limits
 from automap.geolocation.due_frames import Pattern
 from automap.geolocation.sightings import Sighting
 from automap.geolocation.views import Views
-from automap.records import Detections, FloatArray
+from automap.records import Detections, FloatArray, Sign
 
 
-@dataclass(frozen=True)
-class Condition:
-    """Of one sign: ``contrast`` of its face with the standard deviation from view to view (NaN:
-    ``contrast_note`` says why); of the ``n_looked`` frames that should have shown it the part
-    ``seen_share`` that did (NaN where none is known to have)."""
-
-    contrast: float
-    contrast_sd: float
-    contrast_note: str
-    seen_share: float
-    n_looked: int
-
-
-def conditions(
+def with_conditions(
+    signs: Sequence[Sign],
     views: Views,
-    signs: Sequence[Sequence[Sighting]],
-    patterns: Sequence[Sequence[Pattern]],
+    seen_as: Sequence[Sequence[tuple[Sighting, Pattern]]],
     detections: Sequence[Detections],
-) -> list[Condition]:
-    """Conditions of signs [n], each of its sightings and their ``patterns``."""
+) -> list[Sign]:
+    """The signs [n] with what their sightings, and the frames of each, tell of their conditions."""
     contrast = np.concatenate([d.told("contrast") for d in detections] or [np.zeros(0)])
     notes = [
         str(note or "")
@@ -43,15 +30,16 @@ def conditions(
         for note in ([""] * len(d) if d.contrast_note is None else d.contrast_note)
     ]
     result = []
-    for members, shown in zip(signs, patterns, strict=True):
-        rows = np.concatenate([s.landmark.rows for s in members])
+    for sign, members in zip(signs, seen_as, strict=True):
+        rows = np.concatenate([s.landmark.rows for s, _ in members])
         boxes = views.row[rows]
         value, sd, note = face_of_views(
             contrast[boxes], [notes[k] for k in boxes.tolist()], np.exp(views.measured[rows, 2])
         )
-        looked = sum(int(p.due.sum()) for p in shown if p.known)
-        seen = sum(int((p.due & p.seen).sum()) for p in shown if p.known)
-        result.append(Condition(value, sd, note, seen / looked if looked else np.nan, looked))
+        looked = sum(int(p.due.sum()) for _, p in members if p.known)
+        seen = sum(int((p.due & p.seen).sum()) for _, p in members if p.known)
+        told = replace(sign, contrast=value, contrast_sd=sd, contrast_note=note, n_looked=looked)
+        result.append(replace(told, seen_share=seen / looked if looked else np.nan))
     return result
 
 

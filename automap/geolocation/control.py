@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from automap.assignment import assign
 from automap.earth import local_ned
@@ -14,33 +12,20 @@ from automap.gates import gate
 from automap.geolocation import limits
 from automap.geolocation.merging import combine
 from automap.geolocation.sightings import Sighting
-from automap.records import FloatArray
+from automap.records import FloatArray, SignPoints
 
 _HEIGHT_SD_M = 1e3
 """Of a height that is not surveyed: says nothing."""
 
 
-@dataclass(frozen=True)
-class ControlSigns:
-    """Surveyed signs [n]: ``lat_rad``, ``lon_rad``, ``class_name`` ("" unknown), ``sd_m`` one
-    sigma a horizontal axis."""
-
-    lat_rad: FloatArray
-    lon_rad: FloatArray
-    class_name: npt.NDArray[np.object_]
-    sd_m: FloatArray
-
-    def __len__(self) -> int:
-        return len(self.lat_rad)
-
-
 def match_control(
-    control: ControlSigns,
+    control: SignPoints,
     sightings: Sequence[Sighting],
     groups: Sequence[Sequence[int]],
     origin: tuple[float, float, float],
 ) -> dict[int, tuple[FloatArray, FloatArray]]:
-    """Number of a group: surveyed place [3] and covariance [3, 3], as far as they agree.
+    """Number of a group: surveyed place [3] and covariance [3, 3], as far as they agree; surveyed
+    are the signs of ``control``, to one sigma ``sd_m``, of a class or of "".
 
     One to one, by the horizontal distance in sigmas of both; a sign of another class costs
     extra. A surveyed sign that is nearly as likely a neighbour, which nobody surveyed, is none of

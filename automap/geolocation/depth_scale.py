@@ -13,6 +13,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from automap.geolocation import limits
+from automap.geolocation.bearing_rays import BearingRules
 from automap.records import FloatArray
 from automap.robust import HUBER
 
@@ -33,21 +34,18 @@ class DepthScale:
 
 
 def fit_depth_scale(
-    measured: FloatArray,
-    distance: FloatArray,
-    log_sd: FloatArray,
-    offset_sd_m: float,
-    scale_log_sd: float,
+    measured: FloatArray, distance: FloatArray, log_sd: FloatArray, rules: BearingRules
 ) -> DepthScale:
     """Offset and scale from measured depths [n] and the distances [n] that bearings give.
 
-    ``log_sd`` [n] of both together, as the logarithm; the priors are one sigma about no
+    ``log_sd`` [n] of both together, as the logarithm; the priors of the ``rules`` are about no
     correction. Least squares with Huber's loss.
     """
+    prior_sd = [rules.depth_offset_sd_m, rules.depth_scale_log_sd]
 
     def off(x: FloatArray) -> FloatArray:
         corrected = np.maximum(x[0] + np.exp(x[1]) * measured, limits.NEAREST_OBJECT_M)
-        return np.append(np.log(distance / corrected) / log_sd, x / [offset_sd_m, scale_log_sd])
+        return np.append(np.log(distance / corrected) / log_sd, x / prior_sd)
 
     found = least_squares(off, np.zeros(2), loss="huber", f_scale=HUBER).x
     return DepthScale(float(found[0]), float(np.exp(found[1])))

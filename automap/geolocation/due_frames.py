@@ -21,9 +21,10 @@ from automap.records import BoolArray, Camera, Detections, FloatArray, IntArray,
 
 @dataclass(frozen=True)
 class Searched:
-    """Frames [k] of a camera that a detector looked at, ascending: their numbers, stamps as the
+    """Frames [k] of a ``camera`` that a detector looked at, ascending: their numbers, stamps as the
     path has them, and the part of each that it saw [k, 4]; whether that is ``known``."""
 
+    camera: Camera
     frame: IntArray
     t_ns: IntArray
     region: FloatArray
@@ -40,7 +41,7 @@ def searched_frames(found: Detections, camera: Camera) -> Searched:
     looked = found.looked
     if not len(known):
         none = np.zeros(0, np.int64)
-        return Searched(none, none, np.zeros((0, 4)))
+        return Searched(camera, none, none, np.zeros((0, 4)))
     if looked is None:
         frame = np.arange(known[0], known[-1] + 1, _usual_step(known))
         region = np.tile([0.0, 0.0, camera.width - 1.0, camera.height - 1.0], (len(frame), 1))
@@ -51,7 +52,7 @@ def searched_frames(found: Detections, camera: Camera) -> Searched:
     since = np.interp(frame, known, (t_ns - t_ns[0]) * 1.0)
     late = np.int64(round(camera.time_offset_s * 1e9))
     stamps = t_ns[0] + np.rint(since).astype(np.int64) + late
-    return Searched(frame, stamps, region, looked is not None)
+    return Searched(camera, frame, stamps, region, looked is not None)
 
 
 def _usual_step(frame: IntArray) -> int:
@@ -80,12 +81,7 @@ def usual_heights(views: Views, marks: Sequence[Landmark]) -> FloatArray:
 
 
 def due_frames(
-    views: Views,
-    mark: Landmark,
-    trajectory: Trajectory,
-    searched: Searched,
-    camera: Camera,
-    usual: float,
+    views: Views, mark: Landmark, trajectory: Trajectory, searched: Searched, usual: float
 ) -> IntArray:
     """Places among the frames that were searched of those that should have shown a sign in its
     pass: it is wholly within the part that was searched, seen from the side it was seen from, and
@@ -95,36 +91,28 @@ def due_frames(
     near = slice(*np.searchsorted(searched.t_ns, [first - around, last + around]).tolist())
     if near.start == near.stop:
         return np.zeros(0, np.int64)
-    height = apparent_heights(
-        *(mark.position, mark.size_m, views.centre[mark.rows], searched.t_ns[near], trajectory),
-        *(camera, views.origin, searched.region[near]),
-    )
-    return np.asarray(near.start + np.flatnonzero(height >= usual * focal_length(camera)))
+    height = apparent_heights(views, mark, trajectory, searched, near)
+    least = usual * focal_length(searched.camera)
+    return np.asarray(near.start + np.flatnonzero(height >= least))
 
 
 def apparent_heights(
-    position: FloatArray,
-    size_m: float,
-    seen_from: FloatArray,
-    t_ns: IntArray,
-    trajectory: Trajectory,
-    camera: Camera,
-    origin: tuple[float, float, float],
-    region: FloatArray,
+    views: Views, mark: Landmark, trajectory: Trajectory, searched: Searched, near: slice
 ) -> FloatArray:
-    """Height in pixels [n] of a sign at stamps of the path; zero where it is not wholly in the
-    ``region`` [n, 4] of the picture that was searched, or shows itself from another side than to
-    the cameras at ``seen_from`` [m, 3]."""
-    centre, C_cam_ref = camera_poses(poses_at(trajectory, t_ns), camera, origin)
-    q = np.einsum("nij,nj->ni", C_cam_ref, position - centre)
+    """Height in pixels [n] of a sign in the frames ``near``; zero where it is not wholly in the
+    part of the picture that was searched, or shows itself from another side than to its views."""
+    camera, region = searched.camera, searched.region[near]
+    poses = poses_at(trajectory, searched.t_ns[near])
+    centre, C_cam_ref = camera_poses(poses, camera, views.origin)
+    q = np.einsum("nij,nj->ni", C_cam_ref, mark.position - centre)
     with np.errstate(invalid="ignore", divide="ignore"):
         pixels = project(camera, q)
-        height = focal_length(camera) * size_m / q[:, 0]
+        height = focal_length(camera) * mark.size_m / q[:, 0]
         margin = limits.WHOLLY_IN_VIEW * height
         inside = q[:, 0] > limits.MIN_FORWARD_M
         inside &= ((pixels - region[:, :2]) > margin[:, None]).all(axis=1)
         inside &= ((region[:, 2:] - pixels) > margin[:, None]).all(axis=1)
-        inside &= _aspect(position, seen_from, centre)
+        inside &= _aspect(mark.position, views.centre[mark.rows], centre)
     return np.where(inside, np.nan_to_num(height), 0.0)
 
 
@@ -184,17 +172,13 @@ def pattern_of(
     mark: Landmark,
     frame: IntArray,
     trajectory: Trajectory,
-    searched: Mapping[str, Searched],
-    cameras: Mapping[str, Camera],
-    usual: FloatArray,
+    looked: Searched,
+    usual: float,
     moved_s: FloatArray,
 ) -> Pattern:
-    """Of a landmark, by the ``frame`` numbers [n] of all views, ``usual`` [c] heights and seconds
-    in motion at the trajectory's rows."""
-    number = int(views.camera[mark.anchor])
-    name = views.camera_names[number]
-    looked = searched[name]
-    due = due_frames(views, mark, trajectory, looked, cameras[name], float(usual[number]))
+    """Of a landmark, by the ``frame`` numbers [n] of all views, the ``usual`` height in its camera
+    and seconds in motion at the trajectory's rows."""
+    due = due_frames(views, mark, trajectory, looked, usual)
     shown, first = np.unique(frame[mark.rows], return_index=True)
     rest = due[~np.isin(looked.frame[due], shown)]
     t_ns = np.concatenate([views.t_ns[mark.rows][first], looked.t_ns[rest]])
@@ -216,11 +200,12 @@ def patterns_of(
 ) -> list[Pattern]:
     """Of each landmark; ``cameras`` are as they were found to be. From which height on a detector
     finds signs is taken from the landmarks with many views."""
-    searched = {d.camera: searched_frames(d, cameras[d.camera]) for d in detections}
+    searched = [searched_frames(d, cameras[d.camera]) for d in detections]
     frame = np.concatenate([d.frame for d in detections] or [np.zeros(0, np.int64)])[views.row]
     often = [mark for mark in landmarks if len(mark.rows) >= limits.RATE_VIEWS]
     usual, moved = usual_heights(views, often or landmarks), in_motion_s(trajectory)
+    of = views.camera[[mark.anchor for mark in landmarks]].tolist()
     return [
-        pattern_of(views, mark, frame, trajectory, searched, cameras, usual, moved)
-        for mark in landmarks
+        pattern_of(views, mark, frame, trajectory, searched[k], usual[k], moved)
+        for mark, k in zip(landmarks, of, strict=True)
     ]

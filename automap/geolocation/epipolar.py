@@ -10,6 +10,8 @@ beyond the reach of one.
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
+
 import numpy as np
 
 from automap.effects.camera import camera_poses
@@ -117,46 +119,43 @@ def _some(pairs: IntArray, n: int) -> IntArray:
     return pairs[:, np.linspace(0, count - 1, min(n, count)).astype(np.int64)]
 
 
+@dataclass
 class PairGeometry:
-    """Residuals of the pairs at a turn and time offset; poses are kept for the last offset."""
+    """Pairs [2, p] of boxes with rays [k, 3] and stamps [k], as they are seen at a turn and time
+    offset; poses are kept for the last offset."""
 
-    def __init__(
-        self,
-        trajectory: Trajectory,
-        camera: Camera,
-        origin: tuple[float, float, float],
-        ray: FloatArray,
-        t_ns: IntArray,
-        pairs: IntArray,
-    ) -> None:
-        self._scene = (trajectory, camera, origin, ray, t_ns)
-        self._ray, self._pairs = ray, pairs
-        self._times, frame = np.unique(t_ns[pairs], return_inverse=True)
-        self._frames = frame.reshape(pairs.shape)
+    trajectory: Trajectory
+    camera: Camera
+    origin: tuple[float, float, float]
+    ray: FloatArray
+    t_ns: IntArray
+    pairs: IntArray
+
+    def __post_init__(self) -> None:
+        self._times, frame = np.unique(self.t_ns[self.pairs], return_inverse=True)
+        self._frames = frame.reshape(self.pairs.shape)
         self._offset_s = np.nan
 
     def paced(self, rate: float) -> PairGeometry:
         """The same boxes with stamps that run by a part ``rate`` slower from the first one on."""
-        trajectory, camera, origin, ray, t_ns = self._scene
-        since = np.round(rate * (t_ns - t_ns.min())).astype(np.int64)
-        return PairGeometry(trajectory, camera, origin, ray, t_ns + since, self._pairs)
+        since = np.round(rate * (self.t_ns - self.t_ns.min())).astype(np.int64)
+        return replace(self, t_ns=self.t_ns + since)
 
     @property
     def n_boxes(self) -> int:
         """Boxes that have a direction."""
-        return len(self._ray)
+        return len(self.ray)
 
     def thinned(self, n: int) -> PairGeometry:
         """The same with ``n`` pairs at most."""
-        return PairGeometry(*self._scene, _some(self._pairs, n))
+        return replace(self, pairs=_some(self.pairs, n))
 
     def __len__(self) -> int:
-        return len(self._pairs[0])
+        return len(self.pairs[0])
 
     def _place(self, offset_s: float) -> None:
-        trajectory, camera, origin, _, _ = self._scene
-        t = self._times + np.int64(round((camera.time_offset_s + offset_s) * 1e9))
-        centre, C_cam_ref = camera_poses(poses_at(trajectory, t), camera, origin)
+        t = self._times + np.int64(round((self.camera.time_offset_s + offset_s) * 1e9))
+        centre, C_cam_ref = camera_poses(poses_at(self.trajectory, t), self.camera, self.origin)
         first, second = self._frames
         self._way = centre[second] - centre[first]
         self._far = np.linalg.norm(self._way, axis=1)
@@ -168,7 +167,7 @@ class PairGeometry:
         """The way between the two cameras of each pair, m, and their rays: each [p, 3]."""
         if x[3] != self._offset_s:
             self._place(float(x[3]))
-        first, second = (self._ray @ rpy_to_matrix(x[:3]).T)[self._pairs]
+        first, second = (self.ray @ rpy_to_matrix(x[:3]).T)[self.pairs]
         one = np.einsum("nij,nj->ni", self._C_first, first)
         other = np.einsum("nij,nj->ni", self._C_second, second)
         return self._way, one, other

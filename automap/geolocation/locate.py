@@ -15,9 +15,8 @@ from automap.geolocation.camera_estimate import estimate_cameras, first_correcti
 from automap.geolocation.camera_explanation import Trial, explain_doubted
 from automap.geolocation.carriers import carried_views
 from automap.geolocation.class_sizes import sizes_of_others, usual_sizes
-from automap.geolocation.condition import conditions
+from automap.geolocation.condition import with_conditions
 from automap.geolocation.contradiction import disagreement
-from automap.geolocation.control import ControlSigns
 from automap.geolocation.due_frames import patterns_of
 from automap.geolocation.existence import existence_odds, existence_of
 from automap.geolocation.face_sizes import face_odds
@@ -42,7 +41,7 @@ from automap.geolocation.supports import support_numbers
 from automap.geolocation.tracking import link_views
 from automap.geolocation.trajectory_adjustment import AdjustedTrajectory
 from automap.geolocation.views import CameraCorrection, Views, build_views
-from automap.records import Camera, Detections, IntArray, Sign, Trajectory
+from automap.records import Camera, Detections, IntArray, Sign, SignPoints, Trajectory
 
 
 def locate_signs(
@@ -51,7 +50,7 @@ def locate_signs(
     cameras: Mapping[str, Camera],
     rules: GeolocationRules | None = None,
     progress: Callable[[float], None] = lambda fraction: None,
-    control: ControlSigns | None = None,
+    control: SignPoints | None = None,
 ) -> GeolocationResult:
     """Locate all signs of a drive.
 
@@ -76,7 +75,7 @@ def _located(
     trajectory: Trajectory,
     trial: Trial,
     progress: Callable[[float], None],
-    control: ControlSigns | None,
+    control: SignPoints | None,
     stated: Trial,
 ) -> GeolocationResult:
     """All signs with what is assumed for a ``trial``; sentences are about what is ``stated``."""
@@ -142,23 +141,21 @@ def _located(
     by_chance, alike = existence_odds(patterns, [pattern.score for pattern in patterns])
     # a sign against whatever else stands there
     real = 1.0 / (1.0 / alike + 1.0 / face_odds(views, landmarks, rules.size))
-    kept, odds, shown = [], [], []
-    columns = landmarks, patterns, by_chance.tolist(), real.tolist()
-    for mark, pattern, *own in zip(*columns, strict=True):
+    kept: list[int] = []
+    odds = np.column_stack([by_chance, real]).tolist()
+    for k, (mark, pattern) in enumerate(zip(landmarks, patterns, strict=True)):
         if not mark.ok:
             continue
-        if existence_of([own]) < rules.min_existence:
+        if existence_of([odds[k]]) < rules.min_existence:
             observations.note[views.row[mark.rows]] = "unconfirmed"
         elif len(pattern.score) == 1 and mark.depth_m > rules.max_single_view_m:
             observations.note[views.row[mark.rows]] = "too_far"
         else:
-            kept.append(mark)
-            odds.append(own)
-            shown.append(pattern)
-    covariances = camera_covariances(views, cameras, corrections, rules.camera)
+            kept.append(k)
+    covariances = camera_covariances(views, cameras, corrections, rules)
     sightings = [
         make_sighting(views, mark, covariances, disagreement(views, mark, size), size)
-        for mark, size in _settled(views, kept, rules)
+        for mark, size in _settled(views, [landmarks[k] for k in kept], rules)
     ]
     focal = np.array([focal_length(cameras[name]) for name in views.camera_names])
     passes = join_passes(views, sightings, trajectory, control, rules.adjust_trajectory)
@@ -174,24 +171,20 @@ def _located(
     path = make_path(trajectory, views.origin, passes.adjustment)
     joined = [[sightings[k] for k in group] for group in groups]
     facings, faces = find_facings(views, joined, path, narrowest(views))
-    condition_of = conditions(views, joined, [[shown[k] for k in g] for g in groups], detections)
     signs: list[Sign] = []
     places, own = [], []
     for number, (group, members) in enumerate(zip(groups, joined, strict=True), start=1):
         combined = combine(members, adjusted is not None)
         facing = facings[number - 1]
-        existence = existence_of([odds[k] for k in group])
-        sign = assemble_sign(
-            views, members, combined, path, facing, number, rules.assembly, existence
-        )
-        sign = replace(
-            sign, n_back_views=behind.get(number - 1, 0), **vars(condition_of[number - 1])
-        )
-        signs.append(sign)
+        existence = existence_of([odds[kept[k]] for k in group])
+        sign = assemble_sign(views, members, combined, path, facing, number, rules, existence)
+        signs.append(replace(sign, n_back_views=behind.get(number - 1, 0)))
         places.append(combined[0])
         own.append(min((m.own_cov for m in members), key=lambda c: float(np.trace(c))))
         for k, member in zip(group, members, strict=True):
             record_sign(observations, views, member.landmark, k, sign.id, focal)
+    shown = [[(sightings[k], patterns[kept[k]]) for k in group] for group in groups]
+    signs = with_conditions(signs, views, shown, detections)
     if signs:
         overhead = [sign.side == "overhead" for sign in signs]
         numbers = support_numbers(np.array(places), np.array(own), overhead)
@@ -201,7 +194,7 @@ def _located(
         ]
     sentences = warnings_of(
         *(observations, notes == "", signs, corrections),
-        *(stated.cameras, stated.rules.camera.focal_sd),
+        *(stated.cameras, stated.rules.focal_sd),
     )
     sentences += told(rules.noise.stamp_sd_s, [d.t_ns for d in detections])
     unused = 0 if control is None else len(control) - len(passes.controlled)

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from automap.geolocation.control import ControlSigns, match_control
+from automap.geolocation.control import match_control
 from automap.geolocation.merging import find_backs, group_sightings
 from automap.geolocation.sightings import Sighting
 from automap.geolocation.trajectory_adjustment import (
@@ -20,7 +20,7 @@ from automap.geolocation.trajectory_adjustment import (
     shift_sighting,
 )
 from automap.geolocation.views import Views
-from automap.records import FloatArray, Trajectory
+from automap.records import FloatArray, SignPoints, Trajectory
 from automap.signs.backs import BACK_OF_NONE, NO_BACK
 
 _ROUNDS = 4
@@ -46,7 +46,7 @@ def join_passes(
     views: Views,
     sightings: Sequence[Sighting],
     trajectory: Trajectory,
-    control: ControlSigns | None,
+    control: SignPoints | None,
     adjust: bool,
 ) -> Passes:
     """Group the sightings, and adjust the trajectory by them when ``adjust``."""

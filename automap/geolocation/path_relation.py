@@ -9,13 +9,11 @@ import numpy as np
 from automap.earth import local_ned
 from automap.effects.limits import MOVING_SPEED
 from automap.geolocation import limits
-from automap.geolocation.trajectory_adjustment import Adjustment, shifted
+from automap.geolocation.trajectory_adjustment import AdjustedTrajectory, Adjustment
 from automap.records import FloatArray, IntArray, Trajectory
 
 _STEP_S = 0.05
 """Of the thinned path: a metre at 20 m/s."""
-_ROWS = 1 << 16
-"""Of the thinned path that are made at once, most of an hour: to move each takes 300 bytes."""
 
 
 @dataclass(frozen=True)
@@ -42,10 +40,8 @@ def make_path(
         interval = float(np.median(np.diff(trajectory.t_ns))) * 1e-9
         step = max(1, int(_STEP_S / max(interval, 1e-9)))
     parts = []
-    for first in range(0, max(len(trajectory), 1), step * _ROWS):
-        thin = trajectory.at(slice(first, first + step * _ROWS, step))
-        if adjustment is not None:
-            thin = shifted(thin, adjustment, origin)
+    thinned = AdjustedTrajectory(trajectory.at(slice(None, None, step)), adjustment, origin)
+    for thin in thinned.pieces():
         height = np.where(np.isfinite(thin.height_m), thin.height_m, origin[2])
         moving = np.hypot(thin.vel_ned[:, 0], thin.vel_ned[:, 1]) > MOVING_SPEED
         course = np.arctan2(thin.vel_ned[:, 1], thin.vel_ned[:, 0])

@@ -16,9 +16,10 @@ import numpy as np
 
 from automap.gates import gate, sigmas
 from automap.geolocation import limits
-from automap.geolocation.boresight import CameraPriors, prior_covariance
-from automap.geolocation.landmark import Landmark, SizePrior
+from automap.geolocation.boresight import prior_covariance
+from automap.geolocation.landmark import Landmark
 from automap.geolocation.pass_errors import solve_with_pass_errors
+from automap.geolocation.rules import GeolocationRules
 from automap.geolocation.views import CameraCorrection, Views
 from automap.records import Camera, FloatArray
 
@@ -38,14 +39,13 @@ def cost_of(
     landmarks: Sequence[Landmark],
     camera: Camera,
     correction: CameraCorrection,
-    prior: SizePrior,
-    priors: CameraPriors,
+    rules: GeolocationRules,
 ) -> float:
     """Robust sum of squares of all signs with the errors of their passes, and of the camera, by its
     prior."""
     values = correction.values
-    total = float(np.sum(values**2 / np.diag(prior_covariance(camera, priors))))
-    settled = (solve_with_pass_errors(views, mark, prior) for mark in landmarks if mark.ok)
+    total = float(np.sum(values**2 / np.diag(prior_covariance(camera, rules))))
+    settled = (solve_with_pass_errors(views, mark, rules.size) for mark in landmarks if mark.ok)
     return total + sum(mark.cost for mark in settled)
 
 

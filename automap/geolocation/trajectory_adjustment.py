@@ -22,8 +22,8 @@ from automap.robust import cauchy_weight
 
 _ROUNDS = 3
 """Of the weights."""
-_ROWS = 1 << 18
-"""Of a long trajectory that are moved at once; a turn of axes for each is 72 bytes."""
+_ROWS = 1 << 16
+"""Of a long trajectory that are moved at once; to move each takes 300 bytes."""
 
 
 @dataclass(frozen=True)
@@ -99,29 +99,28 @@ def adjust_trajectory(
 def shift_sighting(sighting: Sighting, adjustment: Adjustment) -> Sighting:
     """The sighting as the adjusted trajectory gives it."""
     error, sd = adjustment.at(np.array([sighting.time_s]))
-    position = sighting.position - error[0]
+    # the landmark stays where its views see it from, which are not moved
     return replace(
         sighting,
-        position=position,
-        landmark=replace(sighting.landmark, position=position),
+        position=sighting.position - error[0],
         path_sd=np.minimum(sd[0], sighting.path_sd),
     )
 
 
 @dataclass(frozen=True)
 class AdjustedTrajectory:
-    """A ``trajectory`` less its error, made as it is asked for: of a long drive it is as large
-    again."""
+    """A ``trajectory`` less its error (None: as it is), made as it is asked for: of a long drive it
+    is as large again."""
 
     trajectory: Trajectory
-    adjustment: Adjustment
+    adjustment: Adjustment | None
     origin: tuple[float, float, float]
 
     def pieces(self) -> Iterator[Trajectory]:
         """Stretch after stretch."""
-        for a in range(0, len(self.trajectory), _ROWS):
-            part = self.trajectory.at(slice(a, a + _ROWS))
-            yield shifted(part, self.adjustment, self.origin)
+        for a in range(0, max(len(self.trajectory), 1), _ROWS):
+            part, known = self.trajectory.at(slice(a, a + _ROWS)), self.adjustment
+            yield part if known is None else shifted(part, known, self.origin)
 
 
 def shifted(

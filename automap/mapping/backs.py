@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
 from automap.geolocation.merging import are_two_sides
 from automap.mapping import limits
 from automap.mapping.grid import east_north
-from automap.records import FloatArray, IntArray
+from automap.records import IntArray
 from automap.signs.backs import fronts_of_backs
 
 
@@ -21,21 +22,17 @@ def with_backs(n_back_views: IntArray, n_views: IntArray, fronts: IntArray) -> I
     return total
 
 
-def map_backs(
-    names: Sequence[str],
-    lat: FloatArray,
-    lon: FloatArray,
-    facing_rad: FloatArray,
-    cov_enu: FloatArray,
-) -> IntArray:
-    """Of which of the map signs [n] each is the back, as ``fronts_of_backs`` tells; ``cov_enu``
-    [n, 3, 3] m^2."""
+def map_backs(columns: Mapping[str, Any]) -> IntArray:
+    """Of which of the map signs of ``columns`` [n] each is the back, as ``fronts_of_backs``
+    tells."""
+    lat, lon, cov_enu = columns["lat"], columns["lon"], columns["cov_enu"]
     place = east_north(lat, lon, lat[:1], lon[:1])
 
     def apart(a: int, b: int) -> float:
         offset, total = place[a] - place[b], (cov_enu[a] + cov_enu[b])[:2, :2]
-        two_sides = are_two_sides(offset, total, float(np.cos(facing_rad[a] - facing_rad[b])))
+        turn = columns["facing_rad"][a] - columns["facing_rad"][b]
+        two_sides = are_two_sides(offset, total, float(np.cos(turn)))
         return float(np.hypot(*offset)) if two_sides else np.inf
 
-    own = np.arange(len(names))
-    return fronts_of_backs(names, own, place, limits.BACK_REACH_M, apart)
+    own = np.arange(len(lat))
+    return fronts_of_backs(columns["class_name"], own, place, limits.BACK_REACH_M, apart)

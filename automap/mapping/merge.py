@@ -91,8 +91,7 @@ def weighed(
     [m] of its back."""
     rates = detection_rates(pairs, len(columns["lat"]), len(drive_gps_s))
     belief = existence(pairs, rates, len(columns["lat"]), drive_gps_s)
-    places = (columns[name] for name in ("class_name", "lat", "lon", "facing_rad", "cov_enu"))
-    fronts = map_backs(*places)
+    fronts = map_backs(columns)
     behind = with_backs(columns["n_back_views"], columns["n_views"], fronts)
     return rates, np.where(fronts == NO_BACK, belief, 0.0), behind
 

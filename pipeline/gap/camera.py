@@ -126,7 +126,7 @@ def _boxes_of_drive(path: Path, out: Path, settings: Settings, log: Log) -> list
         for n, c in cameras.items()
     }
     rules = rules_from(settings.geolocate, drive.name, drive.vehicle)
-    rules = replace(rules, estimate_camera=True, camera=replace(rules.camera, focal_sd=LOOSE_FOCAL))
+    rules = replace(rules, estimate_camera=True, focal_sd=LOOSE_FOCAL)
     log(f"{drive.name}: tracking its signs")
     track = locate_signs(trajectory, records, loose, rules).observations.track
     found, first = [], 0

@@ -101,7 +101,6 @@ def _mean(a: tuple[float, float], b: tuple[float, float]) -> tuple[float, float]
 
 
 def _located(part: Part, class_name: str) -> Sign:
-    from automap.geolocation.assembly import AssemblyRules
     from automap.geolocation.by_hand import locate_chosen
     from automap.geolocation.rules import GeolocationRules
 
@@ -112,9 +111,9 @@ def _located(part: Part, class_name: str) -> Sign:
     cameras = drive.cameras()
     detections, clicked = _chosen(part, class_name, cameras, trajectory)
     vehicle = drive.manifest.vehicle
-    assembly = AssemblyRules(drive=name)
+    rules = GeolocationRules(drive=name)
     if vehicle.imu_above_road_m is not None:
-        assembly = AssemblyRules(
+        rules = GeolocationRules(
             imu_above_road_m=vehicle.imu_above_road_m,
             imu_above_road_sd_m=vehicle.imu_above_road_sigma_m,
             drive=name,
@@ -122,7 +121,7 @@ def _located(part: Part, class_name: str) -> Sign:
     try:
         return locate_chosen(
             *(trajectory, detections, cameras, _corrections(part.drive, cameras)),
-            *(GeolocationRules(assembly=assembly), clicked),
+            *(rules, clicked),
         )
     except AutoMapError as error:
         raise ValueError(str(error)) from error
@@ -171,8 +170,9 @@ def _chosen(
 def _corrections(shown: MapDrive, cameras: dict[str, Camera]) -> dict[str, Any]:
     """What the run found out about the cameras, as its record says."""
     from automap.effects.lens import focal_length
-    from automap.geolocation.boresight import CameraPriors, prior_covariance
+    from automap.geolocation.boresight import prior_covariance
     from automap.geolocation.landmark_kernels import MARGIN, RADIAL
+    from automap.geolocation.rules import GeolocationRules
     from automap.geolocation.views import CameraCorrection
 
     assert shown.out is not None
@@ -181,7 +181,7 @@ def _corrections(shown: MapDrive, cameras: dict[str, Camera]) -> dict[str, Any]:
         told: Any = shown.metrics.get(f"camera_{name}")
         try:
             focal = focal_length(camera)
-            covariance = prior_covariance(camera, CameraPriors())
+            covariance = prior_covariance(camera, GeolocationRules())
             sd = [*np.radians(told["boresight_rpy_sd_deg"]), told["time_offset_sd_s"]]
             sd += [told["focal_scale_sd"]]
             covariance[:5, :5] = np.diag(np.array(sd, np.float64) ** 2)

@@ -120,14 +120,16 @@ def geolocation_passes() -> Any:
     from automap.geolocation.contradiction import disagreement
     from automap.geolocation.landmark import SizePrior
     from automap.geolocation.pass_errors import pass_sd
+    from automap.geolocation.rules import GeolocationRules
     from automap.signs.classes import load_classes
 
     drive, rng = rich_drive(), np.random.default_rng(3)
     views = drive.views()
     marks = _settled(views)
-    camera, priors = drive.cameras["front"], boresight.CameraPriors(0.007, 1.4)
+    camera = drive.cameras["front"]
+    priors = GeolocationRules(size=PRIOR, focal_sd=0.007, camera_margin_sd_px=1.4)
     current = CORRECTIONS["front"]
-    corrected = boresight.refine_correction(views, marks, 0, camera, current, PRIOR, priors)
+    corrected = boresight.refine_correction(views, marks, 0, camera, current, priors)
     minima = [
         (replace(corrected, time_s=t), cost)
         for t, cost in ((0.3, 41.0), (0.02, 40.0), (-0.4, 42.5), (0.021, 40.5), (0.8, 90.0))
@@ -142,10 +144,10 @@ def geolocation_passes() -> Any:
             "prior": boresight.prior_covariance(camera, priors),
             "usable": [len(boresight.usable_landmarks(views, marks, c)) for c in (0, 1)],
             "first": boresight.refine_correction(
-                views, marks, 1, drive.cameras["left"], None, PRIOR, priors
+                views, marks, 1, drive.cameras["left"], None, priors
             ),
             "corrected": corrected,
-            "cost": time_minima.cost_of(views, marks[:9], camera, current, PRIOR, priors),
+            "cost": time_minima.cost_of(views, marks[:9], camera, current, priors),
             "starts": time_minima.starts(0.03),
             "alike": [time_minima.alike(minima[k:]) for k in (0, 2, 4)],
             "apart": [
@@ -177,9 +179,9 @@ def geolocation_sightings() -> Any:
     """Sightings of two cameras, grouped, combined, faced, surveyed and adjusted."""
     from automap.earth import from_local_ned
     from automap.geolocation import trajectory_adjustment as adjusting
-    from automap.geolocation.assembly import AssemblyRules, assemble_sign
-    from automap.geolocation.condition import conditions
-    from automap.geolocation.control import ControlSigns, match_control
+    from automap.geolocation.assembly import assemble_sign
+    from automap.geolocation.condition import with_conditions
+    from automap.geolocation.control import match_control
     from automap.geolocation.due_frames import patterns_of
     from automap.geolocation.facing import find_facings
     from automap.geolocation.merging import (
@@ -191,7 +193,9 @@ def geolocation_sightings() -> Any:
     )
     from automap.geolocation.passes import join_passes
     from automap.geolocation.path_relation import make_path
+    from automap.geolocation.rules import GeolocationRules
     from automap.geolocation.supports import support_numbers
+    from automap.records import SignPoints
     from automap.signs.backs import BACK_OF_NONE, NO_BACK
 
     drive, rng = rich_drive(), np.random.default_rng(4)
@@ -206,7 +210,9 @@ def geolocation_sightings() -> Any:
     lat, lon, _ = from_local_ned(places + rng.normal(0.0, 0.5, places.shape), views.origin)
     names = np.array([joined[k][0].class_name if k % 3 else "" for k in range(len(joined))], object)
     names[1] = CLASSES[3]
-    control = ControlSigns(lat[1::2], lon[1::2], names[1::2], rng.uniform(0.1, 0.6, len(lat[1::2])))
+    sd = rng.uniform(0.1, 0.6, len(lat[1::2]))
+    none = np.full((len(sd), 2, 2), np.nan)
+    control = SignPoints(lat[1::2], lon[1::2], names[1::2], none, sd)
     controlled = match_control(control, seen, groups, views.origin)
     adjustment = adjusting.adjust_trajectory(drive.path, seen, groups, controlled)
     assert adjustment is not None
@@ -214,8 +220,12 @@ def geolocation_sightings() -> Any:
     facings, faces = find_facings(views, joined, path)
     marks = [sighting.landmark for sighting in seen]
     shown = patterns_of(views, marks, drive.path, drive.detections, drive.cameras)
-    patterns = [[shown[k] for k in group] for group in groups]
-    rules = AssemblyRules(1.1, 0.07, "round")
+    told = [[(seen[k], shown[k]) for k in group] for group in groups]
+    rules = GeolocationRules(imu_above_road_m=1.1, imu_above_road_sd_m=0.07, drive="round")
+    signs = [
+        assemble_sign(views, members, combine(members), path, facing, k, rules, 0.5 + 0.02 * k)
+        for k, (members, facing) in enumerate(zip(joined, facings, strict=True))
+    ]
     bend = [
         np.array([[np.cos(a), -np.sin(a)], [np.sin(a), np.cos(a)]]) for a in 0.22 * np.arange(9)
     ]
@@ -255,20 +265,16 @@ def geolocation_sightings() -> Any:
             "path": path,
             "facings": table(facings),
             "faces": faces,
-            "signs": table(
-                [
-                    assemble_sign(
-                        views, members, combine(members), path, facing, k, rules, 0.5 + 0.02 * k
-                    )
-                    for k, (members, facing) in enumerate(zip(joined, facings, strict=True))
-                ]
-            ),
+            "signs": table(signs),
             "backs": {
                 number: None if front == BACK_OF_NONE else front
                 for number, front in enumerate(fronts.tolist())
                 if front != NO_BACK
             },
-            "condition": table(conditions(views, joined, patterns, drive.detections)),
+            "condition": {
+                name: table(with_conditions(signs, views, told, drive.detections))[name]
+                for name in ("contrast", "contrast_sd", "contrast_note", "seen_share", "n_looked")
+            },
             "passes": [
                 {n: v for n, v in vars(join_passes(*way)).items() if n != "sightings"}
                 for way in (

@@ -74,6 +74,7 @@ def geolocation_rays() -> Any:
     twice = np.vstack([first[0], first[0][:4] + np.array([0.5, -0.4])])
     halves = np.where((mixed < 4) & (np.arange(len(mixed)) % 2 == 0), mixed + len(first[0]), mixed)
     halves[mixed < 0] = -1
+    spread = of.BearingRules(depth_offset_sd_m=2.5, depth_scale_log_sd=0.4)
     measured = rng.uniform(3.0, 40.0, 30)
     away = np.maximum(1.7 + 1.3 * measured, 1.0) * np.exp(rng.normal(0.0, 0.3, 30))
     return levelled(
@@ -109,7 +110,7 @@ def geolocation_rays() -> Any:
                 replace(told, **{n: v[:0] for n, v in vars(told).items()})
             ),
             "fit": [
-                fit_depth_scale(measured, away, s * rng.uniform(0.1, 0.3, 30), 2.5, 0.4)
+                fit_depth_scale(measured, away, s * rng.uniform(0.1, 0.3, 30), spread)
                 for s in (1.0, 3.0)
             ],
             "apply": DepthScale(-3.0, 1.4).apply(np.array([1.0, 2.5, 9.0, np.nan])),

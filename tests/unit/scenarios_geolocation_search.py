@@ -43,8 +43,8 @@ def geolocation_epipolar() -> Any:
         x = np.array([0.006, -0.004, 0.009, 0.031])
         prior = np.array([0.02, 0.03, 0.01, 0.05])
         found[record.camera] = {
-            "pairs": (_two(geometry._pairs), len(geometry), geometry.n_boxes),
-            "thinned": _two(geometry.thinned(30)._pairs),
+            "pairs": (_two(geometry.pairs), len(geometry), geometry.n_boxes),
+            "thinned": _two(geometry.thinned(30).pairs),
             "residuals": [g.residuals(at) for g in (geometry, fast) for at in (x, 0.0 * x)],
             "rays": fast.rays(x),
             "descend": [epipolar.descend(0.3 * x, g, prior, 0.01) for g in (geometry, fast)],
@@ -66,6 +66,7 @@ def geolocation_epipolar() -> Any:
 @scenario
 def geolocation_hypotheses() -> Any:
     """Cameras and boxes as they would be, how they are judged, and what is said of them."""
+    from automap.effects.lens import focal_length
     from automap.geolocation import camera_doubt
     from automap.geolocation import camera_hypotheses as of
     from automap.geolocation.camera_explanation import Trial
@@ -77,7 +78,10 @@ def geolocation_hypotheses() -> Any:
     plain = of.Hypothesis("", _some(record, np.arange(9, 24)), camera)
     families = (of._pictures, of._mountings, of._calibrations)
     geometry = pair_geometry(drive.path, record, camera, ORIGIN)
-    judge = of._Judge(drive.path, ORIGIN, 1111.0, np.zeros(len(record), bool))
+    more = 1111.0 / focal_length(camera)
+    matrix = camera.matrix * [[more], [more], [1.0]]
+    stated = replace(plain, camera=replace(camera, matrix=matrix))
+    judge = of._Judge(drive.path, ORIGIN, stated, np.zeros(len(record), bool))
     none = [np.full(len(one), "", object) for one in drive.detections]
     trial = Trial(drive.detections, drive.cameras, GeolocationRules(), none)
     assumed = trial.assuming("left", replace(plain, camera=drive.cameras["front"]), drive.path)
@@ -127,7 +131,13 @@ def geolocation_hypotheses() -> Any:
                 )
             ],
             "doubtful": camera_doubt.doubtful(signs[3], 7.5),
-            "assumed": (assumed.cameras["left"].matrix, assumed.rules.camera),
+            "assumed": (
+                assumed.cameras["left"].matrix,
+                {
+                    "focal_sd": assumed.rules.focal_sd,
+                    "margin_sd_px": assumed.rules.camera_margin_sd_px,
+                },
+            ),
             "rows": [trial.rows(name)[[0, -1]] for name in ("front", "left")],
         }
     )
@@ -185,6 +195,7 @@ def geolocation_existence() -> Any:
     patterns = due_frames.patterns_of(views, marks, drive.path, drive.detections, drive.cameras)
     mark = marks[2]
     times = (drive.path.t_ns[::40] + 3_000_000).astype(np.int64)
+    late = round(drive.cameras["front"].time_offset_s * 1e9)
     region = np.tile([200.0, 150.0, 900.0, 600.0], (len(times), 1))
     carried = replace(
         views,
@@ -198,7 +209,7 @@ def geolocation_existence() -> Any:
     return levelled(
         {
             "searched": [
-                vars(s)
+                {name: each for name, each in vars(s).items() if name != "camera"}
                 for s in (
                     *searched.values(),
                     due_frames.searched_frames(holes, drive.cameras[holes.camera]),
@@ -206,23 +217,18 @@ def geolocation_existence() -> Any:
             ],
             "usual": usual,
             "due": [
-                due_frames.due_frames(
-                    views, m, drive.path, searched["front"], drive.cameras["front"], 0.02
-                )
+                due_frames.due_frames(views, m, drive.path, searched["front"], 0.02)
                 for m in marks[:12:3]
             ],
             "heights": [
                 due_frames.apparent_heights(
-                    mark.position,
-                    0.8,
-                    views.centre[mark.rows],
-                    times + round(drive.cameras["front"].time_offset_s * 1e9),
+                    views,
+                    replace(mark, parameters=np.array([*mark.parameters[:3], np.log(0.8)])),
                     drive.path,
-                    drive.cameras["front"],
-                    views.origin,
-                    part,
+                    due_frames.Searched(drive.cameras["front"], times, times + late, part),
+                    slice(None),
                 )
-                for part in (np.array([[0.0, 0.0, 1279.0, 719.0]]), region)
+                for part in (np.tile([0.0, 0.0, 1279.0, 719.0], (len(times), 1)), region)
             ],
             "exist": existence.existence_odds(patterns, [p.score for p in patterns]),
             "base": [

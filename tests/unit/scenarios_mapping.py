@@ -151,11 +151,13 @@ def mapping_places() -> Any:
             "tiles": [table(list(cut_tiles(lat, lon, n, m))) for n, m in ((5, 20.0), (3, 1.0))],
             "names": name_signs(keys, {2: "s7", 4: "s9"}, {"s7", "s9"}),
             "backs": map_backs(
-                names,
-                near[0] - 0.6,
-                near[1] + 2.6,
-                rng.uniform(0.0, 6.0, 12),
-                0.05 * np.broadcast_to(np.eye(3), (12, 3, 3)),
+                {
+                    "class_name": names,
+                    "lat": near[0] - 0.6,
+                    "lon": near[1] + 2.6,
+                    "facing_rad": rng.uniform(0.0, 6.0, 12),
+                    "cov_enu": 0.05 * np.broadcast_to(np.eye(3), (12, 3, 3)),
+                }
             ),
             "with": with_backs(np.arange(6), np.arange(3, 9), np.array([-1, 0, 0, -2, -1, 4])),
         }

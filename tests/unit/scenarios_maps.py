@@ -150,7 +150,10 @@ def geolocation_bearings() -> Any:
         "with": locate_from_bearings(with_depth),
         "without": locate_from_bearings(without, BearingRules(single=True)),
         "scale": fit_depth_scale(
-            measured, 2.0 + 1.3 * measured * rough, np.full(50, 0.2), 3.0, 0.5
+            measured,
+            2.0 + 1.3 * measured * rough,
+            np.full(50, 0.2),
+            BearingRules(depth_offset_sd_m=3.0, depth_scale_log_sd=0.5),
         ),
     }
 

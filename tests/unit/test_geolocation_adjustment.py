@@ -11,13 +11,12 @@ import pytest
 from geolocation_scene import ORIGIN, Scene, boxes, camera, drive_path, roadside
 
 from automap.earth import from_local_ned, local_ned
-from automap.geolocation.control import ControlSigns
 from automap.geolocation.limits import FACE_SD_M, LASTING_ERROR, PATH_CORRELATION_S
 from automap.geolocation.locate import locate_signs
 from automap.geolocation.result import GeolocationResult
 from automap.geolocation.rules import GeolocationRules
 from automap.geolocation.trajectory_adjustment import adjust_trajectory
-from automap.records import Detections, Trajectory
+from automap.records import Detections, SignPoints, Trajectory
 
 SHIFT = np.array([3.0, -2.0, 0.0])
 
@@ -51,9 +50,10 @@ def passed() -> tuple[Trajectory, Scene, Detections]:
     return path, scene, boxes(path, scene, camera(), np.random.default_rng(0), noise_px=0.5)[0]
 
 
-def surveyed(scene: Scene, rows: list[int], sd_m: float = 0.05) -> ControlSigns:
+def surveyed(scene: Scene, rows: list[int], sd_m: float = 0.05) -> SignPoints:
     lat, lon, _ = from_local_ned(scene.position[rows], ORIGIN)
-    return ControlSigns(lat, lon, np.full(len(rows), "", np.object_), np.full(len(rows), sd_m))
+    names, none = np.full(len(rows), "", np.object_), np.full((len(rows), 2, 2), np.nan)
+    return SignPoints(lat, lon, names, none, np.full(len(rows), sd_m))
 
 
 def test_control_signs_take_the_common_error_off(passed) -> None:
@@ -68,6 +68,11 @@ def test_control_signs_take_the_common_error_off(passed) -> None:
     for sign in result.signs:
         place = local_ned(sign.lat_rad, sign.lon_rad, 0.0, ORIGIN)[:2]
         assert np.linalg.norm(scene.position[:, :2] - place, axis=1).min() < 1.2
+    # boxes are as far off their signs as they are drawn, wherever the path was
+    plain = locate_signs(off, [found], {"front": camera()})
+    one, other = (r.observations.residual_px[r.observations.used] for r in (result, plain))
+    assert np.sqrt(np.mean(one**2)) == pytest.approx(np.sqrt(np.mean(other**2)), rel=0.05)
+    assert np.sqrt(np.mean(one**2)) < 1.5
 
 
 def test_without_control_or_second_pass_nothing_is_adjusted(passed) -> None:

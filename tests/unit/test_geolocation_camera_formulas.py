@@ -13,7 +13,7 @@ from geolocation_scene import boxes, camera, drive_path, roadside
 
 from automap.gates import gate, sigmas
 from automap.geolocation import boresight, camera_explanation, carriers, limits
-from automap.geolocation.boresight import CameraPriors, evidence_of, prior_covariance, solve_camera
+from automap.geolocation.boresight import evidence_of, prior_covariance, solve_camera
 from automap.geolocation.camera_doubt import as_unknown, beyond_stated, doubtful, misfit
 from automap.geolocation.landmark import SizePrior, fit_landmark
 from automap.geolocation.landmark_kernels import N_COMMON, Boxes
@@ -31,7 +31,8 @@ def positive(rng: np.random.Generator, n: int, scale: FloatArray) -> FloatArray:
 
 def test_priors_of_a_camera_are_its_sigmas_in_the_order_of_its_errors() -> None:
     view = camera(mount_sd=0.01, time_offset_sd=0.02, lever_arm_sd=0.3, distortion_sd=0.07)
-    sd = np.sqrt(np.diag(prior_covariance(view, CameraPriors(0.004, 3.0))))
+    rules = GeolocationRules(focal_sd=0.004, camera_margin_sd_px=3.0)
+    sd = np.sqrt(np.diag(prior_covariance(view, rules)))
     # of a thousand pixels
     assert sd == pytest.approx([0.01] * 3 + [0.02, 0.004] + [0.3] * 3 + [0.003, 0.07])
 
@@ -42,7 +43,7 @@ def test_a_camera_is_the_mean_of_its_signs_with_attitude_errors_of_their_minutes
 ) -> None:
     """Camera and the attitude's error of each window as unknowns of one dense problem."""
     rng = np.random.default_rng(1)
-    view, priors = camera(lever_arm_sd=0.2), CameraPriors()
+    view, priors = camera(lever_arm_sd=0.2), GeolocationRules()
     prior = prior_covariance(view, priors)
     scale = np.sqrt(np.diag(prior))
     window = limits.ATTITUDE_WINDOW_S
@@ -336,12 +337,12 @@ def test_refining_is_one_step_from_the_values_before(monkeypatch: pytest.MonkeyP
     monkeypatch.setattr(boresight, "pass_sd", lambda *_, **__: np.zeros(N_COMMON))
     monkeypatch.setattr(boresight, "evidence_of", lambda *_: (np.eye(10), np.zeros(10)))
     monkeypatch.setattr(boresight, "solve_camera", solve)
-    rest: Any = (camera(), None, SizePrior(), CameraPriors())
+    rest: Any = (camera(), None, GeolocationRules())
     found = boresight.refine_correction(views, [], 0, *rest)
     assert found.turn.tolist() == [1.0, 2.0, 3.0]
     assert (found.time_s, found.focal_log, found.margin, found.radial) == (4.0, 5.0, 9.0, 10.0)
     assert seen["before"].tolist() == [0.0] * 10
     assert seen["attitude"][0] == pytest.approx([5.0, 4.0, 5.0])
-    boresight.refine_correction(views, [], 0, camera(), found, SizePrior(), CameraPriors())
+    boresight.refine_correction(views, [], 0, camera(), found, GeolocationRules())
     assert np.delete(seen["before"], [5, 6, 7]).tolist() == [1.0, 2.0, 3.0, 4.0, 5.0, 9.0, 10.0]
     assert replace(found, time_s=0.0).values[3] == 0.0

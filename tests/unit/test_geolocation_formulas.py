@@ -23,12 +23,12 @@ from automap.geolocation.bearing_rays import (
     normal_equations,
 )
 from automap.geolocation.camera_hypotheses import Hypothesis, _mountings
-from automap.geolocation.due_frames import _aspect, apparent_heights
+from automap.geolocation.due_frames import Searched, _aspect, apparent_heights
 from automap.geolocation.epipolar import PairGeometry
 from automap.geolocation.existence import expected_log_odds, probability
 from automap.geolocation.path_relation import make_path, roads_at, side_of_path
 from automap.geolocation.time_minima import alike, apart, starts
-from automap.records import Bearings, FloatArray, Trajectory
+from automap.records import Bearings, FloatArray, SignPoints, Trajectory
 
 
 def rays_to(point: FloatArray, rng: np.random.Generator, n: int = 8) -> tuple[Rays, FloatArray]:
@@ -262,9 +262,10 @@ def test_a_surveyed_sign_is_the_one_within_both_sigmas(monkeypatch: pytest.Monke
         for factor, name in ((0.98, "a"), (0.98, "b"), (1.02, "a")):
             at = place[:2] + factor * reach * sigma * direction
             lat, lon, _ = from_local_ned(np.array([*at, 0.0]), ORIGIN)
-            surveyed = control.ControlSigns(
+            surveyed = SignPoints(
                 *(np.array([float(v)]) for v in (lat, lon)),
                 np.array([name], object),
+                np.full((1, 2, 2), np.nan),
                 np.array([sd]),
             )
             found = control.match_control(surveyed, [sighting], [[0]], ORIGIN)
@@ -301,9 +302,11 @@ def test_a_surveyed_sign_that_may_be_a_neighbour_does_not_count(
     )  # fmt: skip
     east = [-0.9, -beside_m - 0.9][: 1 + also]
     lat, lon, _ = from_local_ned(np.array([[0.0, e, 0.0] for e in east]), ORIGIN)
-    surveyed = control.ControlSigns(
-        lat, lon, np.array([names[0], ""][: len(east)], object), np.full(len(east), 0.1)
+    classes, none = (
+        np.array([names[0], ""][: len(east)], object),
+        np.full((len(east), 2, 2), np.nan),
     )
+    surveyed = SignPoints(lat, lon, classes, none, np.full(len(east), 0.1))
     found = control.match_control(surveyed, signs, [[0], [1]], ORIGIN)
     assert sorted(found) == matched
 
@@ -340,7 +343,10 @@ def test_a_sign_is_in_view_where_a_margin_of_its_height_is_left_on_all_sides() -
                 ray = np.array([1.0, *((pixel - [640.0, 360.0]) / 1000.0)])
                 place = here + turn @ (away * ray)
                 t_ns = path.t_ns[[row]]
-                found = apparent_heights(place, size, here[None], t_ns, path, view, ORIGIN, whole)
+                searched = Searched(view, np.array([row]), t_ns, whole)
+                views: Any = SimpleNamespace(centre=here[None], origin=ORIGIN)
+                mark: Any = SimpleNamespace(rows=np.array([0]), position=place, size_m=size)
+                found = apparent_heights(views, mark, path, searched, slice(None))
                 assert found == pytest.approx([0.0 if beyond > 0.0 else height], rel=1e-6)
 
 
@@ -350,7 +356,7 @@ def test_stamps_that_run_slower_gain_a_part_of_the_time_since_the_first(rate: fl
     t_ns = np.array([5, 9, 11, 14]) * 10**9
     path = drive_path(1.0)
     late = PairGeometry(path, camera(), ORIGIN, np.eye(4, 3), t_ns, pairs).paced(rate)
-    assert late._scene[-1].tolist() == [round(1e9 * (t + rate * (t - 5))) for t in (5, 9, 11, 14)]
+    assert late.t_ns.tolist() == [round(1e9 * (t + rate * (t - 5))) for t in (5, 9, 11, 14)]
 
 
 @pytest.mark.parametrize("number", [-1, 0, 7])

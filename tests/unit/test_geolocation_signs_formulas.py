@@ -13,7 +13,7 @@ from automap.earth import from_local_ned, tangent_rotation
 from automap.frames import rotation_vector_to_matrix
 from automap.gates import gate
 from automap.geolocation import assembly, due_frames, facing, limits, merging
-from automap.geolocation.assembly import AssemblyRules, _status, class_beliefs
+from automap.geolocation.assembly import _status, class_beliefs
 from automap.geolocation.landmark import (
     elapsed_s,
     place,
@@ -23,6 +23,7 @@ from automap.geolocation.landmark import (
     view_sd,
 )
 from automap.geolocation.path_relation import make_path
+from automap.geolocation.rules import GeolocationRules
 from automap.geolocation.stamp_scatter import Residuals, deviance, told, tracked_or_linked
 from automap.records import FloatArray
 
@@ -153,23 +154,27 @@ def test_frames_that_should_show_a_sign_are_those_a_walk_along_the_frames_finds(
     rng = np.random.default_rng(5)
     tall, step = rng.random(60), np.int64(10**8)
     boxed, late = np.array([20, 21, 26, 40]), np.int64(round(offset_s * 1e9))
-    searched = due_frames.Searched(np.arange(60), np.arange(60) * step + late, np.zeros((60, 4)))
+    searched = due_frames.Searched(
+        camera(time_offset_s=offset_s), np.arange(60), np.arange(60) * step + late,
+        np.zeros((60, 4)),
+    )  # fmt: skip
     views: Any = SimpleNamespace(
-        camera_names=("front",), camera=np.zeros(4, np.int64), centre=np.zeros((4, 3)),
+        camera=np.zeros(4, np.int64), centre=np.zeros((4, 3)),
         t_ns=boxed * step + late, origin=ORIGIN, score=np.array([0.5, 0.6, 0.7, 0.8]),
     )  # fmt: skip
     mark: Any = SimpleNamespace(anchor=2, rows=np.arange(4), position=np.zeros(3), size_m=1.0)
     asked: list[int] = []
 
-    def heights(position: Any, size: Any, seen: Any, t_ns: Any, *_: Any) -> FloatArray:
+    def heights(views: Any, mark: Any, path: Any, searched: Any, near: slice) -> FloatArray:
+        t_ns = searched.t_ns[near]
         asked.extend(np.rint(t_ns / step).astype(int).tolist())
         return np.array([501.0 if tall[round(t / step)] < 0.6 else 499.0 for t in t_ns])
 
     monkeypatch.setattr(due_frames, "apparent_heights", heights)
     monkeypatch.setattr(limits, "AFTER_S", 1.0)
     found = due_frames.pattern_of(
-        *(views, mark, boxed, SimpleNamespace(t_ns=np.arange(70) * step), {"front": searched}),
-        *({"front": camera(time_offset_s=offset_s)}, np.array([0.5]), 0.1 * np.arange(70)),
+        *(views, mark, boxed, SimpleNamespace(t_ns=np.arange(70) * step), searched),
+        *(0.5, 0.1 * np.arange(70)),
     )
     assert asked == list(range(10, 50))
     due = {k for k in asked if tall[k] < 0.6}
@@ -272,7 +277,7 @@ def test_a_sign_of_the_map_has_place_and_covariance_where_it_stands(
     facing: Any = SimpleNamespace(rad=0.3, sd_rad=0.2)
     # heights are said of the path, and far from it anything goes
     monkeypatch.setattr(limits, "HEIGHT_LIMITS_M", (-1e4, 1e4))
-    rules = AssemblyRules(1.2, 0.4, "d")
+    rules = GeolocationRules(imu_above_road_m=1.2, imu_above_road_sd_m=0.4, drive="d")
     found = assembly.assemble_sign(views, seen, (position, covariance), path, facing, 7, rules, 0.8)
     lat, lon, height = (float(v) for v in from_local_ned(position, ORIGIN))
     assert (found.lat_rad, found.lon_rad, found.height_m) == (lat, lon, height)

@@ -19,12 +19,17 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
     from automap.effects.path_signals import PathSignals
-    from automap.geolocation.assembly import AssemblyRules
-    from automap.geolocation.control import ControlSigns
     from automap.geolocation.rules import GeolocationRules
     from automap.io.drive import Drive
     from automap.io.manifest import VehicleSection
-    from automap.records import Camera, Detections, IntArray, PictureTurns, Trajectory
+    from automap.records import (
+        Camera,
+        Detections,
+        IntArray,
+        PictureTurns,
+        SignPoints,
+        Trajectory,
+    )
     from pipeline.settings.geolocate import GeolocateSettings
 
 
@@ -203,12 +208,11 @@ def rules_from(
     settings: GeolocateSettings, drive: str, vehicle: VehicleSection | None = None
 ) -> GeolocationRules:
     """The library's rules from the stage's settings and what the manifest says of the vehicle."""
-    from automap.geolocation.boresight import CameraPriors
     from automap.geolocation.landmark import SizePrior
     from automap.geolocation.rules import GeolocationRules
     from automap.geolocation.views import MeasurementNoise
 
-    return GeolocationRules(
+    rules = GeolocationRules(
         noise=MeasurementNoise(
             pixel_sd=settings.pixel_sd,
             box_fraction=settings.box_fraction,
@@ -216,28 +220,21 @@ def rules_from(
         ),
         size=SizePrior(size_m=settings.sign_size_m, log_sd=settings.sign_size_log_sd),
         max_silence_s=settings.max_silence_s,
-        assembly=_assembly(drive, vehicle),
-        camera=CameraPriors(
-            focal_sd=settings.focal_sd,
-            margin_sd_px=settings.box_margin_sd_px,
-        ),
+        focal_sd=settings.focal_sd,
+        camera_margin_sd_px=settings.box_margin_sd_px,
         estimate_camera=settings.estimate_camera,
         estimate_noise=settings.estimate_noise,
         adjust_trajectory=settings.adjust_trajectory,
         min_existence=settings.min_existence,
         max_single_view_m=settings.max_single_view_m,
+        drive=drive,
     )
-
-
-def _assembly(drive: str, vehicle: VehicleSection | None) -> AssemblyRules:
-    from automap.geolocation.assembly import AssemblyRules
-
     if vehicle is None or vehicle.imu_above_road_m is None:
-        return AssemblyRules(drive=drive)
-    return AssemblyRules(
+        return rules
+    return replace(
+        rules,
         imu_above_road_m=vehicle.imu_above_road_m,
         imu_above_road_sd_m=vehicle.imu_above_road_sigma_m,
-        drive=drive,
     )
 
 
@@ -319,16 +316,12 @@ def path_quantities(out: Path, trajectory: Trajectory) -> PathSignals | None:
     return path_signals(trajectory, read_imu(file) if file.is_file() else None)
 
 
-def _control_signs(drive: Drive) -> ControlSigns | None:
+def _control_signs(drive: Drive) -> SignPoints | None:
     """The surveyed signs of a drive folder."""
-    from automap.geolocation.control import ControlSigns
     from automap.io.sign_points import read_sign_points
 
     path = _control_file(drive)
-    if path is None:
-        return None
-    points = read_sign_points(path)
-    return ControlSigns(points.lat_rad, points.lon_rad, points.class_name, points.sd_m)
+    return None if path is None else read_sign_points(path)
 
 
 def _control_file(drive: Drive) -> Path | None:
@@ -354,7 +347,7 @@ STAGE = Stage(
     # 36: and what is followed for longer than signs are in sight
     # 37: a sign is sought from distances by its size alone
     # 42: stamps of a camera are unsure against a path that is dated by fixes of unknown age
-    # 43: tells what the manifest does not say of the camera, as ingest did
+    # 43: k1 of lenses; residuals and ranges of boxes are against signs where their views see them from
     version=43,
     run=run,
     inputs=_inputs,
