@@ -46,6 +46,7 @@ from automap.fusion.doubts.estimates import (
 )
 from automap.fusion.doubts.heights import height_doubts, separation_doubts
 from automap.fusion.doubts.hole import hole_doubts, left_aside, regained_jumps
+from automap.fusion.doubts.own_velocities import smoothed_doubts
 from automap.fusion.doubts.path import fix_misses, off_the_fixes
 from automap.fusion.doubts.position_jump import (
     Jump,
@@ -132,7 +133,7 @@ def weigh(
         at_bound = levels_at_bound(result.noise_factors, options.tune, shaken)
     felt = not any(reason.inertial for reason in (*of_imu, *at_bound))
     of_receiver = receiver_doubts(receiver, float(path.gps_s[0]), felt)
-    of_receiver += accuracy_doubts(fixes, options)
+    of_receiver += [*smoothed_doubts(fixes, receiver), *accuracy_doubts(fixes, options)]
     of_receiver += separation_doubts(fixes, of_receiver)
     askew, lean = outcome.mounted_askew(path, fused.sd_roll())
 
