@@ -46,11 +46,13 @@ from automap.fusion.doubts.estimates import (
 )
 from automap.fusion.doubts.heights import height_doubts, separation_doubts
 from automap.fusion.doubts.hole import hole_doubts, left_aside, regained_jumps
+from automap.fusion.doubts.own_velocities import smoothed_doubts
 from automap.fusion.doubts.path import fix_misses, off_the_fixes
 from automap.fusion.doubts.position_jump import (
     Jump,
     beside_readings,
     height_jumps,
+    heights_of,
     jump_doubts,
     places_of,
     position_jumps,
@@ -110,7 +112,9 @@ def weigh(
     speed = np.hypot(path.vel_ned[:, 0], path.vel_ned[:, 1])
     stated = model_fixes(fixes, fixes.gps_s, options)
     places = places_of(stated)
-    wanted = np.concatenate([*told_times(fixes, path, found), places.t - path.gps_s[0]])
+    heights = heights_of(stated)
+    fix_s = np.concatenate([places.t, heights.t]) - path.gps_s[0]
+    wanted = np.concatenate([*told_times(fixes, path, found), fix_s])
     channels = channel_consistency(result.innovations)
     parting = innovation_doubts(channels)
     of_estimates = [
@@ -132,7 +136,7 @@ def weigh(
         at_bound = levels_at_bound(result.noise_factors, options.tune, shaken)
     felt = not any(reason.inertial for reason in (*of_imu, *at_bound))
     of_receiver = receiver_doubts(receiver, float(path.gps_s[0]), felt)
-    of_receiver += accuracy_doubts(fixes, options)
+    of_receiver += [*smoothed_doubts(fixes, receiver), *accuracy_doubts(fixes, options)]
     of_receiver += separation_doubts(fixes, of_receiver)
     askew, lean = outcome.mounted_askew(path, fused.sd_roll())
 
@@ -156,10 +160,12 @@ def weigh(
     lifts = found.get("vehicle_pitch_coefficient", (0.0, 0.0))[0]
     steps: list[Reason] = []
     jumps: list[Jump] = []
+    of_heights = height_jumps(stated, path)
     if free is not None:
         steps = _steps(result, path, free, found, fixes, options, arm)
         age = found.get(LATENCY_STATE, (0.0, 0.0))[0]
         places = beside_readings(places, free, path, arm, age)
+        of_heights += position_jumps(beside_readings(heights, free, path, arm, age))
         free = None  # of ten hours a hundred megabytes
         # readings of an instant are stamped later by the delay
         late = age - (0.0 if delay_is_clock else result.delay.mean)
@@ -197,7 +203,7 @@ def weigh(
     reasons = [
         *of_receiver,
         *jump_doubts([*position_jumps(places), *jumps], path),
-        *jump_doubts(height_jumps(stated, path), path),
+        *jump_doubts(of_heights, path),
         *steps,
         *of_imu,
         *(misplaced or unexpected_delay(found, delay.mean, delay.sd, usual_speed, age_sd)),

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from automap.fusion.doubts.heights import separation_doubts
+from automap.fusion.doubts.own_velocities import smoothed_doubts
 from automap.fusion.doubts.path import fix_misses, off_the_fixes
 from automap.fusion.doubts.position_jump import height_jumps, jump_doubts, places_of, position_jumps
 from automap.fusion.doubts.reason import Reason
@@ -52,7 +53,7 @@ def weigh_alone(
     off, _ = off_the_fixes(misses, options.wander_tau_s)
     off += overstated(fix_misses(path, stated))
     reasons = [*told, *receiver_doubts(receiver, float(path.gps_s[0])), *off]
-    reasons += accuracy_doubts(fixes, options)
+    reasons += [*smoothed_doubts(fixes, receiver), *accuracy_doubts(fixes, options)]
     reasons += separation_doubts(fixes, reasons)
     reasons += jump_doubts(position_jumps(places_of(stated)), path)
     reasons += jump_doubts(height_jumps(stated, path), path)

@@ -29,7 +29,8 @@ def widening(
 
     There the horizontal error counts as no smaller than that to the fixes round about, and than
     the distance to the path ``alone`` of the fixes; those of velocity and heading as no smaller
-    than they differ from that path's. What may be of another instant is as unsure as it changes.
+    than they differ from that path's. What may be of another instant is, tilts too, as unsure as it
+    changes.
     """
     reasons = [reason for reason in reasons if not reason.handled]
     if not reasons:
@@ -75,6 +76,7 @@ def _widened(
     sd[:, :2] = np.sqrt(sd[:, :2] ** 2 + 0.5 * floor[:, None] ** 2)
     sd[:, 2] = np.hypot(sd[:, 2], np.maximum(high, moved.height))
     rpy = stretch.sd_rpy * factor[:, None]
+    rpy[:, :2] = np.hypot(rpy[:, :2], motion.tilt)
     rpy[:, 2] = np.minimum(np.hypot(rpy[:, 2], turned), limits.UNKNOWN_HEADING_SD)
     return replace(
         stretch,

@@ -4,15 +4,21 @@ from __future__ import annotations
 
 import numpy as np
 
-from automap.evaluation import plausibility
+from automap.evaluation import one_sensor, plausibility
 from automap.evaluation.plausibility import Finding
 from automap.io.csv_columns import listed
 from automap.io.drive import Drive
 from automap.io.recording import Recording
 from automap.records import ImuData
 from pipeline.check import limits
-from pipeline.check.axes import CODE, WeighedAxes, seen_motion, weigh_axes
-from pipeline.check.same_drive import OTHER_CODE, UNKNOWN_CODE, other_drive, usable_receiver
+from pipeline.check.axes import CODE, SCALE_CODE, WeighedAxes, seen_motion, weigh_axes
+from pipeline.check.same_drive import (
+    OTHER_CODE,
+    UNKNOWN_CODE,
+    driven_span,
+    other_drive,
+    usable_receiver,
+)
 from pipeline.check.steadiness import check as steadiness
 from pipeline.check.steadiness import offset
 
@@ -73,12 +79,17 @@ def check(drive: Drive, recording: Recording) -> tuple[list[Finding], WeighedAxe
             findings.append(Finding("info", f"columns that nothing reads: {columns}"))
     stamps = plausibility.stamp_unit(rate)
     findings += [] if stamps is None else [stamps]
+    receiver = usable_receiver(drive, recording)
+    driven = driven_span(imu, receiver)
+    # what is of two sensors is wrong in most other ways too
+    other = one_sensor.two_in_turn(imu) or one_sensor.other_from(imu, *driven)
+    if other is not None:
+        return [*findings, other], None
     unit = plausibility.accel_unit(imu.accel, rate)
     findings += [unit, plausibility.gyro_size(imu.gyro)]
     findings += plausibility.stuck_readings(drive.imu_axes.as_read(imu))
     if unit.severity != "ok":
         return findings, None
-    receiver = usable_receiver(drive, recording)
     fixes, clock, wrong, _ = receiver
     if wrong is not None:
         findings.append(Finding("error", wrong, code=UNKNOWN_CODE))
@@ -90,6 +101,10 @@ def check(drive: Drive, recording: Recording) -> tuple[list[Finding], WeighedAxe
         if other is not None:
             return [*findings, other], None
     weighed = weigh_axes(drive, recording, seen)
+    if any(found.code == SCALE_CODE for found in weighed.findings):
+        other = one_sensor.gyro_unit_from(imu, *driven)
+        if other is not None:
+            return [*findings, other], None
     if any(found.code == CODE and found.severity == "error" for found in weighed.findings):
         # turns about an axis that is another tell nothing of a clock
         return [*findings, *weighed.findings], weighed

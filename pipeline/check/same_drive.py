@@ -10,6 +10,7 @@ import numpy as np
 from automap.errors import InputError
 from automap.evaluation.plausibility import Finding
 from automap.fusion.doubts.receiver import usable_fixes
+from automap.fusion.limits import DRIVING_SPEED
 from automap.io.drive import Drive
 from automap.io.recording import Recording, imu_time
 from automap.records import ClockModel, Fixes, ImuData
@@ -67,6 +68,22 @@ def usable_receiver(drive: Drive, recording: Recording) -> UsableReceiver:
         of_motions = not (has_arrival(fixes) and gnss.arrival_time == base)
         return UsableReceiver(fixes, None, str(error).rstrip(".") if of_motions else None)
     return UsableReceiver(fixes, clock, None, found.worse)
+
+
+def driven_span(imu: ImuData, receiver: UsableReceiver) -> tuple[float, float]:
+    """From when to when the vehicle drives by its fixes, s after the first reading; without them,
+    or a clock, all the time."""
+    fixes, clock = receiver.fixes, receiver.clock
+    if fixes is None or clock is None:
+        return -np.inf, np.inf
+    with np.errstate(invalid="ignore"):
+        drives = np.hypot(fixes.vel_ned[:, 0], fixes.vel_ned[:, 1]) > DRIVING_SPEED
+    drives &= np.isfinite(fixes.gps_s)
+    if not drives.any():
+        return -np.inf, np.inf
+    ends = clock.t_ns(np.array([fixes.gps_s[drives].min(), fixes.gps_s[drives].max()]))
+    begin, end = ((ends - imu.t_ns[0]) * 1e-9).tolist()
+    return begin, end
 
 
 def other_drive(

@@ -10,7 +10,8 @@ from typing import IO
 import numpy as np
 
 from automap.errors import InputError
-from automap.fusion.doubts.receiver import own_velocities, usable_fixes
+from automap.fusion.doubts.own_velocities import own_velocities
+from automap.fusion.doubts.receiver import usable_fixes
 from automap.fusion.engine import fuse_imu_gnss
 from automap.fusion.limits import MOST_ARM_M
 from automap.fusion.options import FusionOptions

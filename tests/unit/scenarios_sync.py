@@ -203,6 +203,7 @@ def sync_offsets() -> Any:
 def sync_words() -> Any:
     """What is said of receivers that contradict themselves, and which of their values go."""
     from automap.fusion.doubts import receiver
+    from automap.fusion.doubts.own_velocities import own_velocities
     from automap.fusion.options import FusionOptions
     from automap.sync import velocity_consistency as module
     from automap.sync.climb_match import Vertical
@@ -322,7 +323,7 @@ def sync_words() -> Any:
             case.unusable_vertical_velocity(holes),
             case.unusable_position(holes),
             receiver.usable_fixes(holes, case),
-            receiver.own_velocities(holes, case),
+            own_velocities(holes, case),
             receiver.dated_velocities(holes, case),
         ]
     path = wavy_path(300, 0.4, 3)

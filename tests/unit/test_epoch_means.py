@@ -7,12 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from automap.fusion.doubts.receiver import own_velocities, receiver_doubts
+from automap.fusion.doubts.own_velocities import own_velocities, smoothed_doubts, smoothed_s
+from automap.fusion.doubts.receiver import receiver_doubts
 from automap.fusion.options import FusionOptions
+from automap.records import Fixes, FixType
 from automap.sync import epoch_means as module
 from automap.sync import limits
 from automap.sync.epoch_means import AFTER, AROUND, BEFORE, epoch_means
-from automap.sync.receiver_path import ReceiverPath
+from automap.sync.receiver_path import ReceiverPath, receiver_path
 from automap.sync.velocity_consistency import velocity_consistency
 from tests.slow_cases import others_slow
 from tests.unit.receiver_damage import derived, upside_down
@@ -72,6 +74,46 @@ def test_what_stands_or_is_short_says_nothing(fast: float) -> None:
     seconds = 240.0 if fast == 0.0 else 4.0
     still = replace(GOOD, wander_m=0.0, noise_m=0.0, velocity_error=0.0)
     assert velocity_consistency(simulated_fixes(2, still, seconds, fast)).means is None
+
+
+def by_carrier(fixes: Fixes, sd_m: float, rows: slice = slice(None)) -> Fixes:
+    """The ``rows`` of fixes as carrier-phase ones."""
+    kind, sd = fixes.fix_type.copy(), fixes.sd_pos_ned.copy()
+    kind[rows], sd[rows] = FixType.FIXED, sd_m
+    return replace(fixes, fix_type=kind, sd_pos_ned=sd)
+
+
+@pytest.mark.parametrize("rows_back", others_slow([4, 8, 16]))
+def test_means_over_seconds_tell_less_than_carrier_phases(rows_back: int) -> None:
+    """As those of an instant they drew a motorway's antenna by 0.3 m."""
+    sound = simulated_fixes(10005, GOOD, seconds=240.0, fast=30.0)
+    path = receiver_path(sound)
+    way = path.place[rows_back:] - path.place[:-rows_back]
+    velocity = np.full((len(sound), 3), np.nan)
+    velocity[path.row[rows_back:], :2] = 4.0 * np.column_stack([way.real, way.imag]) / rows_back
+    means = replace(sound, vel_ned=velocity)
+    found = velocity_consistency(means)
+    assert found.means is None
+    half = slice(0, len(sound) // 2)
+    sure = by_carrier(means, 0.01, half)
+    assert smoothed_s(sure, found) == pytest.approx(rows_back / 4.0, rel=0.1)
+    own = own_velocities(sure, found).vel_ned
+    assert np.isnan(own[half]).all()
+    np.testing.assert_array_equal(own[half.stop :], velocity[half.stop :])
+    (reason,) = smoothed_doubts(own_velocities(sure, found), found)
+    assert (reason.code, reason.state, reason.handled) == ("velocity_smoothed", "good", True)
+    # float ones err by more from one to the next than the velocities, others do not say
+    for fixes in (by_carrier(means, 0.2), means):
+        assert own_velocities(fixes, found) is fixes
+        assert smoothed_doubts(fixes, found) == []
+
+
+@pytest.mark.parametrize("late_s", [0.0, 0.2])
+def test_velocities_of_an_instant_stay_beside_carrier_phases(late_s: float) -> None:
+    """Late by some tenths of a second is what a receiver's filter is."""
+    receiver = replace(GOOD, speed_lag_s=late_s, course_lag_s=late_s, velocity_error=0.05)
+    fixes = by_carrier(simulated_fixes(10006, receiver, seconds=240.0), 0.01)
+    assert own_velocities(fixes, velocity_consistency(fixes)) is fixes
 
 
 def test_velocities_that_are_wrong_are_not_called_ways() -> None:

@@ -77,6 +77,14 @@ def test_what_may_be_of_another_instant_is_as_unsure_as_it_changes() -> None:
     late, early = (np.roll(path.rpy[:, 2], k) for k in (8, -8))
     turned = np.maximum(np.abs(late - path.rpy[:, 2]), np.abs(early - path.rpy[:, 2]))
     assert wide.sd_rpy[inside, 2] == pytest.approx(np.hypot(turned, 0.005)[inside], rel=1e-3)
+    # tilts as headings: they were 5 sigmas off beside fixes that are late by a tenth of a second
+    tilts = np.column_stack([0.03 * np.sin(path.gps_s), 0.05 * np.cos(0.7 * path.gps_s)])
+    swaying = replace(path, rpy=np.column_stack([tilts, path.rpy[:, 2]]))
+    tilted = widen(swaying, [Reason("a", "", moved_s=0.8)], NONE, None)
+    most = np.max([np.abs(np.roll(tilts, k, axis=0) - tilts) for k in (8, -8)], axis=0)
+    expected = np.hypot(most, path.sd_rpy[:, :2])[inside]
+    np.testing.assert_allclose(tilted.sd_rpy[inside, :2], expected, rtol=1e-3)
+    np.testing.assert_array_equal(tilted.sd_pos_ned, path.sd_pos_ned)
     # the way of that time, in any direction
     assert np.hypot(*wide.sd_pos_ned[inside, :2].T).max() == pytest.approx(8.0, abs=0.2)
     # and on a climb of a tenth its height

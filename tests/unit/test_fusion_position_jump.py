@@ -15,6 +15,7 @@ from automap.fusion.doubts.position_jump import (
     Jump,
     beside_readings,
     height_jumps,
+    heights_of,
     jump_doubts,
     places_of,
     position_jumps,
@@ -76,6 +77,26 @@ def test_what_an_imu_does_not_feel_is_told_with_size_and_instant(rate: float) ->
     assert [jump.gps_s - GPS0 for jump in found] == pytest.approx([100.0, 130.0], abs=1.0)
     assert found[0].by == pytest.approx([*by, 0.0], abs=0.2)
     assert found[1].by == pytest.approx([*-by, 0.0], abs=0.2)
+
+
+@pytest.mark.parametrize("seed", [3, 11])
+def test_heights_that_an_imu_does_not_feel_are_told(seed: int) -> None:
+    """Four decimetres, which at 15 m/s may be a body that pitches, were 2.8 sigmas off."""
+    fixes = exact(seed)
+    t = fixes.gps_s - GPS0
+    up = shifted(fixes, ((t >= 100.1) & (t < 130.1))[:, None] * np.array([0.0, 0.0, -0.4]))
+    motion, imu = drive(seed)
+    free, path = free_of(imu), path_of(motion, imu, OFF_RAD)
+    for log in (fixes, up):
+        model = model_fixes(log, log.gps_s, FusionOptions())
+        seen = beside_readings(heights_of(model), free, path, np.zeros(3), 0.0)
+        found = position_jumps(seen)
+        if log is fixes:
+            assert found == []
+            continue
+        assert [jump.gps_s - GPS0 for jump in found] == pytest.approx([100.0, 130.0], abs=1.0)
+        assert found[0].by == pytest.approx([0.0, 0.0, 0.4], abs=0.06)
+        assert found[1].by == pytest.approx([0.0, 0.0, -0.4], abs=0.06)
 
 
 def test_what_no_tyres_hold_is_told_without_an_imu() -> None:

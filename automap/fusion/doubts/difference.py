@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -18,17 +18,19 @@ from automap.records import FloatArray, Trajectory
 @dataclass(frozen=True)
 class Difference:
     """Sizes of differences at a path's rows: ``position`` [m] m horizontally, ``velocity`` [m, 3]
-    m/s NED, ``heading`` [m] rad, ``height`` [m] m; zero where there is nothing to compare."""
+    m/s NED, ``heading`` [m] and ``tilt`` [m, 2], roll and pitch, rad, ``height`` [m] m; zero where
+    there is nothing to compare."""
 
     position: FloatArray
     velocity: FloatArray
     heading: FloatArray
     height: FloatArray
+    tilt: FloatArray
 
 
 def no_difference(n: int) -> Difference:
     """Of ``n`` rows."""
-    return Difference(np.zeros(n), np.zeros((n, 3)), np.zeros(n), np.zeros(n))
+    return Difference(np.zeros(n), np.zeros((n, 3)), *np.zeros((2, n)), np.zeros((n, 2)))
 
 
 def between(path: Trajectory, other: Trajectory) -> Callable[[FloatArray], Difference]:
@@ -58,7 +60,8 @@ def between(path: Trajectory, other: Trajectory) -> Callable[[FloatArray], Diffe
         heading = np.zeros(len(gps_s))
         if turned_by is not None:
             heading = np.interp(gps_s, t[driving], turned_by)
-        return Difference(np.interp(gps_s, t, far), velocity, heading, np.zeros(len(gps_s)))
+        none = no_difference(len(gps_s))
+        return replace(none, position=np.interp(gps_s, t, far), velocity=velocity, heading=heading)
 
     return at_rows
 
@@ -96,7 +99,7 @@ def within(path: Trajectory, late_s: FloatArray, rows: slice) -> Difference:
     at, place = path.gps_s[near], (path.lat_rad[near], path.lon_rad[near], path.height_m[near])
     level = local_ned(*place, ref).reshape(-1, 3)[:, :2]
     values = np.column_stack(
-        [level, place[2], path.vel_ned[near], np.unwrap(path.rpy[near, 2])],
+        [level, place[2], path.vel_ned[near], np.unwrap(path.rpy[near], axis=0)],
     )
     own = values[rows.start - first : rows.stop - first]
     both = [
@@ -105,4 +108,4 @@ def within(path: Trajectory, late_s: FloatArray, rows: slice) -> Difference:
     ]
     position = np.maximum(*(np.hypot(off[:, 0], off[:, 1]) for off in both))
     off = np.maximum(*both)
-    return Difference(position, off[:, 3:6], off[:, 6], off[:, 2])
+    return Difference(position, off[:, 3:6], off[:, 8], off[:, 2], off[:, 6:8])

@@ -35,10 +35,10 @@ from automap.timebase import gps_to_iso
 
 @dataclass(frozen=True)
 class Places:
-    """Positions ``at`` [m, 2] m, north and east, good to ``sd`` [m] m, at ``t`` [m] GPS s, and the
-    way ``felt`` [m, d] m of another witness, in axes that ``turn`` [m, 2, d] takes to north and
-    east, without one ``d`` is 0; ``lost_s`` [m] seconds that it had lost until then, ``slack`` [m]
-    m what of a jump is its own."""
+    """Positions ``at`` [m, c] m, north and east, or up alone, good to ``sd`` [m] m, at ``t`` [m]
+    GPS s, and the way ``felt`` [m, d] m of another witness, in axes that ``turn`` [m, c, d] takes
+    to those, without one ``d`` is 0; ``lost_s`` [m] seconds that it had lost until then, ``slack``
+    [m] m what of a jump is its own."""
 
     t: FloatArray
     at: FloatArray
@@ -67,12 +67,20 @@ def places_of(model: FixModel) -> Places:
     ref = (*values[0, :2], 0.0) if n else (0.0, 0.0, 0.0)
     at = local_ned(values[:, 0], values[:, 1], np.zeros(n), ref).reshape(-1, 3)[:, :2]
     sd = model.stated_sd[rows, :2].max(axis=1, initial=0.0)
-    return Places(model.t[rows], at, sd, *_without_witness(n))
+    return Places(model.t[rows], at, sd, *_without_witness(n, 2))
 
 
-def _without_witness(n: int) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """``felt``, ``turn``, ``lost_s`` and ``slack`` of ``n`` places without one."""
-    return np.zeros((n, 0)), np.zeros((n, 2, 0)), np.zeros(n), np.zeros(n)
+def heights_of(model: FixModel) -> Places:
+    """Heights of fixes, timed in GPS seconds, without a witness."""
+    rows = np.flatnonzero((model.flags & HAS_POS_V) > 0)
+    rows = rows[np.diff(model.t[rows], prepend=-np.inf) > limits.SAME_FIX_S]
+    at, sd = model.values[rows, 2:3], model.stated_sd[rows, 2]
+    return Places(model.t[rows], at, sd, *_without_witness(len(rows), 1))
+
+
+def _without_witness(n: int, c: int) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """``felt``, ``turn``, ``lost_s`` and ``slack`` of ``n`` places in ``c`` axes without one."""
+    return np.zeros((n, 0)), np.zeros((n, c, 0)), np.zeros(n), np.zeros(n)
 
 
 def beside_readings(
@@ -88,16 +96,18 @@ def beside_readings(
     since, t = since[inside], places.t[inside]
     row = np.clip(np.searchsorted(path.gps_s, t - age_s), 0, len(path.gps_s) - 1)
     back = np.swapaxes(quat_to_matrix(free.quat[free.nearest(since)]), 1, 2)
-    turn = (rpy_to_matrix(path.rpy[row]) @ back)[:, :2]
+    turn, speed = rpy_to_matrix(path.rpy[row]) @ back, path.vel_ned[row]
+    level = places.at.shape[1] > 1
+    turn, speed = (turn[:, :2], speed[:, :2]) if level else (-turn[:, 2:], speed[:, 2:])
     felt, lost = free.of_point(since, arm)[1], np.interp(since, free.t, free.lost_s)
     lacks = (STEADY_GAP_STEPS - 1.0) * float(np.median(np.diff(path.gps_s)))
-    slack = lacks * np.hypot(path.vel_ned[row, 0], path.vel_ned[row, 1])
+    slack = lacks * np.linalg.norm(speed, axis=1)
     return Places(t, places.at[inside], places.sd[inside], felt, turn, lost, slack)
 
 
 def position_jumps(places: Places) -> list[Jump]:
-    """Jumps, in the order of time, of positions that are good to decimetres. Others jump by as much
-    as they err, which their sigmas hold."""
+    """Jumps, in the order of time, of positions, or of heights beside a witness, that are good to
+    decimetres. Others jump by as much as they err, which their sigmas hold."""
     exact = places.sd < ARM_TOLD_SD_M
     seen = Places(*(getattr(places, field.name)[exact] for field in fields(Places)))
     if len(seen.t) < LEAST_JUDGED:
@@ -108,30 +118,29 @@ def position_jumps(places: Places) -> list[Jump]:
     if len(before) < LEAST_JUDGED:
         return []
     # one of as many as there are fixes
-    beyond = slack + np.sqrt(gate(DOUBT_PROBABILITY / len(before), 2)) * sd
-    level = np.pad(jump, ((0, 0), (0, 1)))
-    return _apart(0.5 * (seen.t[before] + seen.t[before + 1]), level, least / beyond)
+    axes = seen.at.shape[1]
+    beyond = slack + np.sqrt(gate(DOUBT_PROBABILITY / len(before), axes)) * sd
+    by = np.pad(jump, ((0, 0), (0, 1) if axes > 1 else (2, 0)))
+    return _apart(0.5 * (seen.t[before] + seen.t[before + 1]), by, least / beyond)
 
 
 def height_jumps(model: FixModel, path: Trajectory) -> list[Jump]:
     """Jumps of the fixes' heights beyond what the vehicle climbs by its pitch on the
     ``path``: ones that these heights do not make and the errors stated of them do not hold."""
-    rows = np.flatnonzero((model.flags & HAS_POS_V) > 0)
-    rows = rows[np.diff(model.t[rows], prepend=-np.inf) > limits.SAME_FIX_S]
-    if len(rows) < LEAST_JUDGED:
+    heights = heights_of(model)
+    t, sd = heights.t, heights.sd
+    if len(t) < LEAST_JUDGED:
         return []
-    t, sd = model.t[rows], model.stated_sd[rows, 2]
     way = np.hypot(path.vel_ned[:, 0], path.vel_ned[:, 1]) * np.gradient(path.gps_s)
     climbed, driven = (
         np.interp(t, path.gps_s, np.cumsum(part)) for part in (way * np.tan(path.rpy[:, 1]), way)
     )
-    high = model.values[rows, 2] - climbed
+    high = heights.at[:, 0] - climbed
     held = ~_wild(high, driven, sd, max(round(limits.STEP_WINDOW_S / np.median(np.diff(t))), 1))
     t, sd, high, driven = t[held], sd[held], high[held], driven[held]
     if len(t) < LEAST_JUDGED:
         return []
-    at = np.stack([high, np.zeros(len(t))], axis=1)
-    seen = Places(t, at, sd, *_without_witness(len(t)))
+    seen = Places(t, high[:, None], sd, *_without_witness(len(t), 1))
     # carrier phases need no mean over seconds, in which a body pitches and drives far
     exact = float(np.median(sd)) < ARM_TOLD_SD_M
     before, half = _between(seen, 0.0 if exact else limits.STEP_WINDOW_S)
@@ -142,7 +151,7 @@ def height_jumps(model: FixModel, path: Trajectory) -> list[Jump]:
     beyond = np.maximum(usual, np.sqrt(gate(limits.UNHELD_PROBABILITY, 1)) * beside)
     # from the middle of what is before to that of what is after
     beyond += limits.BODY_PITCH_RAD * 0.5 * (driven[before + half] - driven[before - half + 1])
-    up = np.pad(jump[:, :1], ((0, 0), (2, 0)))
+    up = np.pad(jump, ((0, 0), (2, 0)))
     return _apart(0.5 * (t[before] + t[before + 1]), up, least / beyond)
 
 
@@ -171,7 +180,7 @@ def _apart(when: FloatArray, jump: FloatArray, ratio: FloatArray) -> list[Jump]:
 
 
 _Found = tuple[IntArray, FloatArray, FloatArray, FloatArray, FloatArray]
-"""Fixes before what may be a jump [k], jumps [k, 2] and how much of each is left at least without
+"""Fixes before what may be a jump [k], jumps [k, c] and how much of each is left at least without
 any one fix [k], how much is none of theirs [k], m, and what they err by [k], m an axis."""
 
 
@@ -206,7 +215,7 @@ def _by_themselves(seen: Places) -> _Found:
 def _jumps(
     seen: Places, before: IntArray, half: int, power: int
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Jumps [k, 2] m behind the fixes ``before`` [k] in a curve of ``power`` through ``half`` fixes
+    """Jumps [k, c] m behind the fixes ``before`` [k] in a curve of ``power`` through ``half`` fixes
     before and after, how much of each is left at least without any one fix [k], and the sigma of
     either side against the other, by the worst fix [k]."""
     parts = np.array_split(before, len(before) // limits.STEP_BATCH + 1)

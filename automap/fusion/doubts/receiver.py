@@ -82,17 +82,6 @@ def _turned_by(angle: float) -> FloatArray:
     return np.array([[c, -s], [s, c]])
 
 
-def own_velocities(fixes: Fixes, found: VelocityConsistency) -> Fixes:
-    """Fixes without velocities that are the ways between positions.
-
-    As velocities of an instant they would tell of an arm of the antenna, or of a delay, what is the
-    mean over an interval in which the body sways; and the noise of positions would count twice.
-    """
-    if found.means is None:
-        return fixes
-    return replace(fixes, vel_ned=np.full_like(fixes.vel_ned, np.nan))
-
-
 def told_late(lag: Estimate | None) -> float:
     """By how much, s, velocities are told late; 0 where chance makes as much."""
     return lag.value if lag is not None and abs(lag.value) > limits.LAG_SIGMAS * lag.sd else 0.0

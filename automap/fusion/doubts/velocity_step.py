@@ -228,8 +228,8 @@ def last_term(design: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray
 
 
 def least_along(jump: FloatArray, left: FloatArray) -> FloatArray:
-    """The least [k] of ``left`` [k, n, 2] in the direction of ``jump`` [k, 2]."""
-    size = np.hypot(jump[:, 0], jump[:, 1])
+    """The least [k] of ``left`` [k, n, c] in the direction of ``jump`` [k, c]."""
+    size = np.linalg.norm(jump, axis=1)
     along = np.einsum("kni,ki->kn", left, jump) / np.maximum(size, 1e-9)[:, None]
     return np.asarray(np.minimum(along.min(axis=1), size))
 

@@ -128,6 +128,14 @@ def has_position(fixes: Fixes) -> tuple[BoolArray, BoolArray]:
     return level, level & np.isfinite(fixes.height_m) & (kind != FixType.TWO_D)
 
 
+def carrier_sd(fixes: Fixes) -> FloatArray:
+    """Level sigma [n] m an axis of carrier-phase positions, short-term too; of others infinite."""
+    carrier = (fixes.fix_type == FixType.FIXED) | (fixes.fix_type == FixType.FLOAT)
+    stated = fixes.sd_pos_ned[:, :2].max(axis=1)
+    sd = np.where(np.isfinite(stated) & (stated > 0.0), stated, _unstated(fixes))
+    return np.where(carrier & has_position(fixes)[0], sd, np.inf)
+
+
 def by_carrier(fixes: Fixes) -> bool:
     """Whether most positions are carrier-phase solutions, which are of the instant of their tag,
     while a navigation filter's own may be of one a little before or after."""

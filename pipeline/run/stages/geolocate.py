@@ -347,7 +347,7 @@ STAGE = Stage(
     # 36: and what is followed for longer than signs are in sight
     # 37: a sign is sought from distances by its size alone
     # 42: stamps of a camera are unsure against a path that is dated by fixes of unknown age
-    # 43: k1 of lenses; residuals and ranges of boxes are against signs where their views see them from
+    # 43: k1 of lenses; residuals and ranges are against signs where their views see them from
     version=43,
     run=run,
     inputs=_inputs,
