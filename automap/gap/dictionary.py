@@ -128,6 +128,8 @@ ON_VEHICLE = (
 ON_MOUNT = (
     # wind lifts what stands out, brakes and bends twist what is held on one side
     ("imu_pitch", "speed^2"),
+    # dampers let a nose dive late; at once is in every model
+    ("imu_pitch", "lag(acceleration, 1.0)"),
     ("imu_yaw", "speed^2"),
     ("imu_yaw", "acceleration"),
     ("imu_yaw", "lateral_acceleration"),

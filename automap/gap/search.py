@@ -196,10 +196,14 @@ class Search:
             idle = Chosen(tuple(p for p in found.parts if p not in fewer.parts))
             self._bar(selection.alike(idle))
             return fewer
-        formed = None if ending else self._formed(here, selection, found)
-        if formed is not None:
-            return formed
-        rival = None if ending else self._decided(here, selection, found)
+        formed = rival = None
+        if found.names and not ending:
+            # what is compared with it is fitted about it once more, and so is it itself
+            again = self.screening.states(here, selection, found)
+            formed = self._formed(again, selection, found)
+            if formed is not None:
+                return formed
+            rival = self._decided(again, selection, found)
         if rival is not None:
             pair = frozenset({frozenset(found.names), frozenset(rival.names)})
             if pair not in self.challenged:
@@ -224,12 +228,23 @@ class Search:
         return found
 
     def _formed(self, here: Fitted, selection: Selection, chosen: Chosen) -> Chosen | None:
+        """The choice with its formulas in other forms, for as long as one is better; None where
+        none is."""
+        instead = None
+        while (found := self._better_form(here, selection, chosen)) is not None:
+            chosen = instead = found[0]
+            here = self.screening.states(found[1], selection, chosen)
+        return instead
+
+    def _better_form(
+        self, here: Fitted, selection: Selection, chosen: Chosen
+    ) -> tuple[Chosen, Fitted] | None:
         """The choice with a formula in the form near it with which all drives are likeliest by the
         filter itself: where a linear model says nearly the same of two, it is off by more. Where
         another of the choice and the formula may be one thing, also in the place of both."""
         known, joint = (self.screening.refinements, selection.candidates), here.joint()
         for name in chosen.names:
-            best, instead = limits.CLOSE_NATS, None
+            best, instead, its_fit = limits.CLOSE_NATS, None, here
             for gone in ("", *self.screening.entangled(joint, selection, chosen, name)):
                 fewer = chosen.without(gone)
                 for form in self.screening.forms(here, selection, chosen, name, gone):
@@ -242,10 +257,10 @@ class Search:
                     ahead, _ = self.judge.ahead(fitted, here, of_vehicle)
                     ahead += selection.log_prior(its) - selection.log_prior(chosen)
                     if ahead > best:
-                        best, instead = ahead, (fewer, name, *form)
+                        best, instead, its_fit = ahead, (fewer, name, *form), fitted
             self.screening.refinements, selection.candidates = known
             if instead is not None:
-                return self.screening.in_form(here, selection, *instead)
+                return self.screening.in_form(here, selection, *instead), its_fit
         return None
 
     def _beyond_drift(self, here: Fitted, selection: Selection, found: Chosen) -> Chosen:
@@ -306,10 +321,13 @@ class Search:
         return replace(stands, kept_out=kept_out)
 
     def _fit(self, here: Fitted, selection: Selection, chosen: Chosen) -> Fitted:
-        """The chosen set as states, with the noise that suits it; where that was fitted before,
-        that noise, as far as another path does not move it."""
+        """The chosen set as states, with the noise that suits it; where that was fitted before, or
+        with other forms of its formulas, that noise, as far as these and another path do not move
+        it."""
         self.log(f"fitting {', '.join(chosen.names) or 'the base model'} with its noise")
-        asked = selection.keys(chosen), len(self.each_drive)
+        keys = selection.keys(chosen)
+        seeds = frozenset((self.screening.seed(name), own) for name, own in keys)
+        asked = seeds, len(self.each_drive)
         known = self.levels.get(asked, here.model.factors)
         begun = replace(here, model=replace(here.model, factors=known))
         states = replace(self.screening.states(begun, selection, chosen), curvature=here.curvature)
