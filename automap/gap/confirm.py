@@ -68,10 +68,7 @@ class Confirmed:
 
 
 def confirmed(
-    held_out: Sequence[OpenDrive],
-    model: GapModel,
-    values: Values,
-    must_gain: Collection[str] = (),
+    held_out: Sequence[OpenDrive], model: GapModel, values: Values, must_gain: Collection[str] = ()
 ) -> Confirmed:
     """Judge effects at ``values`` on held-out drives under ``model``; of those that ``must_gain``
     it is not enough that nothing speaks against them."""

@@ -25,12 +25,7 @@ from automap.effects.user import (
     user_effect,
     user_effects,
 )
-from automap.gap.candidates import (
-    Candidate,
-    effect_columns,
-    signal_column,
-    size_of,
-)
+from automap.gap.candidates import Candidate, effect_columns, signal_column, size_of
 from automap.gap.fit import Fit
 from automap.gap.limits import SAME_SIGNAL
 from automap.gap.linear import Column, NodeMotion
@@ -169,9 +164,7 @@ LEAST_OWN = 1e-6
 
 
 def formula_columns(
-    at: NodeMotion,
-    terms: Sequence[tuple[str, str]],
-    exclude: Collection[str],
+    at: NodeMotion, terms: Sequence[tuple[str, str]], exclude: Collection[str]
 ) -> list[Column]:
     """Formulas of one term each, channel and text, as columns of one drive, but for those of
     readings that effects of the library say; it does without those to ``exclude``."""
@@ -188,9 +181,7 @@ def formula_columns(
 
 
 def _said(
-    at: NodeMotion,
-    signals: Mapping[str, FloatArray],
-    exclude: Collection[str],
+    at: NodeMotion, signals: Mapping[str, FloatArray], exclude: Collection[str]
 ) -> set[tuple[str, str]]:
     """Channel and text of formulas on readings, of ``signals`` [n] by their texts, that effects of
     the catalogue make up."""

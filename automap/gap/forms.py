@@ -80,11 +80,10 @@ def nearby(
         near = [form for t in (text, *others) for form in neighbours(t, signals)]
         forms = [t for t in dict.fromkeys((*others, *near)) if t != text]
         # none is compared before its amounts are those that suit it best
-        likeliest = _of_each_family(single([text, *forms]))
-        likeliest.pop(_family(text), None)
-        moved = [t for form in list(likeliest.values())[:COMPARED] for t in (form, *amounts(form))]
+        likeliest = _of_each_family([text, *single([text, *forms])])[1:]
+        moved = [t for form in likeliest[:COMPARED] for t in (form, *amounts(form))]
         order = single([text, *moved], math.log(len(forms)))
-        every = list(_of_each_family(order).values())
+        every = _of_each_family(order)
         found[text] = count
         count += len(forms)
         for other in every[:FORMS]:
@@ -96,17 +95,12 @@ def nearby(
     return [(((on, t),), choices) for t, choices in found.items() if t != terms[0][1]]
 
 
-def _family(text: str) -> str:
-    """A formula without its amounts."""
-    return AMOUNT.sub("", text)
-
-
-def _of_each_family(texts: Sequence[str]) -> dict[str, str]:
-    """The first of each family of formulas, by family."""
+def _of_each_family(texts: Sequence[str]) -> list[str]:
+    """The first of each family of formulas, which differ by their amounts alone."""
     out: dict[str, str] = {}
     for text in texts:
-        out.setdefault(_family(text), text)
-    return out
+        out.setdefault(AMOUNT.sub("", text), text)
+    return list(out.values())
 
 
 def ranked(about: About, tried: Sequence[Terms], price: float | None = None) -> list[Terms]:

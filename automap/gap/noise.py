@@ -318,11 +318,7 @@ def _relative(fits: Sequence[Fit], factors: Mapping[str, float]) -> dict[str, fl
 
 
 def _time_constant(
-    level: str,
-    fits: Sequence[Fit],
-    rooms: Sequence[Room],
-    best: float,
-    factors: dict[str, float],
+    level: str, fits: Sequence[Fit], rooms: Sequence[Room], best: float, factors: dict[str, float]
 ) -> tuple[float, dict[str, float]]:
     """Move a time constant up or down while that helps."""
     low, high = _limits(level)
