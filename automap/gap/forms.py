@@ -37,6 +37,8 @@ STEPS = 3
 MOVES = 4
 """So often amounts are moved, one at a time, before other forms are tried: two that go together, as
 how long something is remembered and where it bends, settle by turns. Bounds the time."""
+ONE_SIGMA = 0.5
+"""Nats by which an amount may be off where it is likeliest: it is known no better."""
 FORMS, COMPARED = 3, 6
 """So many of the likeliest at a step are asked of the filter, and so many have their amounts moved
 before; bounds the time."""
@@ -65,14 +67,16 @@ def nearby(
     found: dict[str, int] = {}
     count = 1
 
-    def single(texts: Sequence[str], price: float | None = 0.0) -> list[str]:
-        return [t for ((_, t),) in ranked(about, [((on, t),) for t in texts], price)]
+    def single(
+        texts: Sequence[str], price: float | None = 0.0, alike: float = limits.CLOSE_NATS
+    ) -> list[str]:
+        return [t for ((_, t),) in ranked(about, [((on, t),) for t in texts], price, alike)]
 
     # what was found first may only follow what another says in a form that is not yet its own
     others = single(rivals, None)[: FORMS - 1] if rivals else []
     for _ in range(STEPS):
         for _ in range(MOVES):
-            nearest = single([text, *amounts(text)])[0]
+            nearest = single([text, *amounts(text)], alike=ONE_SIGMA)[0]
             if nearest == text:
                 break
             text = nearest
@@ -103,10 +107,15 @@ def _of_each_family(texts: Sequence[str]) -> list[str]:
     return list(out.values())
 
 
-def ranked(about: About, tried: Sequence[Terms], price: float | None = None) -> list[Terms]:
-    """Formulas, the likeliest first. Where there is a ``price``, less all that these data do not
-    tell from the first that is ``tried``, or from a likelier one; and where that is more than
-    nothing that one is first, but where another is likelier by so many nats, both beside the same
+def ranked(
+    about: About,
+    tried: Sequence[Terms],
+    price: float | None = None,
+    alike: float = limits.CLOSE_NATS,
+) -> list[Terms]:
+    """Formulas, the likeliest first. Where there is a ``price``, less all that are ``alike`` to the
+    first that is ``tried``, or to a likelier one, but for so many nats; and where that is more than
+    nothing that one is first, but where another is likelier by so much, both beside the same
     scatter, and told apart."""
     linear = linearised(about.along, about.of(tried), about.known)
     asked = {equation(terms) for terms in tried}
@@ -119,12 +128,13 @@ def ranked(about: About, tried: Sequence[Terms], price: float | None = None) -> 
             parts.setdefault(column.effect, []).append(i)
     known = conditional(linear, given)
     every = [tuple(part) for part in parts.values()]
-    order = np.argsort(-nats_of_parts(known, every), kind="stable")
-    its = {tuple(linear.layout[i].term for i in every[k]): every[k] for k in order}
+    likeliest = np.argsort(-nats_of_parts(known, every), kind="stable")
+    its = {tuple(linear.layout[i].term for i in every[k]): every[k] for k in likeliest}
     first, out = tried[0], list(its) or [tried[0]]
     if price is None or first not in its:
         return out
-    different = _different(known, [its[t] for t in (first, *(t for t in out if t != first))])
+    order = [its[t] for t in (first, *(t for t in out if t != first))]
+    different = _different(known, order, alike)
     out = [t for t in out if its[t] in different]
     if price > 0.0 and out[0] != first:
         mine, other = evidence(known, its[first]), evidence(known, its[out[0]])
@@ -135,14 +145,14 @@ def ranked(about: About, tried: Sequence[Terms], price: float | None = None) -> 
     return out
 
 
-def _different(known: Conditional, parts: Sequence[Part]) -> set[Part]:
-    """Of single columns those that these data can tell from all before them: the one does not
-    explain what the other does but for fewer nats than rivals are told apart by."""
+def _different(known: Conditional, parts: Sequence[Part], nats: float) -> set[Part]:
+    """Of single columns those that these data can tell from all before them: what explains most
+    would lose so many ``nats`` with the one in the place of the other."""
     columns = [i for (i,) in parts]
     info = known.info(tuple(columns))
     size = np.maximum(np.diag(info), 1e-300)
     most = 0.5 * float(np.max(known.score[columns] ** 2 / size))
-    alike = most * (1.0 - info**2 / np.outer(size, size)) < limits.CLOSE_NATS
+    alike = most * (1.0 - info**2 / np.outer(size, size)) < nats
     kept: list[int] = []
     for k in range(len(columns)):
         if not alike[k, kept].any():
@@ -243,9 +253,9 @@ def _forms(factor: ast.expr, signals: Signals) -> list[str]:
             out += [f"max({inner} - {a}, 0)", f"min({inner} + {a}, 0)"]
     elif value.min() >= 0.0:
         out += [f"sqrt({inner})", *(f"(1 / max({inner}, {a}))" for a in sizes)]
-        out += [
-            form for a in sizes for form in (f"max({inner} - {a}, 0)", f"max({a} - {inner}, 0)")
-        ]
+        for a in sizes:
+            # above is what below is not
+            out += [f"max({inner} - {a}, 0)", f"max({a} - {inner}, 0)", f"step({a} - {inner})"]
     if "lag(" not in text:
         memories = [(text, f"{t}") for t in MEMORIES_S]
         if text != inner:

@@ -39,6 +39,10 @@ def test_a_factor_is_bent_remembered_one_sided_and_left_out(signals: Signals) ->
         "acceleration",
     ):
         assert text in near
+    assert any(
+        re.fullmatch(r"rate_z \* step\([\d.]+ - speed\)", t)
+        for t in neighbours("rate_z * speed", signals)
+    )
     # a speed has one sign
     assert not any("abs(speed)" in text for text in near)
     assert "(rate_z * abs(rate_z))" in neighbours("rate_z^3", signals)
@@ -70,7 +74,7 @@ def test_a_form_is_compared_with_the_amounts_that_suit_it(monkeypatch: pytest.Mo
             np.sum((truth - columns @ np.linalg.lstsq(columns, truth, rcond=None)[0]) ** 2)
         )
 
-    def ranked(about: Any, tried: Sequence[Terms], price: float = 0.0) -> list[Terms]:
+    def ranked(about: Any, tried: Sequence[Terms], price: Any, alike: float) -> list[Terms]:
         return sorted(tried, key=lambda terms: left(terms[0][1]))
 
     monkeypatch.setattr(forms, "ranked", ranked)
@@ -88,15 +92,17 @@ def test_forms_that_data_do_not_tell_from_a_likelier_one_are_not_asked_about() -
     # the second explains all but a thousandth of what the first does, the third a quarter of it
     info = np.array([[1.0, 0.9995, 0.5], [0.9995, 1.0, 0.5], [0.5, 0.5, 1.0]])
 
-    def different(nats: float) -> set[Any]:
+    def different(nats: float, alike: float = 3.0) -> set[Any]:
         known = SimpleNamespace(
             info=lambda part: info[np.ix_(part, part)],
             score=np.sqrt(2.0 * nats) * np.array([1.0, 1.0, 0.5]),
         )
-        return forms._different(cast("Conditional", known), [(0,), (1,), (2,)])
+        return forms._different(cast("Conditional", known), [(0,), (1,), (2,)], alike)
 
     assert different(100.0) == {(0,), (2,)}
     assert different(10000.0) == {(0,), (1,), (2,)}
+    # an amount is where it is likeliest to half a nat
+    assert different(1000.0, 0.5) == {(0,), (1,), (2,)}
 
 
 def test_what_is_remembered_takes_a_shape_and_a_shape_is_remembered(signals: Signals) -> None:
