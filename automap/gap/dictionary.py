@@ -121,13 +121,15 @@ ON_VEHICLE = (
 )
 """What the point that follows the road does aside: channel and text."""
 ON_MOUNT = (
-    # wind lifts what stands out, brakes and bends twist what is held on one side
-    ("imu_pitch", "speed^2"),
+    # wind lifts what stands out, brakes and bends twist what is held on one side or bends to both
+    *(
+        (on, text)
+        for on in ("imu_pitch", "imu_yaw")
+        for text in ("speed^2", "abs(acceleration)", "lateral_acceleration", "abs(rate_z) * speed")
+    ),
+    ("imu_yaw", "acceleration"),
     # dampers let a nose dive late; at once is in every model
     ("imu_pitch", "lag(acceleration, 1.0)"),
-    ("imu_yaw", "speed^2"),
-    ("imu_yaw", "acceleration"),
-    ("imu_yaw", "lateral_acceleration"),
 )
 """What the unit gives by in its mount: channel and text."""
 WARM_MOUNT = ("imu_pitch", "imu_yaw")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -195,13 +196,10 @@ def _result(
         then = fit_held_out(held_out, model, part, final)
         gaps.append(rest + (reference - total_score(then, whitener)) / count)
     gaps.append(rest)
-    findings, formulas = [], []
-    for number, one in enumerate(told):
-        before, after = gaps[number], gaps[number + 1]
-        if isinstance(one, Finding):
-            findings.append(replace(one, gap_before=before, gap_after=after))
-        else:
-            formulas.append(replace(one, gap_before=before, gap_after=after))
+    between = zip(told, pairwise(gaps), strict=False)
+    told = [replace(one, gap_before=then, gap_after=now) for one, (then, now) in between]
+    findings = [one for one in told if isinstance(one, Finding)]
+    formulas = [one for one in told if isinstance(one, Unexplained)]
     usual = []
     for effect, (one, bare) in always.items():
         drift = changing.get(effect)

@@ -67,16 +67,14 @@ def nearby(
     found: dict[str, int] = {}
     count = 1
 
-    def single(
-        texts: Sequence[str], price: float | None = 0.0, alike: float = limits.CLOSE_NATS
-    ) -> list[str]:
-        return [t for ((_, t),) in ranked(about, [((on, t),) for t in texts], price, alike)]
+    def single(texts: Sequence[str], price: float | None = 0.0, *alike: float) -> list[str]:
+        return [t for ((_, t),) in ranked(about, [((on, t),) for t in texts], price, *alike)]
 
     # what was found first may only follow what another says in a form that is not yet its own
     others = single(rivals, None)[: FORMS - 1] if rivals else []
     for _ in range(STEPS):
         for _ in range(MOVES):
-            nearest = single([text, *amounts(text)], alike=ONE_SIGMA)[0]
+            nearest = single([text, *amounts(text)], 0.0, ONE_SIGMA)[0]
             if nearest == text:
                 break
             text = nearest

@@ -74,7 +74,7 @@ def test_a_form_is_compared_with_the_amounts_that_suit_it(monkeypatch: pytest.Mo
             np.sum((truth - columns @ np.linalg.lstsq(columns, truth, rcond=None)[0]) ** 2)
         )
 
-    def ranked(about: Any, tried: Sequence[Terms], price: Any, alike: float) -> list[Terms]:
+    def ranked(about: Any, tried: Sequence[Terms], price: Any, *alike: float) -> list[Terms]:
         return sorted(tried, key=lambda terms: left(terms[0][1]))
 
     monkeypatch.setattr(forms, "ranked", ranked)
