@@ -18,11 +18,10 @@ from automap.gap.candidates import library
 from automap.gap.confirm import costs, levels_for_runs
 from automap.gap.constancy import drifts
 from automap.gap.dictionary import forget_formulas
-from automap.gap.doubt import doubt_of_usual, doubts
+from automap.gap.doubt import doubt_of_usual, doubts, given_up, in_noise
 from automap.gap.drive import GapDrive, OpenDrive, in_vehicle_axes, open_drive
 from automap.gap.fit import Fit, GapModel, Values, base_model, fit_drive, without
 from automap.gap.found import Beside, Found
-from automap.gap.leftover import given_up, in_noise
 from automap.gap.linear import Column, NodeMotion
 from automap.gap.misfit import Misfit, Place, misfits, places, worst_by_channel
 from automap.gap.naming import (
