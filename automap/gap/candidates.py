@@ -311,11 +311,7 @@ def term_columns(
 
 
 def signal_column(
-    term: tuple[str, str],
-    signal: FloatArray,
-    at: NodeMotion,
-    name: str = "",
-    parameter: str = "k",
+    term: tuple[str, str], signal: FloatArray, at: NodeMotion, name: str = "", parameter: str = "k"
 ) -> Column:
     """A ``signal`` [n] on the channel of a term as a column along one drive; ``name`` of the
     formula, where that has more terms."""

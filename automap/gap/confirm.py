@@ -68,10 +68,7 @@ class Confirmed:
 
 
 def confirmed(
-    held_out: Sequence[OpenDrive],
-    model: GapModel,
-    values: Values,
-    must_gain: Collection[str] = (),
+    held_out: Sequence[OpenDrive], model: GapModel, values: Values, must_gain: Collection[str] = ()
 ) -> Confirmed:
     """Judge effects at ``values`` on held-out drives under ``model``; of those that ``must_gain``
     it is not enough that nothing speaks against them."""
@@ -308,10 +305,10 @@ class Judge:
         return [*fitted.fits, *self._held_out(fitted)]
 
     def _held_out(self, fitted: Fitted) -> list[Fit]:
-        """Held-out drives under a fitted set; those of the last set but one are kept."""
-        for known, fits in self._known:
-            if known is fitted:
-                return fits
-        fits = fit_held_out(self.held_out, fitted.model, fitted.values())
-        self._known = [*self._known[-1:], (fitted, fits)]
-        return fits
+        """Held-out drives under a fitted set; the two that were asked for last are kept."""
+        known = [one for one in self._known if one[0] is fitted]
+        if not known:
+            known = [(fitted, fit_held_out(self.held_out, fitted.model, fitted.values()))]
+        # one that many are compared with stays
+        self._known = [*(one for one in self._known if one[0] is not fitted), *known][-2:]
+        return known[0][1]

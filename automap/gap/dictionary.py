@@ -25,12 +25,7 @@ from automap.effects.user import (
     user_effect,
     user_effects,
 )
-from automap.gap.candidates import (
-    Candidate,
-    effect_columns,
-    signal_column,
-    size_of,
-)
+from automap.gap.candidates import Candidate, effect_columns, signal_column, size_of
 from automap.gap.fit import Fit
 from automap.gap.limits import SAME_SIGNAL
 from automap.gap.linear import Column, NodeMotion
@@ -126,11 +121,15 @@ ON_VEHICLE = (
 )
 """What the point that follows the road does aside: channel and text."""
 ON_MOUNT = (
-    # wind lifts what stands out, brakes and bends twist what is held on one side
-    ("imu_pitch", "speed^2"),
-    ("imu_yaw", "speed^2"),
+    # wind lifts what stands out, brakes and bends twist what is held on one side or bends to both
+    *(
+        (on, text)
+        for on in ("imu_pitch", "imu_yaw")
+        for text in ("speed^2", "abs(acceleration)", "lateral_acceleration", "abs(rate_z) * speed")
+    ),
     ("imu_yaw", "acceleration"),
-    ("imu_yaw", "lateral_acceleration"),
+    # dampers let a nose dive late; at once is in every model
+    ("imu_pitch", "lag(acceleration, 1.0)"),
 )
 """What the unit gives by in its mount: channel and text."""
 WARM_MOUNT = ("imu_pitch", "imu_yaw")
@@ -167,9 +166,7 @@ LEAST_OWN = 1e-6
 
 
 def formula_columns(
-    at: NodeMotion,
-    terms: Sequence[tuple[str, str]],
-    exclude: Collection[str],
+    at: NodeMotion, terms: Sequence[tuple[str, str]], exclude: Collection[str]
 ) -> list[Column]:
     """Formulas of one term each, channel and text, as columns of one drive, but for those of
     readings that effects of the library say; it does without those to ``exclude``."""
@@ -186,9 +183,7 @@ def formula_columns(
 
 
 def _said(
-    at: NodeMotion,
-    signals: Mapping[str, FloatArray],
-    exclude: Collection[str],
+    at: NodeMotion, signals: Mapping[str, FloatArray], exclude: Collection[str]
 ) -> set[tuple[str, str]]:
     """Channel and text of formulas on readings, of ``signals`` [n] by their texts, that effects of
     the catalogue make up."""

@@ -1,32 +1,46 @@
-"""Whether a name is all that there is: what speaks for something like it, but not for it.
+"""Whether what is named is all that there is: what speaks for something like it, but not for it,
+and what stands in no name though the drives speak for it.
 
 The likeliest of the names that are known is told though none may be the truth. It is in doubt where
 a formula that is not told apart from it explains more, where held-out data are no likelier with it,
 where what it explains is of another size in some stretches than in others, or where its value
-drifts or steps: one number is then not what the drive shows (``constancy``).
+drifts or steps: one number is then not what the drive shows (``constancy``). The filter or held-out
+data may refuse the likeliest candidate, and noise that was fitted without an effect swallows it: so
+where levels are higher than stated, candidates are judged under what was stated once more.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
+from automap.effects.catalogue import bias_walks
 from automap.effects.user import INSTALLED
+from automap.fusion.layout import CHANNELS
+from automap.fusion.levels import RECEIVER_LEVELS
 from automap.gap import limits
 from automap.gap.candidates import follows_time, is_course
-from automap.gap.evidence import by_groups, differing
+from automap.gap.chance import p_value
+from automap.gap.evidence import by_groups, differing, shown_by
 from automap.gap.fit import Values
 from automap.gap.forms import Terms
 from automap.gap.found import Found, in_layout
 from automap.gap.linear import Part
-from automap.gap.noise import Fitted
+from automap.gap.misfit import LIKE, Misfit
+from automap.gap.noise import INERTIAL_LEVELS, Fitted, fitted_about, noise_score
 from automap.gap.reading_steps import cut_off
 from automap.gap.result import Drift
 from automap.gap.screening import Screening
 from automap.gap.selection import Chosen, Selection
 from automap.gates import exceeds
+from automap.records import FloatArray
+
+SWALLOW = ((tuple(bias_walks()), True), (INERTIAL_LEVELS, True), (RECEIVER_LEVELS, False))
+"""Levels of noise that swallow effects, and whether they are sensors': drift, noise that adds up on
+the way, errors that last."""
 
 
 def doubts(found: Found, values: Values, drifting: Mapping[str, Drift]) -> dict[str, str]:
@@ -118,3 +132,47 @@ def uneven(selection: Selection, chosen: Chosen, name: str) -> float:
 def _nats(selection: Selection, chosen: Chosen, name: str, part: Part) -> float:
     rest = Chosen(tuple(p for p in chosen.parts if p[:2] != (name, part)))
     return selection.evidence(selection.given(rest), name, part).nats
+
+
+def given_up(found: Found, maxima: FloatArray) -> tuple[Misfit, ...]:
+    """The likeliest candidate beside what was found that is as likely as a name and yet none."""
+    return _likeliest(found.selection, found.chosen, maxima)
+
+
+def in_noise(
+    found: Found, screening: Screening, stated: Mapping[str, float], maxima: FloatArray
+) -> tuple[Misfit, ...]:
+    """The same under the noise as stated, kind by kind, where that was raised."""
+    here = found.fitted
+    fitted = here.model.factors
+    for levels, of_sensors in SWALLOW:
+        held = {k: stated[k] for k in levels if fitted[k] > limits.SCALE_FACTOR * stated[k]}
+        if not held:
+            continue
+        factors = {**fitted, **held}
+        # a path bends with its sensors' noise as with an effect: what explains less is no likelier
+        least = noise_score(here.fits, fitted) - noise_score(here.fits, factors)
+        least -= limits.OCCAM_NATS * len(held)
+        model = replace(here.model, factors=factors)
+        loud = screening.selection(fitted_about(model, here.estimate, here.fits), slow=False)
+        chosen = in_layout(found.chosen, found.selection.linear.layout, loud)
+        told = _likeliest(loud, chosen, maxima, least if of_sensors else 0.0)
+        if told:
+            return told
+    return ()
+
+
+def _likeliest(
+    selection: Selection, chosen: Chosen, maxima: FloatArray, least: float = 0.0
+) -> tuple[Misfit, ...]:
+    # all evidence lowered by what candidates say too much together: noise that is not as modelled
+    selection.inflate(chosen)
+    for move in selection.best(chosen, refused=frozenset()):
+        course = is_course(selection.candidates[move.name].terms)
+        told = move.name in chosen.names or course or move.evidence.nats < least
+        if told or not selection.holds(move):
+            continue
+        channel, size = shown_by(selection.given(chosen), move.part)
+        p = p_value(move.evidence.nats, maxima)
+        return (Misfit(CHANNELS[channel], LIKE, move.name, size, p),)
+    return ()

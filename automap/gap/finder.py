@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -17,11 +18,10 @@ from automap.gap.candidates import library
 from automap.gap.confirm import costs, levels_for_runs
 from automap.gap.constancy import drifts
 from automap.gap.dictionary import forget_formulas
-from automap.gap.doubt import doubt_of_usual, doubts
+from automap.gap.doubt import doubt_of_usual, doubts, given_up, in_noise
 from automap.gap.drive import GapDrive, OpenDrive, in_vehicle_axes, open_drive
 from automap.gap.fit import Fit, GapModel, Values, base_model, fit_drive, without
 from automap.gap.found import Beside, Found
-from automap.gap.leftover import given_up, in_noise
 from automap.gap.linear import Column, NodeMotion
 from automap.gap.misfit import Misfit, Place, misfits, places, worst_by_channel
 from automap.gap.naming import (
@@ -195,13 +195,10 @@ def _result(
         then = fit_held_out(held_out, model, part, final)
         gaps.append(rest + (reference - total_score(then, whitener)) / count)
     gaps.append(rest)
-    findings, formulas = [], []
-    for number, one in enumerate(told):
-        before, after = gaps[number], gaps[number + 1]
-        if isinstance(one, Finding):
-            findings.append(replace(one, gap_before=before, gap_after=after))
-        else:
-            formulas.append(replace(one, gap_before=before, gap_after=after))
+    between = zip(told, pairwise(gaps), strict=False)
+    told = [replace(one, gap_before=then, gap_after=now) for one, (then, now) in between]
+    findings = [one for one in told if isinstance(one, Finding)]
+    formulas = [one for one in told if isinstance(one, Unexplained)]
     usual = []
     for effect, (one, bare) in always.items():
         drift = changing.get(effect)

@@ -36,13 +36,7 @@ Values = Mapping[str, Mapping[str, float]]
 ALWAYS = ("gnss_course_distance", "gnss_speed_offset", "vehicle_pitch")
 """What every receiver and every vehicle has, whatever else is asked: courses that lag at low speed,
 speeds that are told too low, and springs."""
-BASE_NUISANCES = (
-    "accel_bias",
-    "gyro_bias",
-    "gnss_correlated_noise",
-    "gnss_multipath",
-    *ALWAYS,
-)
+BASE_NUISANCES = ("accel_bias", "gyro_bias", "gnss_correlated_noise", "gnss_multipath", *ALWAYS)
 """What the base model estimates on every drive anew: every receiver's positions err for minutes
 and for seconds."""
 
@@ -264,10 +258,7 @@ def session_with(
             if "gnss_lever_arm" not in where and "gnss_lever_arm" not in options.effects:
                 sds[name] = 0.0
     scaled = replace(
-        options,
-        effects=tuple(effects),
-        factors=dict(model.factors),
-        earth_rotation=earth,
+        options, effects=tuple(effects), factors=dict(model.factors), earth_rotation=earth
     )
     session = replace(session, options=scaled, means=means, sds=sds)
     # the whole filter is looked into, however long the drive

@@ -20,7 +20,15 @@ from automap.effects.formula_text import parse_formula
 from automap.effects.signals import Signals
 from automap.gap import limits
 from automap.gap.evidence import apart, evidence, nats_of_parts
-from automap.gap.linear import ColumnsOf, Given, NodeMotion, conditional, linearised
+from automap.gap.linear import (
+    ColumnsOf,
+    Conditional,
+    Given,
+    NodeMotion,
+    Part,
+    conditional,
+    linearised,
+)
 from automap.gap.result import equation
 
 Terms = tuple[tuple[str, str], ...]
@@ -29,6 +37,8 @@ STEPS = 3
 MOVES = 4
 """So often amounts are moved, one at a time, before other forms are tried: two that go together, as
 how long something is remembered and where it bends, settle by turns. Bounds the time."""
+ONE_SIGMA = 0.5
+"""Nats by which an amount may be off where it is likeliest: it is known no better."""
 FORMS, COMPARED = 3, 6
 """So many of the likeliest at a step are asked of the filter, and so many have their amounts moved
 before; bounds the time."""
@@ -57,14 +67,14 @@ def nearby(
     found: dict[str, int] = {}
     count = 1
 
-    def single(texts: Sequence[str], price: float = 0.0) -> list[str]:
-        return [t for ((_, t),) in ranked(about, [((on, t),) for t in texts], price)]
+    def single(texts: Sequence[str], price: float | None = 0.0, *alike: float) -> list[str]:
+        return [t for ((_, t),) in ranked(about, [((on, t),) for t in texts], price, *alike)]
 
     # what was found first may only follow what another says in a form that is not yet its own
-    others = single(rivals, 0.0)[: FORMS - 1] if rivals else []
+    others = single(rivals, None)[: FORMS - 1] if rivals else []
     for _ in range(STEPS):
         for _ in range(MOVES):
-            nearest = single([text, *amounts(text)])[0]
+            nearest = single([text, *amounts(text)], 0.0, ONE_SIGMA)[0]
             if nearest == text:
                 break
             text = nearest
@@ -72,11 +82,10 @@ def nearby(
         near = [form for t in (text, *others) for form in neighbours(t, signals)]
         forms = [t for t in dict.fromkeys((*others, *near)) if t != text]
         # none is compared before its amounts are those that suit it best
-        likeliest = _of_each_family(single(forms))
-        likeliest.pop(_family(text), None)
-        moved = [t for form in list(likeliest.values())[:COMPARED] for t in (form, *amounts(form))]
+        likeliest = _of_each_family([text, *single([text, *forms])])[1:]
+        moved = [t for form in likeliest[:COMPARED] for t in (form, *amounts(form))]
         order = single([text, *moved], math.log(len(forms)))
-        every = list(_of_each_family(order).values())
+        every = _of_each_family(order)
         found[text] = count
         count += len(forms)
         for other in every[:FORMS]:
@@ -88,23 +97,24 @@ def nearby(
     return [(((on, t),), choices) for t, choices in found.items() if t != terms[0][1]]
 
 
-def _family(text: str) -> str:
-    """A formula without its amounts."""
-    return AMOUNT.sub("", text)
-
-
-def _of_each_family(texts: Sequence[str]) -> dict[str, str]:
-    """The first of each family of formulas, by family."""
+def _of_each_family(texts: Sequence[str]) -> list[str]:
+    """The first of each family of formulas, which differ by their amounts alone."""
     out: dict[str, str] = {}
     for text in texts:
-        out.setdefault(_family(text), text)
-    return out
+        out.setdefault(AMOUNT.sub("", text), text)
+    return list(out.values())
 
 
-def ranked(about: About, tried: Sequence[Terms], price: float = 0.0) -> list[Terms]:
-    """Formulas, the likeliest first. Where there is a ``price`` that is the first that is
-    ``tried``, but where another is likelier by so many nats, both beside the same scatter, and told
-    apart."""
+def ranked(
+    about: About,
+    tried: Sequence[Terms],
+    price: float | None = None,
+    alike: float = limits.CLOSE_NATS,
+) -> list[Terms]:
+    """Formulas, the likeliest first. Where there is a ``price``, less all that are ``alike`` to the
+    first that is ``tried``, or to a likelier one, but for so many nats; and where that is more than
+    nothing that one is first, but where another is likelier by so much, both beside the same
+    scatter, and told apart."""
     linear = linearised(about.along, about.of(tried), about.known)
     asked = {equation(terms) for terms in tried}
     parts: dict[str, list[int]] = {}
@@ -116,16 +126,36 @@ def ranked(about: About, tried: Sequence[Terms], price: float = 0.0) -> list[Ter
             parts.setdefault(column.effect, []).append(i)
     known = conditional(linear, given)
     every = [tuple(part) for part in parts.values()]
-    order = np.argsort(-nats_of_parts(known, every), kind="stable")
-    its = {tuple(linear.layout[i].term for i in every[k]): every[k] for k in order}
-    out = list(its) or [tried[0]]
-    if price > 0.0 and tried[0] in its and out[0] != tried[0]:
-        mine, other = evidence(known, its[tried[0]]), evidence(known, its[out[0]])
+    likeliest = np.argsort(-nats_of_parts(known, every), kind="stable")
+    its = {tuple(linear.layout[i].term for i in every[k]): every[k] for k in likeliest}
+    first, out = tried[0], list(its) or [tried[0]]
+    if price is None or first not in its:
+        return out
+    order = [its[t] for t in (first, *(t for t in out if t != first))]
+    different = _different(known, order, alike)
+    out = [t for t in out if its[t] in different]
+    if price > 0.0 and out[0] != first:
+        mine, other = evidence(known, its[first]), evidence(known, its[out[0]])
         ratio = min(mine.overdispersion, other.overdispersion)
         gain = other.corrected(ratio) - mine.corrected(ratio)
-        if gain <= price or apart(known, its[out[0]], its[tried[0]]) <= limits.APART:
-            out = [tried[0], *(t for t in out if t != tried[0])]
+        if gain <= price or apart(known, its[out[0]], its[first]) <= limits.APART:
+            out = [first, *(t for t in out if t != first)]
     return out
+
+
+def _different(known: Conditional, parts: Sequence[Part], nats: float) -> set[Part]:
+    """Of single columns those that these data can tell from all before them: what explains most
+    would lose so many ``nats`` with the one in the place of the other."""
+    columns = [i for (i,) in parts]
+    info = known.info(tuple(columns))
+    size = np.maximum(np.diag(info), 1e-300)
+    most = 0.5 * float(np.max(known.score[columns] ** 2 / size))
+    alike = most * (1.0 - info**2 / np.outer(size, size)) < nats
+    kept: list[int] = []
+    for k in range(len(columns)):
+        if not alike[k, kept].any():
+            kept.append(k)
+    return {parts[k] for k in kept}
 
 
 AMOUNT = re.compile(r"\d+(\.\d+)?e-?\d+|\d+\.\d+")
@@ -216,14 +246,19 @@ def _forms(factor: ast.expr, signals: Signals) -> list[str]:
             f"max({inner}, 0)",
             f"min({inner}, 0)",
         ]
-        out += [f"({inner} - min(max({inner}, -{a}), {a}))" for a in sizes[:2]]
+        for a in sizes[:2]:
+            out += [f"({inner} - min(max({inner}, -{a}), {a}))", f"max(abs({inner}) - {a}, 0)"]
+            out += [f"max({inner} - {a}, 0)", f"min({inner} + {a}, 0)"]
     elif value.min() >= 0.0:
         out += [f"sqrt({inner})", *(f"(1 / max({inner}, {a}))" for a in sizes)]
-        out += [
-            form for a in sizes for form in (f"max({inner} - {a}, 0)", f"max({a} - {inner}, 0)")
-        ]
+        for a in sizes:
+            # above is what below is not
+            out += [f"max({inner} - {a}, 0)", f"max({a} - {inner}, 0)", f"step({a} - {inner})"]
     if "lag(" not in text:
         memories = [(text, f"{t}") for t in MEMORIES_S]
+        if text != inner:
+            # a shape of what is remembered is another thing than the memory of a shape
+            out += [_with_instead(factor, inner, f"lag({inner}, {t})") for t in MEMORIES_S]
     else:
         memories = _memory(factor)
         out += [what for what, _ in memories]
@@ -248,21 +283,30 @@ def _moved(factor: ast.expr) -> list[str]:
         if isinstance(node, ast.Constant) and isinstance(node.value, float) and node.value > 0.0
     }
     return [
-        _written(_Moved(value, value * by).visit(copy.deepcopy(factor)))
+        _with_instead(factor, f"{value}", f"{float(f'{value * by:.3g}')}")
         for value in sorted(values)
         for by in np.geomspace(1.0 / WIDER, WIDER, FINER)
     ]
 
 
-class _Moved(ast.NodeTransformer):
-    """One amount in the place of another."""
+def _with_instead(factor: ast.expr, old: str, new: str) -> str:
+    """A factor with something ``new`` wherever it has something ``old``."""
+    was, instead = parse_formula(old).tree, parse_formula(new).tree
+    changed = _Instead(ast.dump(was), instead).visit(copy.deepcopy(factor))
+    assert isinstance(changed, ast.expr)
+    return _written(changed)
 
-    def __init__(self, old: float, new: float) -> None:
-        self.old, self.new = old, float(f"{new:.3g}")
 
-    def visit_Constant(self, node: ast.Constant) -> ast.Constant:
-        same = isinstance(node.value, float) and node.value == self.old
-        return ast.Constant(self.new) if same else node
+class _Instead(ast.NodeTransformer):
+    """One part of a formula, as it is dumped, in the place of another."""
+
+    def __init__(self, old: str, new: ast.expr) -> None:
+        self.old, self.new = old, new
+
+    def visit(self, node: ast.AST) -> ast.AST:
+        if ast.dump(node) == self.old:
+            return copy.deepcopy(self.new)
+        return super().generic_visit(node)
 
 
 def _inner(factor: ast.expr) -> ast.expr:
@@ -276,7 +320,9 @@ def _inner(factor: ast.expr) -> ast.expr:
             return factor
         argument = factor.args[0]
         if isinstance(argument, ast.BinOp) and isinstance(argument.right, ast.Constant):
-            argument = argument.left
+            return argument.left
+        if isinstance(argument, ast.BinOp) and isinstance(argument.left, ast.Constant):
+            return argument.right
         return argument
     return factor
 

@@ -197,13 +197,7 @@ def places(before: Sequence[Fit], after: Sequence[Fit]) -> list[Place]:
                         entry = sums.setdefault((c, name), [np.zeros(2), np.zeros(2)])
                         entry[side] += np.array([len(w), float(np.sum(w**2))])
     out = [
-        Place(
-            CHANNELS[c],
-            name,
-            int(a[0]),
-            float(a[1] / a[0]),
-            float(b[1] / max(b[0], 1.0)),
-        )
+        Place(CHANNELS[c], name, int(a[0]), float(a[1] / a[0]), float(b[1] / max(b[0], 1.0)))
         for (c, name), (a, b) in sums.items()
         if a[0] > 0
     ]
@@ -212,7 +206,4 @@ def places(before: Sequence[Fit], after: Sequence[Fit]) -> list[Place]:
 
 def worst_by_channel(found: Sequence[Place]) -> dict[int, str]:
     """The manoeuvre with the largest innovations of each channel."""
-    out: dict[int, str] = {}
-    for place in found:
-        out.setdefault(CHANNELS.index(place.channel), place.manoeuvre)
-    return out
+    return {CHANNELS.index(p.channel): p.manoeuvre for p in reversed(found)}

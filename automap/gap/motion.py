@@ -233,9 +233,7 @@ def late_change(
     )
     swings = _nose_swings(motion, steady_rate(motion.t, motion.rate) if rate is None else rate)
     return LateChange(
-        change + turned - as_seen - acc,
-        turned_once - at_tag,
-        turned_once / size[:, None] - swings,
+        change + turned - as_seen - acc, turned_once - at_tag, turned_once / size[:, None] - swings
     )
 
 

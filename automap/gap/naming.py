@@ -167,12 +167,7 @@ def suspected(refused: Sequence[Refused]) -> tuple[Misfit, ...]:
 
 
 def _formula(
-    found: Found,
-    name: str,
-    moves: Sequence[Move],
-    nats: float,
-    p: float,
-    nearest: str | None,
+    found: Found, name: str, moves: Sequence[Move], nats: float, p: float, nearest: str | None
 ) -> Unexplained:
     candidate = found.selection.candidates[name]
     effect = found.effects[name]

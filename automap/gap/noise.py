@@ -318,11 +318,7 @@ def _relative(fits: Sequence[Fit], factors: Mapping[str, float]) -> dict[str, fl
 
 
 def _time_constant(
-    level: str,
-    fits: Sequence[Fit],
-    rooms: Sequence[Room],
-    best: float,
-    factors: dict[str, float],
+    level: str, fits: Sequence[Fit], rooms: Sequence[Room], best: float, factors: dict[str, float]
 ) -> tuple[float, dict[str, float]]:
     """Move a time constant up or down while that helps."""
     low, high = _limits(level)
@@ -342,12 +338,7 @@ def _time_constant(
 def _scaled(fit: Fit, relative: Mapping[str, float], most: int) -> tuple[Problem, Nodes, SmoothRun]:
     last: Pass = fit.last
     nodes = scale_nodes(last.nodes.first(most), relative)
-    return scale_problem(last.problem, relative), nodes, _first(last.smooth, most)
-
-
-def _first(smooth: SmoothRun, most: int) -> SmoothRun:
-    return replace(
-        smooth,
-        nominal=np.ascontiguousarray(smooth.nominal[:most]),
-        params=np.ascontiguousarray(smooth.params[:most]),
-    )
+    smooth = last.smooth
+    nominal, params = (np.ascontiguousarray(a[:most]) for a in (smooth.nominal, smooth.params))
+    first = replace(smooth, nominal=nominal, params=params)
+    return scale_problem(last.problem, relative), nodes, first

@@ -72,12 +72,9 @@ def usual_findings(
 ) -> dict[str, tuple[Finding, Fitted]]:
     """The effects of every receiver that are told, each with the fit that is without it, but for
     those to ``exclude``."""
-    every = {
-        effect: usual_finding(effect, found, values, held_out, final, stated, gap)
-        for effect in USUAL
-        if effect not in exclude
-    }
-    return {effect: one for effect, one in every.items() if one is not None}
+    asked = [effect for effect in USUAL if effect not in exclude]
+    every = [(e, usual_finding(e, found, values, held_out, final, stated, gap)) for e in asked]
+    return {effect: one for effect, one in every if one is not None}
 
 
 def values_for_runs(usual: Iterable[Finding]) -> dict[str, dict[str, float]]:

@@ -149,7 +149,7 @@ class Screening:
         """The likeliest forms near a formula of the choice, and out of how many each, without what
         is ``gone`` from it. Asked where nothing can be added any more: before, it follows what else
         is missing."""
-        candidate, asked = selection.candidates[name], (self.seed(name), gone)
+        candidate, asked = selection.candidates[name], (self.seed(name), self.seed(gone))
         if not self._has_forms(candidate) or self.asked[asked] >= limits.TRIALS:
             return []
         self.log(f"looking for the form of {name}{f' without {gone}' if gone else ''}")

@@ -35,11 +35,7 @@ OVERSAMPLED = 2.0
 """Frequencies stand closer than the inverse length of the drive by this factor: in between a
 period loses no more than a fifth of its evidence, sinc^2(1 / 4)."""
 DECAYS = 12
-GAINS = {
-    **{f"gyro_{a}": "rate_z" for a in "xyz"},
-    "accel_x": "force_x",
-    "accel_y": "force_y",
-}
+GAINS = {**{f"gyro_{a}": "rate_z" for a in "xyz"}, "accel_x": "force_x", "accel_y": "force_y"}
 """What an axis mostly measures in a vehicle. Upwards that is its weight, and a gain is a bias."""
 SEAT = ("imu_pitch", "imu_yaw", "imu_time", "antenna_x", "antenna_y")
 """How unit and antenna sit, and keep time. What the unit leans by its weight tells no better than

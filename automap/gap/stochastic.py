@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 
@@ -159,18 +160,10 @@ def _of_no_vehicle(
     return noise_score(free, best) - noise_score(free, held)
 
 
-def _memo(
-    score: Callable[[Mapping[str, float]], float],
-) -> Callable[[Mapping[str, float]], float]:
-    known: dict[tuple[tuple[str, float], ...], float] = {}
-
-    def remembered(factors: Mapping[str, float]) -> float:
-        key = tuple(sorted(factors.items()))
-        if key not in known:
-            known[key] = score(factors)
-        return known[key]
-
-    return remembered
+def _memo(score: Callable[[Mapping[str, float]], float]) -> Callable[[Mapping[str, float]], float]:
+    """A score that is worked out once for the same factors."""
+    known = cache(lambda items: score(dict(items)))
+    return lambda factors: known(tuple(sorted(factors.items())))
 
 
 def _p(nats: float) -> float:

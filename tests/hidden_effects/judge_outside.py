@@ -7,21 +7,23 @@ from typing import Any
 
 import numpy as np
 
-from tests.hidden_effects.answers import Answer, misfits, noise_claims, rows
+from tests.hidden_effects.answers import Answer, misfits, noise_claims
 from tests.hidden_effects.cases import Drawn
 from tests.hidden_effects.evidence import shifts_of, whiten
-from tests.hidden_effects.extras import NOTHING, Extras
+from tests.hidden_effects.extras import Extras
 from tests.hidden_effects.geodesy import Array
 from tests.hidden_effects.outside import Outside
 from tests.hidden_effects.setting import walks
 from tests.hidden_effects.sizes import STOCHASTIC, DrawnEffect
-from tests.hidden_effects.told import terms_of, told_extras
+from tests.hidden_effects.told import Term, terms_of, told_extras
 
 SAME_SHARE = 0.9
 """Share of the disagreement from which on two formulas are one for every use: what is
 left is less than a third of the size."""
 SAME_NATS = 5.0
 """Nats below which two formulas cannot be told apart."""
+OF_BODY = {"imu_yaw": ("nhc_y", -1.0), "imu_pitch": ("nhc_z", 1.0)}
+"""Where a vehicle that turns against its way shows, by its speed times the angle to that side."""
 FLAGGED = ("formula right", "misfit right", "noise right", "flagged", "resembles")
 """Outcomes in which something is said to be missing where it is."""
 
@@ -32,17 +34,31 @@ def equivalent(drawn: Drawn, answer: Answer, found: Mapping[str, DrawnEffect]) -
 
     Both, since what happens once, late on the first day, may not happen on the shorter other one.
     """
-    terms = terms_of(answer.get("unexplained"))
     try:
-        told = told_extras(terms) if terms else NOTHING
         true = _innovations(drawn, dict(drawn.case.effects), drawn.extras())
-        rest = true - _innovations(drawn, found, told)
+        left = min(
+            float(((true - _innovations(drawn, found, told_extras(terms))) ** 2).sum())
+            for terms in _readings(answer.get("unexplained"))
+        )
     except ValueError:
         return None
-    left = float((rest**2).sum())
     if 0.5 * left < SAME_NATS:
         return 1.0
     return 1.0 - left / max(float((true**2).sum()), 1e-12)
+
+
+def _readings(odd: Mapping[str, Any] | None) -> list[tuple[Term, ...]]:
+    """What an answer's formula says: as it stands and, where the answer states that to its data a
+    vehicle that turns as much against its way is the same, as that."""
+    terms = terms_of(odd)
+    if odd is None or "vehicle" not in str(odd.get("same_as") or ""):
+        return [terms]
+    of_body = tuple(
+        Term(OF_BODY[t.channel][0], f"speed * {t.formula}", OF_BODY[t.channel][1] * t.coefficient)
+        for t in terms
+        if t.channel in OF_BODY
+    )
+    return [terms, of_body] if len(of_body) == len(terms) else [terms]
 
 
 def _innovations(drawn: Drawn, effects: Mapping[str, DrawnEffect], extras: Extras) -> Array:
@@ -103,7 +119,7 @@ def outside_outcome(
 
 def _in_channel(outside: Outside, odd: Mapping[str, Any]) -> bool:
     """Whether a formula stands on the sensor, the receiver or the vehicle that errs."""
-    places = {str(r["channel"]) for r in rows(odd, "terms")} or {str(odd["channel"])}
+    places = {t.channel for terms in _readings(odd) for t in terms} or {str(odd["channel"])}
     return any(_family(place) & _true_families(outside) for place in places)
 
 

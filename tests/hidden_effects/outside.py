@@ -188,8 +188,9 @@ def all_makers() -> Mapping[str, Maker]:
     from tests.hidden_effects.outside_more import MORE
     from tests.hidden_effects.outside_receiver import RECEIVER
     from tests.hidden_effects.outside_slow import SLOW
+    from tests.hidden_effects.outside_thresholds import THRESHOLDS
 
     lists = [list(part.items()) for part in (SENSOR, RECEIVER, CAR)]
     placed = [((i + 0.5) / len(part), item) for part in lists for i, item in enumerate(part)]
     first = dict(item for _, item in sorted(placed, key=lambda p: (p[0], p[1][0])))
-    return {**first, **MORE, **SLOW, **LATE}
+    return {**first, **MORE, **SLOW, **LATE, **THRESHOLDS}

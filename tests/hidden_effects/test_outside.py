@@ -184,6 +184,21 @@ def test_the_truth_in_other_words_is_right_and_half_of_it_is_not(settling: Drawn
     assert judge(settling, half).outcome == "flagged"
 
 
+def test_a_unit_that_turns_or_its_vehicle_is_the_vehicle_where_both_are_told() -> None:
+    drawn = draw_case("outside-torque_steers-0")
+    body = drawn.extras().body
+    assert body is not None
+    text = "max(lag(acceleration, 0.3), 0)"
+    alone = formula("imu_yaw", text, drawn.size)
+    both = {**alone, "same_as": "a vehicle, the unit with it, that turns by as much"}
+    shares = [equivalent(drawn, answer(unexplained=one), {}) for one in (alone, both)]
+    assert shares[0] is not None
+    assert shares[1] == pytest.approx(1.0, abs=0.01)
+    assert shares[0] < 0.9
+    wrong = {**both, **formula("imu_yaw", text, -drawn.size)}
+    assert (equivalent(drawn, answer(unexplained=wrong), {}) or 0.0) < 0.0
+
+
 @pytest.mark.parametrize(
     ("more", "outcome"),
     [

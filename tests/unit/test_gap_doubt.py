@@ -10,11 +10,10 @@ from typing import cast
 import numpy as np
 import pytest
 
-from automap.gap import base_model, leftover, limits
+from automap.gap import base_model, limits
 from automap.gap.candidates import Candidate
 from automap.gap.chance import p_value
-from automap.gap.doubt import doubt, formula_in_place, uneven
-from automap.gap.leftover import given_up, in_noise
+from automap.gap.doubt import doubt, formula_in_place, given_up, in_noise, uneven
 from automap.gap.linear import Column
 from automap.gap.naming import chance
 from automap.gap.noise import Fitted
@@ -103,8 +102,8 @@ def test_what_raised_noise_took_is_told_under_the_noise_as_stated(
     missing = found_with({0: 0.3})
     here = Fitted(louder, {}, ())
     nothing = replace(missing, chosen=Chosen(), fitted=here)
-    monkeypatch.setattr(leftover, "noise_score", lambda fits, f: worth * (f[level] > 1.0))
-    monkeypatch.setattr(leftover, "fitted_about", lambda model, *about: model)
+    monkeypatch.setattr("automap.gap.doubt.noise_score", lambda fits, f: worth * (f[level] > 1.0))
+    monkeypatch.setattr("automap.gap.doubt.fitted_about", lambda model, *about: model)
     screening = SimpleNamespace(selection=lambda here, slow: missing.selection)
     found = in_noise(nothing, cast(Screening, screening), stated, chance(missing))
     assert [one.where for one in found] == ["gyro_scale"] * told

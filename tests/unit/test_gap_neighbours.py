@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from typing import Any, cast
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 import pytest
@@ -14,6 +15,9 @@ from automap.effects.signals import FIELDS, Signals
 from automap.gap import forms
 from automap.gap.dictionary import formula_terms
 from automap.gap.forms import About, Terms, amounts, neighbours
+
+if TYPE_CHECKING:
+    from automap.gap.linear import Conditional
 
 
 @pytest.fixture(scope="module")
@@ -35,6 +39,10 @@ def test_a_factor_is_bent_remembered_one_sided_and_left_out(signals: Signals) ->
         "acceleration",
     ):
         assert text in near
+    assert any(
+        re.fullmatch(r"rate_z \* step\([\d.]+ - speed\)", t)
+        for t in neighbours("rate_z * speed", signals)
+    )
     # a speed has one sign
     assert not any("abs(speed)" in text for text in near)
     assert "(rate_z * abs(rate_z))" in neighbours("rate_z^3", signals)
@@ -66,15 +74,52 @@ def test_a_form_is_compared_with_the_amounts_that_suit_it(monkeypatch: pytest.Mo
             np.sum((truth - columns @ np.linalg.lstsq(columns, truth, rcond=None)[0]) ** 2)
         )
 
-    def ranked(about: Any, tried: Sequence[Terms], price: float = 0.0) -> list[Terms]:
+    def ranked(about: Any, tried: Sequence[Terms], price: Any, *alike: float) -> list[Terms]:
         return sorted(tried, key=lambda terms: left(terms[0][1]))
 
     monkeypatch.setattr(forms, "ranked", ranked)
     near = forms.nearby(cast("About", None), along, (("velocity_along", "tanh(speed / 5.0)"),))
+    # beside a scale what counts below a speed is what counts above it
     bends = [
-        float(x) for ((_, text),), _ in near for x in re.findall(r"^max\(speed - ([\d.]+)", text)
+        float(x)
+        for ((_, text),), _ in near
+        for x in re.findall(r"^max\(\(?(?:speed - )?([\d.]+)(?: - speed)?\)?, 0\)", text)
     ]
     assert any(abs(at - 6.4) < 0.5 for at in bends)
+
+
+def test_forms_that_data_do_not_tell_from_a_likelier_one_are_not_asked_about() -> None:
+    # the second explains all but a thousandth of what the first does, the third a quarter of it
+    info = np.array([[1.0, 0.9995, 0.5], [0.9995, 1.0, 0.5], [0.5, 0.5, 1.0]])
+
+    def different(nats: float, alike: float = 3.0) -> set[Any]:
+        known = SimpleNamespace(
+            info=lambda part: info[np.ix_(part, part)],
+            score=np.sqrt(2.0 * nats) * np.array([1.0, 1.0, 0.5]),
+        )
+        return forms._different(cast("Conditional", known), [(0,), (1,), (2,)], alike)
+
+    assert different(100.0) == {(0,), (2,)}
+    assert different(10000.0) == {(0,), (1,), (2,)}
+    # an amount is where it is likeliest to half a nat
+    assert different(1000.0, 0.5) == {(0,), (1,), (2,)}
+
+
+def test_what_is_remembered_takes_a_shape_and_a_shape_is_remembered(signals: Signals) -> None:
+    near = neighbours("abs(jerk_x)", signals)
+    assert "abs(lag(jerk_x, 0.3))" in near
+    assert "lag(abs(jerk_x), 0.3)" in near
+    assert "speed * max(lag(force_x, 1.0), 0)" in neighbours("speed * max(force_x, 0)", signals)
+
+
+def test_what_has_both_signs_counts_beyond_a_size_to_one_side_and_to_both(
+    signals: Signals,
+) -> None:
+    near = [re.sub(r"\d+\.\d+", "a", text) for text in neighbours("rate_z", signals)]
+    for text in ("max(rate_z - a, 0)", "min(rate_z + a, 0)", "max(abs(rate_z) - a, 0)"):
+        assert text in near
+    # where a shape begins is moved as any amount
+    assert "max(abs(rate_z) - 0.2, 0)" in amounts("max(abs(rate_z) - 0.1, 0)")
 
 
 def test_a_shape_takes_the_place_of_another(signals: Signals) -> None:

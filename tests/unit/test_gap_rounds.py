@@ -268,7 +268,10 @@ def test_the_noise_of_a_set_that_was_fitted_before_is_not_sought_from_everywhere
     here = Fitted(replace(base_model(), factors={"accel": 1.0}), {}, ())
     one = object.__new__(Search)
     one.log, one.stated, one.each_drive, one.levels = print, {}, [], {}
-    one.screening = cast("Screening", SimpleNamespace(states=lambda here, selection, chosen: here))
+    one.screening = cast(
+        "Screening",
+        SimpleNamespace(seed=lambda name: name, states=lambda here, selection, chosen: here),
+    )
     for name in (LATE, LOW_PASSED, LATE):
         one._fit(here, SELECTION, only(name))
     assert asked == [("anew", 1.0), ("anew", 1.0), ("on", 3.0)]
@@ -299,34 +302,136 @@ def test_noise_is_sought_from_a_second_side_where_a_valley_lies_between(
 
 
 @pytest.mark.parametrize(
-    ("ahead", "told"),
-    [({"cubed": -18.0, "squared": 12.0}, "squared"), ({"cubed": 2.0, "squared": 1.0}, None)],
+    ("worth", "told"),
+    [
+        ({"cubed": -18.0, "squared": 12.0, "bent": 20.0}, "bent"),
+        ({"cubed": -18.0, "squared": 12.0, "bent": 13.0}, "squared"),
+        ({"cubed": 2.0, "squared": 1.0, "bent": 20.0}, None),
+    ],
 )
-def test_of_forms_that_say_much_the_same_the_filter_tells_one(
-    ahead: dict[str, float], told: str | None
+def test_of_forms_that_say_much_the_same_the_filter_tells_one_step_by_step(
+    worth: dict[str, float], told: str | None
 ) -> None:
     asked = Asked()
-    # the linear model has them the other way round
+    # the linear model has the first two the other way round
+    near = {"linear": ("cubed", "squared"), "squared": ("bent",)}
     asked.screening = cast(
         "Screening",
         SimpleNamespace(
             refinements={},
             entangled=lambda joint, selection, chosen, name: [],
             forms=lambda here, selection, chosen, name, gone: [
-                ((("gyro_z", f),), 1.0) for f in ahead
+                ((("gyro_z", f),), 1.0) for f in near.get(name, ())
             ],
-            in_form=lambda here, selection, chosen, name, terms, choices: Chosen(
-                ((terms[0][1], (0,), 1.0),)
-            ),
-            states=lambda here, selection, chosen, anew: chosen.names[0],
+            in_form=lambda here, selection, chosen, name, terms, choices: only(terms[0][1]),
+            states=lambda here, selection, chosen, anew=True: fit_of(chosen.names[0]),
+        ),
+    )
+    of = {**worth, "linear": 0.0}
+    asked.judge = cast(
+        "Judge",
+        SimpleNamespace(ahead=lambda one, other, of_vehicle: (of[one.name] - of[other.name], 1.0)),
+    )
+    formed = asked._formed(fit_of("linear"), SELECTION, only("linear"))
+    assert (formed and formed.names[0]) == told
+
+
+@pytest.mark.parametrize(("squared", "told"), [(40.0, "squared"), (9.0, None)])
+def test_a_formula_takes_the_place_of_a_name_in_the_form_that_is_likeliest(
+    squared: float, told: str | None
+) -> None:
+    # by a tenth of what the name is worth a formula must be ahead of it
+    worth = {"name": 0.0, "cubed": 8.0, "squared": squared}
+    forms = {"cubed": ["squared"]}
+    asked = Asked()
+    asked.spoken_against, asked.challenged = [], set()
+    asked.screening = cast(
+        "Screening",
+        SimpleNamespace(
+            refinements={},
+            effects={},
+            seed=lambda name: name,
+            nats=lambda joint, selection, chosen, name: 100.0,
+            refined=lambda here, selection, chosen: (chosen, []),
+            not_borne_out=lambda here, selection, chosen: [],
+            entangled=lambda joint, selection, chosen, name: [],
+            forms=lambda here, selection, chosen, name, gone: [
+                ((("gyro_z", f),), 1.0) for f in forms.get(name, ())
+            ],
+            in_form=lambda here, selection, chosen, name, terms, choices: only(terms[0][1]),
+            states=lambda here, selection, chosen, anew=True: fit_of(chosen.names[0]),
         ),
     )
     asked.judge = cast(
-        "Judge", SimpleNamespace(ahead=lambda one, other, of_vehicle: (ahead[one], 1.0))
+        "Judge",
+        SimpleNamespace(
+            ahead=lambda one, other, of_vehicle: (worth[one.name] - worth[other.name], 2.0)
+        ),
     )
-    here: Any = SimpleNamespace(joint=lambda: None)
-    formed = asked._formed(here, SELECTION, Chosen((("linear", (0,), 1.0),)))
-    assert (formed and formed.names[0]) == told
+    selection = cast(
+        "Selection",
+        SimpleNamespace(
+            candidates={name: SimpleNamespace(terms=(name,) * (name != "name")) for name in worth},
+            close_rivals=lambda chosen, name: [SimpleNamespace(name="cubed", chosen=only("cubed"))],
+            beside=lambda rival, chosen, name: None,
+            of_vehicle=lambda chosen, names: False,
+            log_prior=lambda chosen: 0.0,
+        ),
+    )
+    instead = asked._decided(fit_of("name"), selection, only("name"))
+    assert (instead and instead.names[0]) == told
+
+
+def fit_of(name: str) -> Any:
+    """What stands for the fit of a set."""
+    return SimpleNamespace(name=name, joint=lambda: None)
+
+
+def test_a_fit_that_others_are_compared_with_is_made_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    made: list[str] = []
+
+    def held_out(opened: Any, model: str, values: Any) -> list[Any]:
+        made.append(model)
+        return []
+
+    monkeypatch.setattr(confirm, "fit_held_out", held_out)
+    monkeypatch.setattr(confirm, "likelier", lambda one, other, but=(): (0.0, 0.0))
+    judge = Judge(cast("Any", ["a drive"]))
+    here, *others = (
+        cast("Any", SimpleNamespace(fits=(), model=name, values=dict)) for name in "habcd"
+    )
+    for other in others:
+        judge.ahead(other, here, of_vehicle=True)
+    assert sorted(made) == ["a", "b", "c", "d", "h"]
+
+
+def test_another_form_of_a_formula_has_the_noise_of_the_one_before(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    asked, climbed = Asked(), list[str]()
+    seeds = {"bent": "plain"}
+    asked.screening = cast(
+        "Screening",
+        SimpleNamespace(
+            seed=lambda name: seeds.get(name, name),
+            states=lambda here, selection, chosen: Fitted(here.model, {}, ()),
+        ),
+    )
+    asked.levels, asked.each_drive, asked.stated = {}, [], {}
+
+    def climb(kind: str) -> Any:
+        def fit(fitted: Fitted, *stated: Any) -> Fitted:
+            climbed.append(kind)
+            return fitted
+
+        return fit
+
+    monkeypatch.setattr(search, "with_noise", climb("from everywhere"))
+    monkeypatch.setattr(search, "with_levels", climb("from there"))
+    here = Fitted(base_model(), {}, ())
+    for name in ("plain", "bent", "other"):
+        Search._fit(asked, here, SELECTION, only(name))
+    assert climbed == ["from everywhere", "from there", "from everywhere"]
 
 
 @pytest.mark.parametrize(("metres", "stays"), [(1.3, True), (-0.1, False), (4.4, False)])
