@@ -33,7 +33,7 @@ _LEVER_ARM = slice(5, 8)
 def prior_covariance(camera: Camera, rules: GeolocationRules) -> FloatArray:
     """Covariance [10, 10] of turn (rad), time offset (s), log focal length, lever arm (m), box
     margin (rad) and radial distortion k1 before any sign was seen."""
-    sd = [camera.mount_sd] * 3 + [camera.time_offset_sd, rules.focal_sd]
+    sd = [camera.mount_sd] * 3 + [camera.time_offset_sd, max(rules.focal_sd, camera.focal_sd)]
     sd += [camera.lever_arm_sd] * 3
     sd += [rules.camera_margin_sd_px / focal_length(camera), camera.distortion_sd]
     return np.diag(np.maximum(np.array(sd), 1e-9) ** 2)

@@ -16,18 +16,20 @@ from automap.records import UNKNOWN_DISTORTION_SD, BoolArray, Camera, FloatArray
 
 
 def as_unknown(camera: Camera) -> Camera:
-    """The camera with its turn, time offset and lens as good as unknown."""
+    """The camera with its turn, time offset, focal length and lens as good as unknown."""
     return replace(
         camera,
         mount_sd=max(camera.mount_sd, limits.DOUBTED_TURN_RAD),
         time_offset_sd=max(camera.time_offset_sd, limits.DOUBTED_TIME_S),
         distortion_sd=max(camera.distortion_sd, UNKNOWN_DISTORTION_SD),
+        focal_sd=max(camera.focal_sd, limits.DOUBTED_FOCAL),
     )
 
 
 def beyond_stated(correction: CameraCorrection, camera: Camera, focal_sd: float) -> bool:
     """Whether turn, time offset, focal length or k1 are off by more than their sigmas allow."""
-    sd = [camera.mount_sd] * 3 + [camera.time_offset_sd, focal_sd, camera.distortion_sd]
+    sd = [camera.mount_sd] * 3 + [camera.time_offset_sd, max(focal_sd, camera.focal_sd)]
+    sd += [camera.distortion_sd]
     off = np.append(correction.values[:5], correction.radial)
     most = sigmas(limits.BEYOND_MANIFEST_PROBABILITY)
     return bool((np.abs(off) > most * np.maximum(sd, 1e-9)).any())

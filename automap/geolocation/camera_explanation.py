@@ -27,13 +27,12 @@ class Trial:
     notes: Sequence[Notes]
 
     def assuming(self, name: str, one: Hypothesis, trajectory: Trajectory) -> Trial:
-        """The same with what a hypothesis says of a camera, and with focal lengths let go."""
-        rules = replace(self.rules, focal_sd=limits.DOUBTED_FOCAL)
+        """The same with what a hypothesis says of a camera."""
         detections, notes = list(self.detections), list(self.notes)
         at = self.place(name)
         detections[at] = one.found
-        notes[at] = no_signs(trajectory, one.found, one.camera, rules)
-        return Trial(detections, {**self.cameras, name: one.camera}, rules, notes)
+        notes[at] = no_signs(trajectory, one.found, one.camera, self.rules)
+        return Trial(detections, {**self.cameras, name: one.camera}, self.rules, notes)
 
     def place(self, name: str) -> int:
         """Which record is a camera's."""

@@ -29,6 +29,7 @@ from automap.io.video import VideoInput, image_size
 from automap.records import (
     DISTORTION_SD,
     UNKNOWN_DISTORTION_SD,
+    UNKNOWN_FOCAL_SD,
     Camera,
     FloatArray,
     usual_matrix,
@@ -400,6 +401,7 @@ def _camera(video: VideoInput) -> Camera | None:
         time_offset_sd=section.time_offset_sigma_s,
         lever_arm_sd=section.lever_arm_sigma_m,
         distortion_sd=_distortion_sd(section),
+        focal_sd=0.0 if section.camera_matrix is not None else UNKNOWN_FOCAL_SD,
     )
 
 

@@ -18,6 +18,8 @@ LEVER_ARM_SD_M = 0.3
 DISTORTION_SD, UNKNOWN_DISTORTION_SD = 0.01, 0.2
 """Of k1 as a calibration states it, those of one of KITTI's cameras on several days differ by half
 of that; and of a lens of which nobody says anything, from a phone's -0.05 to a wide one's -0.4."""
+UNKNOWN_FOCAL_SD = 0.3
+"""Of ``usual_matrix``, part of it: views of dash cameras and phones are 45 to 100 degrees wide."""
 
 
 @dataclass(frozen=True)
@@ -27,7 +29,8 @@ class Camera:
     ``matrix`` [3, 3], ``distortion`` [k] OpenCV order, ``lever_arm_m`` [3] IMU to camera in
     body axes, ``mount_rpy`` [3] rad (C_body_cam = Rz(yaw) Ry(pitch) Rx(roll), camera axes
     forward, right, down), ``mount_sd`` rad, ``time_offset_s`` added to frame stamps,
-    ``lever_arm_sd`` one sigma of the lever arm in m, each axis, ``distortion_sd`` of k1.
+    ``lever_arm_sd`` one sigma of the lever arm in m, each axis, ``distortion_sd`` of k1,
+    ``focal_sd`` of the focal length, part of it, beyond what a calibration errs by.
     """
 
     width: int
@@ -41,6 +44,7 @@ class Camera:
     time_offset_sd: float
     lever_arm_sd: float = LEVER_ARM_SD_M
     distortion_sd: float = DISTORTION_SD
+    focal_sd: float = 0.0
 
 
 def usual_matrix(width: int, height: int) -> FloatArray:

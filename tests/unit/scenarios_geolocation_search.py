@@ -133,10 +133,8 @@ def geolocation_hypotheses() -> Any:
             "doubtful": camera_doubt.doubtful(signs[3], 7.5),
             "assumed": (
                 assumed.cameras["left"].matrix,
-                {
-                    "focal_sd": assumed.rules.focal_sd,
-                    "margin_sd_px": assumed.rules.camera_margin_sd_px,
-                },
+                assumed.cameras["left"].focal_sd,
+                assumed.cameras["left"].distortion_sd,
             ),
             "rows": [trial.rows(name)[[0, -1]] for name in ("front", "left")],
         }

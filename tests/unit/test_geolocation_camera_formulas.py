@@ -158,6 +158,7 @@ def test_a_camera_is_let_go_but_not_held_closer_than_stated() -> None:
     assert as_unknown(sure).mount_sd == limits.DOUBTED_TURN_RAD
     assert as_unknown(sure).time_offset_sd == limits.DOUBTED_TIME_S
     assert as_unknown(sure).distortion_sd == UNKNOWN_DISTORTION_SD
+    assert as_unknown(sure).focal_sd == limits.DOUBTED_FOCAL
     assert (as_unknown(unsure).mount_sd, as_unknown(unsure).time_offset_sd) == (2.0, 9.0)
 
 

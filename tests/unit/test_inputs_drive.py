@@ -19,7 +19,15 @@ from automap.io.axes import axes_matrix, axes_value, triad_matrix
 from automap.io.drive import load_drive
 from automap.io.tables import read_fixes, read_imu, write_fixes, write_imu
 from automap.io.trajectory_table import COLUMNS, read_trajectory, write_trajectory
-from automap.records import NO_TIME, Fixes, ImuData, Trajectory
+from automap.records import (
+    DISTORTION_SD,
+    NO_TIME,
+    UNKNOWN_DISTORTION_SD,
+    UNKNOWN_FOCAL_SD,
+    Fixes,
+    ImuData,
+    Trajectory,
+)
 
 _SCHEMA = 'schema = "automap.drive/1"\n'
 
@@ -233,6 +241,24 @@ def test_cameras_take_what_the_manifest_lacks_from_elsewhere(tmp_path: Path) -> 
     # 60 degrees of view: half the width over its tangent
     np.testing.assert_allclose(cameras["left"].matrix[0, 0], 400 / np.tan(np.pi / 6))
     assert len(drive.camera_warnings()) == 2
+
+
+def test_a_lens_that_nobody_describes_is_unsure(tmp_path: Path) -> None:
+    matrix = "camera_matrix = [[700.0, 0.0, 320.0], [0.0, 700.0, 240.0], [0.0, 0.0, 1.0]]"
+    size = "width = 640\nheight = 480"
+    _drive(
+        tmp_path,
+        f"[video.a]\n{size}\n{matrix}\ndistortion = [0, 0, 0, 0, 0]\n[video.b]\n{size}\n{matrix}\n"
+        f"[video.c]\n{size}\n[video.d]\n{size}\n{matrix}\ndistortion_sigma = 0.03\n",
+        "imu.csv",
+    )
+    cameras = load_drive(tmp_path).cameras()
+    assert {name: (each.distortion_sd, each.focal_sd) for name, each in cameras.items()} == {
+        "a": (DISTORTION_SD, 0.0),
+        "b": (UNKNOWN_DISTORTION_SD, 0.0),
+        "c": (UNKNOWN_DISTORTION_SD, UNKNOWN_FOCAL_SD),
+        "d": (0.03, 0.0),
+    }
 
 
 def _write_half(path: Path, error: BaseException) -> None:
