@@ -32,8 +32,6 @@ from automap.gap.stepwise import pruned, select, swallowed
 WALK_OF = {term.sensor: w for w, e in bias_walks().items() for term in imu_terms([e.name])}
 WALKS = tuple(WALK_OF.values())
 """The drift of each sensor's biases."""
-_Told = tuple[Fitted, Chosen, str]
-"""A set as it was fitted and chosen, and that of it which is asked about."""
 WHOLE_DELAYS = frozenset(pair for pairs in pairs_of_sign(-1.0) for pair in pairs)
 
 
@@ -239,14 +237,13 @@ class Search:
         return instead
 
     def _better_form(
-        self, here: Fitted, selection: Selection, chosen: Chosen, names: Sequence[str] = ()
+        self, here: Fitted, selection: Selection, chosen: Chosen
     ) -> tuple[Chosen, Fitted] | None:
-        """The choice with a formula, any or of ``names``, in the form near it with which all drives
-        are likeliest by the filter itself: where a linear model says nearly the same of two, it is
-        off by more. Where another of the choice and the formula may be one thing, also in the place
-        of both."""
+        """The choice with a formula in the form near it with which all drives are likeliest by the
+        filter itself: where a linear model says nearly the same of two, it is off by more. Where
+        another of the choice and the formula may be one thing, also in the place of both."""
         known, joint = (self.screening.refinements, selection.candidates), here.joint()
-        for name in names or chosen.names:
+        for name in chosen.names:
             best, instead, its_fit = limits.CLOSE_NATS, None, here
             for gone in ("", *self.screening.entangled(joint, selection, chosen, name)):
                 fewer = chosen.without(gone)
@@ -373,9 +370,9 @@ class Search:
         """The choice with a rival in a candidate's place where the filter itself, which knows what
         is not linear, finds all drives likelier with it; None where no rival is.
 
-        A formula is told only where it is told apart from every name and explains a tenth more, in
-        a form near it: one that follows a name so closely is that name, and something else is a
-        little off. What is not told apart from a name that stays is noted.
+        A formula is told only where it is told apart from every name and explains a tenth more: one
+        that follows a name so closely is that name, and something else is a little off. What is
+        not told apart from a name that stays is noted.
         """
         self.close = {}
         against = {out.effect for one in self.spoken_against for out in one.kept_out}
@@ -391,28 +388,24 @@ class Search:
                 same = frozenset(its.names) == frozenset(chosen.names)
                 pair = frozenset({frozenset(chosen.names), frozenset(its.names)})
                 same |= together is not None and pair in self.challenged
-                same |= self.screening.seed(other) == self.screening.seed(name)
-                if same or brief or self.screening.effects.get(other, other) in against:
+                own = self.screening.seed(other) == self.screening.seed(name)
+                if same or own or brief or self.screening.effects.get(other, other) in against:
                     continue
                 other = its.names[-1]
                 self.log(f"checking whether {name} is {other}")
                 fitted = self.screening.states(here, selection, its)
                 if {other, name} & set(self.screening.not_borne_out(fitted, selection, its)):
                     continue
-                own = here, chosen, name
-                ahead, sigmas = self._ahead(selection, (fitted, its, other), own)
-                rival_formula = bool(selection.candidates[other].terms)
-                if rival_formula and not formula and together is None and ahead > 0.0:
-                    # what is likelier than a name in a form near its own may be so clearly in that
-                    better = self._better_form(fitted, selection, its, [other])
-                    if better is not None:
-                        (its, fitted), other = better, better[0].names[-1]
-                        ahead, sigmas = self._ahead(selection, (fitted, its, other), own)
+                of_vehicle = selection.of_vehicle(chosen, {name})
+                of_vehicle |= selection.of_vehicle(its, {other})
+                ahead, sigmas = self.judge.ahead(fitted, here, of_vehicle)
+                ahead += self._log_prior(selection, its) - self._log_prior(selection, chosen)
                 if together is not None:
                     # what explains something else is no rival, and is added as any name is
                     if ahead >= limits.LEAST_ODDS and sigmas >= limits.APART and ahead > best:
                         best, instead, winner = ahead, its, ""
                     continue
+                rival_formula = bool(selection.candidates[other].terms)
                 if abs(sigmas) < limits.APART and not rival_formula:
                     self.close[name] = (*self.close.get(name, ()), other)
                 clear = abs(sigmas) > limits.APART and abs(ahead) > limits.CHALLENGE * nats
@@ -429,13 +422,6 @@ class Search:
                     self.outdone.add((winner, name))
                 return instead
         return None
-
-    def _ahead(self, selection: Selection, one: _Told, other: _Told) -> tuple[float, float]:
-        """Log odds of a set against another, and the sigmas of the nats."""
-        of_vehicle = any(selection.of_vehicle(chosen, {name}) for _, chosen, name in (one, other))
-        nats, sigmas = self.judge.ahead(one[0], other[0], of_vehicle)
-        mine, its = (self._log_prior(selection, chosen) for _, chosen, _ in (one, other))
-        return nats + mine - its, sigmas
 
     @staticmethod
     def _log_prior(selection: Selection, chosen: Chosen) -> float:

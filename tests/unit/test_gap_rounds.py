@@ -336,52 +336,6 @@ def test_of_forms_that_say_much_the_same_the_filter_tells_one_step_by_step(
     assert (formed and formed.names[0]) == told
 
 
-@pytest.mark.parametrize(("squared", "told"), [(40.0, "squared"), (9.0, None)])
-def test_a_formula_takes_the_place_of_a_name_in_the_form_that_is_likeliest(
-    squared: float, told: str | None
-) -> None:
-    # by a tenth of what the name is worth a formula must be ahead of it
-    worth = {"name": 0.0, "cubed": 8.0, "squared": squared}
-    forms = {"cubed": ["squared"]}
-    asked = Asked()
-    asked.spoken_against, asked.challenged = [], set()
-    asked.screening = cast(
-        "Screening",
-        SimpleNamespace(
-            refinements={},
-            effects={},
-            seed=lambda name: name,
-            nats=lambda joint, selection, chosen, name: 100.0,
-            refined=lambda here, selection, chosen: (chosen, []),
-            not_borne_out=lambda here, selection, chosen: [],
-            entangled=lambda joint, selection, chosen, name: [],
-            forms=lambda here, selection, chosen, name, gone: [
-                ((("gyro_z", f),), 1.0) for f in forms.get(name, ())
-            ],
-            in_form=lambda here, selection, chosen, name, terms, choices: only(terms[0][1]),
-            states=lambda here, selection, chosen, anew=True: fit_of(chosen.names[0]),
-        ),
-    )
-    asked.judge = cast(
-        "Judge",
-        SimpleNamespace(
-            ahead=lambda one, other, of_vehicle: (worth[one.name] - worth[other.name], 2.0)
-        ),
-    )
-    selection = cast(
-        "Selection",
-        SimpleNamespace(
-            candidates={name: SimpleNamespace(terms=(name,) * (name != "name")) for name in worth},
-            close_rivals=lambda chosen, name: [SimpleNamespace(name="cubed", chosen=only("cubed"))],
-            beside=lambda rival, chosen, name: None,
-            of_vehicle=lambda chosen, names: False,
-            log_prior=lambda chosen: 0.0,
-        ),
-    )
-    instead = asked._decided(fit_of("name"), selection, only("name"))
-    assert (instead and instead.names[0]) == told
-
-
 def fit_of(name: str) -> Any:
     """What stands for the fit of a set."""
     return SimpleNamespace(name=name, joint=lambda: None)
