@@ -97,7 +97,7 @@ def other_from(imu: ImuData, begin_s: float = -np.inf, end_s: float = np.inf) ->
             float(start[found.at]),
             f"specific force is {was:.3g} m/s^2 before and {becomes:.3g} from there on, where "
             "gravity is 9.81",
-            "two units stand in one file: bring both parts to one",
+            "two units stand in one file: bring both parts to one, or cut the drive in two there",
         )
     up = force / size[:, None]
     found = _split(up)
@@ -108,7 +108,8 @@ def other_from(imu: ImuData, begin_s: float = -np.inf, end_s: float = np.inf) ->
         imu,
         float(start[found.at]),
         f"gravity lies {np.degrees(angle):.0f} deg from where it was before, as no road does",
-        "the sensor was turned in its mount, or two logs stand in one file",
+        "the sensor was turned in its mount, or two logs stand in one file: cut the drive in two "
+        "there",
     )
 
 
@@ -129,7 +130,8 @@ def gyro_unit_from(imu: ImuData, begin_s: float = -np.inf, end_s: float = np.inf
         imu,
         float(start[found.at]),
         f"the gyro's noise becomes {times:.0f} times {becomes} beside the accelerometer's",
-        "rad/s and deg/s stand in one file: bring both parts to one unit",
+        "rad/s and deg/s stand in one file: bring both parts to one unit, or cut the drive in two "
+        "there",
     )
 
 
@@ -139,7 +141,7 @@ def _changed(imu: ImuData, at_s: float, text: str, advice: str) -> Finding:
         "error",
         f"from t_ns {stamp} on ({at_s:.0f} s after the first reading) its readings are others: "
         f"{text}",
-        f"{advice}, or cut the drive in two there",
+        advice,
         CHANGED_CODE,
     )
 

@@ -21,6 +21,7 @@ from pipeline.check.same_drive import (
 )
 from pipeline.check.steadiness import check as steadiness
 from pipeline.check.steadiness import offset
+from pipeline.check.turned import turned_meanwhile
 
 LEFT_OUT = ("imu_sparse", OTHER_CODE)
 """Codes of findings with which a drive goes on without its IMU."""
@@ -100,6 +101,9 @@ def check(drive: Drive, recording: Recording) -> tuple[list[Finding], WeighedAxe
         other = other_drive(imu, receiver, seen, drive.gnss_file.name)
         if other is not None:
             return [*findings, other], None
+    turned = turned_meanwhile(imu, fixes, clock)
+    if turned is not None:
+        return [*findings, turned], None
     weighed = weigh_axes(drive, recording, seen)
     if any(found.code == SCALE_CODE for found in weighed.findings):
         other = one_sensor.gyro_unit_from(imu, *driven)

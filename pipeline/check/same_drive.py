@@ -30,6 +30,7 @@ from automap.sync.steadiness import clock_change, lags_by_piece
 from automap.sync.velocity_consistency import velocity_consistency
 from pipeline.check import limits
 from pipeline.check.axes import seen_motion
+from pipeline.check.turned import seen_halves
 
 UNKNOWN_CODE = "imu_clock_unknown"
 """Of a finding about stamps that nothing ties to the receiver's time."""
@@ -101,12 +102,7 @@ def other_drive(
     if not whole.short:
         return None
     where, strange, likely = "", seen, whole.log_odds
-    begin, end = (float(t) for t in clock.gps_s(imu.t_ns[[0, -1]]))
-    middle = 0.5 * (begin + end)
-    halves = [
-        seen_motion(imu, replace(fixes, gps_s=np.where(part, fixes.gps_s, np.nan)), clock)
-        for part in (fixes.gps_s < middle, fixes.gps_s >= middle)
-    ]
+    halves = seen_halves(imu, fixes, clock)
     odds = [likeness(half, worse).log_odds for half in halves]
     if max(odds) > CERTAIN_LEAD_NATS:
         k = int(np.argmin(odds))

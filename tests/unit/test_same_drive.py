@@ -16,6 +16,7 @@ from automap.records import Fixes, FloatArray, ImuData
 from pipeline.check.axes import seen_motion
 from pipeline.check.command import check_drive
 from pipeline.check.same_drive import UsableReceiver, other_drive
+from pipeline.check.turned import turned_meanwhile
 from pipeline.check.wheels import untied
 from pipeline.run.stage import StageContext
 from pipeline.run.stages import fuse, ingest, sync
@@ -82,6 +83,32 @@ def test_a_file_that_was_put_together_of_two_drives_is_told_by_its_half() -> Non
     text = told(mixed, fixes_of(1))
     assert text is not None
     assert "of two drives in the second half of the readings" in text
+
+
+@pytest.mark.parametrize("degrees", [90.0, -120.0, 180.0])
+def test_an_imu_that_was_turned_about_the_vertical_is_told(degrees: float) -> None:
+    """Gravity shows nothing of it; seven reasons were given for such a path."""
+    imu, fixes = readings(1), fixes_of(1)
+    c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+    turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+    second = (np.arange(len(imu)) >= len(imu) // 2)[:, None]
+    for part in (second, ~second):
+        gyro, accel = (np.where(part, v @ turn.T, v) for v in (imu.gyro, imu.accel))
+        found = turned_meanwhile(replace(imu, gyro=gyro, accel=accel), fixes, CLOCK)
+        assert found is not None
+        assert (found.severity, found.code) == ("error", "imu_changed")
+        told_deg = float(found.text.split("felt ")[1].split(" deg")[0])
+        assert told_deg == pytest.approx(abs(degrees), abs=12.0)
+
+
+def test_one_mounting_is_one_whatever_the_axes() -> None:
+    imu, fixes = readings(1), fixes_of(1)
+    roll = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
+    for turn in (np.eye(3), roll, -np.eye(3), np.diag([1.0, -1.0, 1.0])):
+        turned = replace(imu, gyro=imu.gyro @ turn.T, accel=imu.accel @ turn.T)
+        assert turned_meanwhile(turned, fixes, CLOCK) is None
+    assert turned_meanwhile(imu, fixes_of(2), CLOCK) is None
+    assert turned_meanwhile(imu, fixes, None) is None
 
 
 def test_stamps_that_are_off_make_no_other_drive() -> None:
