@@ -28,8 +28,6 @@ from automap.records import BoolArray, Camera, Detections, IntArray, Sign, Traje
 
 _NO_SIZE_SD = 1e3
 """Logarithm of a height that is not known, one sigma."""
-_PASS_GAP_S = 30.0
-"""Longer without a view is another pass: no block is driven round sooner."""
 
 
 def locate_chosen(
@@ -65,7 +63,7 @@ def locate_chosen(
 
 
 def _passes(views: Views) -> list[IntArray]:
-    gaps = np.flatnonzero(np.diff(views.t_ns) > _PASS_GAP_S * 1e9) + 1
+    gaps = np.flatnonzero(np.diff(views.t_ns) > limits.PASS_S * 1e9) + 1
     return np.split(np.arange(len(views)), gaps)
 
 

@@ -9,6 +9,18 @@ from __future__ import annotations
 import math
 
 from automap.gates import gate
+from automap.mapping.limits import AWAY_COSINE as AWAY_COSINE
+from automap.mapping.limits import BACK_PROBABILITY as BACK_PROBABILITY
+from automap.mapping.limits import GANTRY_REACH_M as GANTRY_REACH_M
+from automap.mapping.limits import HEIGHT_SLACK_M as HEIGHT_SLACK_M
+from automap.mapping.limits import LASTING_ERROR as LASTING_ERROR
+from automap.mapping.limits import NODE_S as NODE_S
+from automap.mapping.limits import PATH_CORRELATION_S as PATH_CORRELATION_S
+from automap.mapping.limits import POST_LIMIT_M as POST_LIMIT_M
+from automap.mapping.limits import POST_REACH_M as POST_REACH_M
+from automap.mapping.limits import RATE_SPREAD as RATE_SPREAD
+from automap.mapping.limits import SEEN_FROM_M as SEEN_FROM_M
+from automap.mapping.limits import THICKNESS_M as THICKNESS_M
 
 # a sign and its views
 
@@ -196,9 +208,6 @@ LIKE_ASPECT_RAD = math.radians(30.0)
 WHOLLY_IN_VIEW = 0.7
 """Of its height, how far the middle of a sign must be from the edge of the picture: half of it, and
 as much again as its place is unsure."""
-RATE_SPREAD = 6.0
-"""Sum of the beta parameters of a sign's own rate of being found, in frames as by drives. Chosen:
-rates of 0.85 differ by 0.13 between signs."""
 HIDDEN, HIDDEN_S = 0.05, 1.0
 """Of the time something is in the way of a sign, and for how long as a rule, s. Chosen: a parked
 van or the crown of a tree, ten metres of a street; of 0.01 to 0.2 and of 0.25 to 4 s the likeliest
@@ -237,44 +246,18 @@ is so at 2.7 and 2.4 m. On eight drives in drawn streets it was none to one in f
 
 # passes
 
-PATH_CORRELATION_S = 60.0
-"""Time constant of what wanders of the trajectory's position error (satellite errors do so for
-minutes)."""
-LASTING_ERROR = 0.5
-"""Part of the variance of the trajectory's position error that outlasts the drive, where the data
-do not tell another. Any part is as likely as another: horizontally it is 0.56 and 0.26
-in the two phones of ``configs/receivers``, whose slow wander outlasts passes."""
+PASS_S = 30.0
+"""Longer without a view of a sign is another pass: no block is driven round sooner."""
 APART_PROBABILITY = 1e-3
-"""A sign that is seen again is taken for two so rarely."""
-MERGE_REACH_M = 10.0
-"""Sightings further apart are two signs, whatever their sigmas. Chosen: a trajectory that is off by
-more mixes up whole rows of signs."""
-MERGE_OTHER_CLASS = 9.0
-"""Squared sigmas that another class costs. Chosen: of signs seen again one in 90, exp(-9 / 2), is
-read as something else altogether."""
+"""A sign that is seen twice at a time is taken for two so rarely."""
 FACE_SD_M = 0.1
 """Places of one sign agree to no better than this: the extent of its face."""
-HEIGHT_SLACK_M = 1.0
-"""Heights of a trajectory drift between passes, and no two signs of a class hang one above the
-other."""
-LEAST_FACING_COSINE = 0.0
-"""Faces further turned from one another than 90 deg are two signs."""
-BACK_PROBABILITY = 3e-3
-"""A back that belongs to a sign is taken for one of its own so rarely."""
 BACK_REACH_M = 5.0
 """Of backs from their faces, whatever the sigmas. Chosen: less misses backs where the trajectory
 wandered, more takes a grey face across the road for the back."""
-AWAY_COSINE = -0.5
-"""Faces further turned from one another than 120 deg look the other way."""
-THICKNESS_M = 0.2
-"""Face and back of a sign, and the middles of boxes about them, are no further apart."""
 
 # the trajectory, adjusted
 
-NODE_S = 10.0
-"""Nodes of what wanders of a path's error: between them the inertial sensors hold its shape. Of
-simulated drives of two towns with four kinds of receivers such errors are likelier by 7 nats than
-those that change from sign to sign; with 30 s by 13, but then their places are no better."""
 HALF_WEIGHT_SIGMAS = 3.0
 """At which a sighting counts half. Chosen further off than ``robust.CAUCHY``: it has three
 coordinates, which together are 1.7 sigmas long (root mean square)."""
@@ -345,13 +328,6 @@ AFTER_S = 15.0
 OVERHEAD_HEIGHT_M, OVERHEAD_LATERAL_M = 4.5, 5.0
 """A sign above this, and no further to the side, hangs over the road: what is kept free for
 lorries, and a lane and a half."""
-POST_REACH_M = 0.5
-"""Signs on one post are no further apart in plan than half a face."""
-POST_LIMIT_M = 1.2
-"""Whatever their uncertainty: posts stand 1.5 m apart and more."""
-GANTRY_REACH_M = 12.0
-"""Neighbours over the road share a gantry up to that distance, three lanes. Chosen: gantries stand
-further apart along the road."""
 
 # carriers
 
@@ -371,9 +347,6 @@ NEXT_SMALLER = 1.5
 """A box so many times smaller than the one before in its track, of which it covers nothing, is of
 the next sign. Chosen: boxes of one thing err by a tenth, and a sign that passes is seen three times
 as large as the next one."""
-SEEN_FROM_M = 80.0
-"""From further off no camera reads a sign: who has driven that far has
-passed all that was in sight at first."""
 FIXED_PROBABILITY = 1e-3
 """Of a box of a thing that stays to lie further from its place. Chosen: such boxes are many."""
 FIXED_MISSED = 8

@@ -37,10 +37,10 @@ from automap.geolocation.rules import GeolocationRules
 from automap.geolocation.sightings import make_sighting
 from automap.geolocation.splitting import clean_tracks
 from automap.geolocation.stamp_scatter import stamp_scatter, told, tracked_or_linked
-from automap.geolocation.supports import support_numbers
 from automap.geolocation.tracking import link_views
 from automap.geolocation.trajectory_adjustment import AdjustedTrajectory
 from automap.geolocation.views import CameraCorrection, Views, build_views
+from automap.mapping.supports import support_numbers
 from automap.records import Camera, Detections, IntArray, Sign, SignPoints, Trajectory
 
 

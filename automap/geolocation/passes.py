@@ -1,9 +1,10 @@
 """Which sightings of several passes show one sign, and the trajectory's error in each pass.
 
-Each needs the other. A pass that is metres off its true way sees all its signs moved alike, and
-taken one by one a sign of it may lie nearer to its neighbour than to itself; signs that stand
-alone tell how far the pass is off. So sightings are grouped, the trajectory is adjusted by the
-groups, and the sightings, moved with it, are grouped anew until nothing changes.
+A drive is a merge of its passes: each stretch of a camera that is too short to come by a sign twice
+counts as a drive of its own, and their sightings are associated as those of many drives are. A pass
+that is metres off its true way sees all its signs moved alike, and taken one by one a sign of it
+may lie nearer to its neighbour than to itself; the stretch is laid over the others as a whole. By
+the signs that are found in several the trajectory is adjusted.
 """
 
 from __future__ import annotations
@@ -11,8 +12,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+import numpy as np
+from scipy.special import pdtr
+
+from automap.earth import from_local_ned, metres_per_radian
+from automap.geolocation import limits
 from automap.geolocation.control import match_control
-from automap.geolocation.merging import find_backs, group_sightings
+from automap.geolocation.merging import find_backs
 from automap.geolocation.sightings import Sighting
 from automap.geolocation.trajectory_adjustment import (
     Adjustment,
@@ -20,11 +26,14 @@ from automap.geolocation.trajectory_adjustment import (
     shift_sighting,
 )
 from automap.geolocation.views import Views
-from automap.records import FloatArray, SignPoints, Trajectory
+from automap.mapping.association import Members
+from automap.mapping.by_cells import joined_signs
+from automap.mapping.sightings import Sightings
+from automap.records import FloatArray, IntArray, SignPoints, Trajectory
 from automap.signs.backs import BACK_OF_NONE, NO_BACK
 
 _ROUNDS = 4
-"""Groupings at most; ends where none changes."""
+"""At most, in which backs and surveyed signs are looked for with the adjusted trajectory."""
 
 
 @dataclass(frozen=True)
@@ -51,17 +60,17 @@ def join_passes(
 ) -> Passes:
     """Group the sightings, and adjust the trajectory by them when ``adjust``."""
     seen, adjustment = list(sightings), None
+    together = group_sightings(views, sightings)
     before: list[list[int]] | None = None
     for _ in range(_ROUNDS):
-        groups = group_sightings(views, seen)
-        fronts = find_backs(views, seen, groups).tolist()
+        fronts = find_backs(views, seen, together).tolist()
         kept = [number for number, front in enumerate(fronts) if front == NO_BACK]
         backs: dict[int, list[int]] = {}
         for number, front in enumerate(fronts):
             if front != NO_BACK:
                 place = -1 if front == BACK_OF_NONE else kept.index(front)
-                backs.setdefault(place, []).extend(groups[number])
-        groups = [groups[number] for number in kept]
+                backs.setdefault(place, []).extend(together[number])
+        groups = [together[number] for number in kept]
         controlled = match_control(control, seen, groups, views.origin) if control else {}
         if not adjust or groups == before:
             break
@@ -72,3 +81,70 @@ def join_passes(
         seen = [shift_sighting(sighting, adjustment) for sighting in sightings]
         before = groups
     return Passes(seen, groups, backs, controlled, adjustment)
+
+
+def group_sightings(views: Views, sightings: Sequence[Sighting]) -> list[list[int]]:
+    """Numbers of the sightings of each sign, in the order of first sight. Sightings that share
+    frames as two signs would are of two."""
+    if not sightings:
+        return []
+    columns = of_stretches(sightings, views.origin)
+    frames = [np.unique(views.frame[sightings[k].landmark.rows]) for k in columns.row]
+
+    def two(own: IntArray, others: IntArray) -> bool:
+        return any(seen_beside(frames[a], frames[b]) for a in own for b in others)
+
+    sign = joined_signs(columns, two)
+    members = Members(sign)
+    rows = np.split(columns.row[members.order], members.edges[1:-1])
+    groups = [sorted(own.tolist()) for own in rows]
+    return sorted(groups, key=lambda own: min(int(sightings[m].landmark.rows[0]) for m in own))
+
+
+def seen_beside(a: IntArray, b: IntArray) -> bool:
+    """Whether two sightings, each in its frames [n] in order, share frames as two signs would.
+
+    Two signs that are found by themselves are together in ``n_a n_b / n`` of the n frames in which
+    both are in view. Two tracks that take turns with the boxes of one sign are together only where
+    it had two boxes.
+    """
+    together = len(np.intersect1d(a, b, assume_unique=True))
+    if not together:
+        return False
+    low, high = max(a[0], b[0]), min(a[-1], b[-1])
+    n_a, n_b = (np.count_nonzero((each >= low) & (each <= high)) for each in (a, b))
+    # Poisson's is wider than the hypergeometric distribution that this is
+    return bool(pdtr(together, n_a * n_b / float(high - low + 1)) >= limits.APART_PROBABILITY)
+
+
+def of_stretches(sightings: Sequence[Sighting], origin: tuple[float, float, float]) -> Sightings:
+    """The sightings [n], at least one, as those of drives of ``PASS_S`` and one camera each, which
+    sees a sign once; ``row`` are their numbers. What only a map's signs inherit is not told."""
+    time_s, camera = np.array([(s.time_s, s.camera) for s in sightings]).T
+    stretch = np.floor((time_s - time_s.min()) / limits.PASS_S)
+    drive = np.unique(np.column_stack([stretch, camera]), axis=0, return_inverse=True)[1].ravel()
+    order = np.lexsort([time_s, drive])
+    seen, time_s, drive = [sightings[k] for k in order], time_s[order], drive[order]
+    n = len(seen)
+    lat, lon, height = from_local_ned(np.array([s.position for s in seen]), origin)
+    per_lat, per_lon = metres_per_radian(lat, height)
+    # places of one sign agree to no better than the extent of its face
+    own = np.array([s.covariance - np.diag(s.path_sd**2) for s in seen])
+    own += limits.FACE_SD_M**2 * np.eye(3)
+    effect = np.array([s.size_effect for s in seen])
+    classes, code = np.unique([s.class_name for s in seen], return_inverse=True)
+    unknown, none = np.full(n, np.nan), np.full(n, "", np.object_)
+    return Sightings(
+        drive=drive, row=order.astype(np.int64), time_s=time_s,
+        first=np.searchsorted(drive, np.arange(drive[-1] + 2)),
+        lat=lat, lon=lon, height=height, per_lat=per_lat, per_lon=per_lon,
+        own=np.column_stack([own[:, 1, 1], own[:, 0, 1], own[:, 0, 0]]), own_u=own[:, 2, 2],
+        shared_sd=np.array([s.path_sd for s in seen])[:, [1, 0, 2]],
+        facing=np.array([np.arctan2(s.facing[1], s.facing[0]) for s in seen]),
+        facing_sd_rad=unknown, code=code.astype(np.int64),
+        classes=tuple(classes.tolist()), id=none, confidence=np.ones(n),
+        n_views=np.ones(n, np.int64),
+        first_gps_s=time_s, last_gps_s=time_s, height_above_road_m=unknown,
+        sd_above_road_m=unknown, size_m=unknown, side=none, status=none,
+        by_size_e_m=effect[:, 1], by_size_n_m=effect[:, 0], by_size_u_m=-effect[:, 2],
+    )  # fmt: skip

@@ -15,8 +15,8 @@ import numpy as np
 from automap.earth import metres_per_radian, tangent_rotation
 from automap.frames import wrap_pi
 from automap.geolocation import limits
-from automap.geolocation.path_errors import Equations, Network, path_nodes
 from automap.geolocation.sightings import Sighting
+from automap.mapping.path_errors import Equations, Network, path_nodes
 from automap.records import FloatArray, Trajectory
 from automap.robust import cauchy_weight
 

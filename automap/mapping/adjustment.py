@@ -12,9 +12,9 @@ import numpy as np
 from automap.earth import metres_per_radian
 from automap.frames import wrap_pi
 from automap.gates import gate
-from automap.geolocation.path_errors import Equations, Network, path_nodes
 from automap.mapping import limits
 from automap.mapping.association import Members
+from automap.mapping.path_errors import Equations, Network, path_nodes
 from automap.mapping.sightings import Sightings
 from automap.mapping.size_errors import own_parts
 from automap.mapping.tiles import Tile, cut_tiles

@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from automap.geolocation.merging import are_two_sides
+from automap.gates import gate
 from automap.mapping import limits
 from automap.mapping.grid import east_north
-from automap.records import IntArray
+from automap.records import FloatArray, IntArray
 from automap.signs.backs import fronts_of_backs
 
 
@@ -20,6 +20,14 @@ def with_backs(n_back_views: IntArray, n_views: IntArray, fronts: IntArray) -> I
     rows = np.flatnonzero(fronts >= 0)
     np.add.at(total, fronts[rows], np.asarray(n_views, np.int64)[rows])
     return total
+
+
+def are_two_sides(difference: FloatArray, covariance: FloatArray, cosine: float) -> bool:
+    """Whether two faces may be face and back of one sign, by the ``difference`` [a] of their
+    places, in plan or with the height, m, its covariance [a, a], and the cosine between them."""
+    slack = [limits.THICKNESS_M, limits.THICKNESS_M, limits.HEIGHT_SLACK_M][: len(difference)]
+    square = difference @ np.linalg.solve(covariance + np.diag(slack) ** 2, difference)
+    return bool(cosine < limits.AWAY_COSINE and square < gate(limits.BACK_PROBABILITY, len(slack)))
 
 
 def map_backs(columns: Mapping[str, Any]) -> IntArray:

@@ -16,9 +16,9 @@ from collections.abc import Iterable
 import numpy as np
 
 from automap.gates import gate
-from automap.geolocation.path_errors import Equations
 from automap.mapping import limits
 from automap.mapping.adjustment import TileData, cell_tiles, network_of, stray_weights
+from automap.mapping.path_errors import Equations
 from automap.mapping.sightings import Sightings
 from automap.records import FloatArray, IntArray
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 
@@ -38,8 +39,12 @@ from automap.mapping.grid import delta, neighbours
 from automap.mapping.sightings import Sightings
 from automap.records import FloatArray, IntArray
 
+TwoSigns = Callable[[IntArray, IntArray], bool]
 
-def join_duplicates(sightings: Sightings, association: Association) -> IntArray:
+
+def join_duplicates(
+    sightings: Sightings, association: Association, two: TwoSigns = lambda a, b: False
+) -> IntArray:
     """The sign [n] of every sighting, with map signs joined where one explains the sightings better
     than two.
 
@@ -47,7 +52,7 @@ def join_duplicates(sightings: Sightings, association: Association) -> IntArray:
     Against each other stand: every drive that saw only one of them (a miss of the other, with
     probability 1 - ``DETECTION``), every drive that saw both (a sign found twice), the distance
     in sigmas or as an outlier, class and facing; a sign that was replaced by another in between
-    is two.
+    is two, and so is what ``two`` knows for sure by the rows of the sightings of both.
     """
     sign = association.sign.copy()
     evidence, seen = class_evidence(sightings.classes), columns_of(sightings)
@@ -58,9 +63,10 @@ def join_duplicates(sightings: Sightings, association: Association) -> IntArray:
         scored = _gains(rows, edges, sightings.drive[rows], seen, *offset, evidence, signs)
         taken: set[int] = set()
         for _, a, b in sorted(scored):
-            if a not in taken and b not in taken:
+            own, others = (rows[edges[k] : edges[k + 1]] for k in (a, b))
+            if a not in taken and b not in taken and not two(own, others):
                 taken |= {a, b}
-                sign[rows[edges[b] : edges[b + 1]]] = a
+                sign[others] = a
         sign = renumbered(sign)
         if not taken:
             return sign

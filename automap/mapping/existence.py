@@ -20,9 +20,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import betaln
 
-from automap.geolocation.existence import Looks, mean_odds, probability, share_of, sign_nats
 from automap.jit import kernel
 from automap.mapping import limits
+from automap.mapping.looks import Looks, mean_odds, probability, share_of, sign_nats
 from automap.mapping.sureness import SUREST
 from automap.mapping.visibility import Opportunities, alike, head_on
 from automap.records import BoolArray, FloatArray, IntArray

@@ -9,13 +9,26 @@ from __future__ import annotations
 import math
 
 from automap.gates import gate_in_plane
-from automap.geolocation.limits import LASTING_ERROR as LASTING_ERROR
-from automap.geolocation.limits import PATH_CORRELATION_S as PATH_CORRELATION_S
-from automap.geolocation.limits import RATE_SPREAD
-from automap.geolocation.limits import SEEN_FROM_M as SEEN_FROM_M
+
+# the errors of paths
+
+PATH_CORRELATION_S = 60.0
+"""Time constant of what wanders of the trajectory's position error (satellite errors do so for
+minutes)."""
+LASTING_ERROR = 0.5
+"""Part of the variance of the trajectory's position error that outlasts the drive, where the data
+do not tell another. Any part is as likely as another: horizontally it is 0.56 and 0.26
+in the two phones of ``configs/receivers``, whose slow wander outlasts passes."""
+NODE_S = 10.0
+"""Nodes of what wanders of a path's error: between them the inertial sensors hold its shape. Of
+simulated drives of two towns with four kinds of receivers such errors are likelier by 7 nats than
+those that change from sign to sign; with 30 s by 13, but then their places are no better."""
 
 # which sightings are one sign
 
+SEEN_FROM_M = 80.0
+"""From further off no camera reads a sign: who has driven that far has
+passed all that was in sight at first."""
 ROUNDS, SETTLED_SHARE = 3, 0.01
 """How often every drive is looked at again at most, with the map of all others known, and of how
 many signs the sightings change in the last turn. Chosen: each turn changes a fifth to a tenth of
@@ -118,6 +131,9 @@ LEAST_EXISTENCE = 0.5
 CHANGE_PER_YEAR, LEAST_CHANGE = 0.03, 0.002
 """Rate at which a sign is taken down, and at which one is put up where none was. Chosen: signs last
 some thirty years. Probability of that between any two drives at least, however close in time."""
+RATE_SPREAD = 6.0
+"""Sum of the beta parameters of a sign's own rate of being found, in frames as by drives. Chosen:
+rates of 0.85 differ by 0.13 between signs."""
 RATE_PRIOR, REAL_PRIOR = (8.0, 1.5), (9.0, 1.0)
 """Beta parameters of how often a real sign in view is seen, and of which share of map signs are
 real. Chosen: no more than ten drives or signs tell."""
@@ -173,9 +189,25 @@ falls."""
 CHANGED = 1e-3
 """Between two drives, how often a sign's face becomes another's. Chosen: as often as signs change
 in a fortnight (``CHANGE_PER_YEAR``)."""
+BACK_PROBABILITY = 3e-3
+"""A back that belongs to a sign is taken for one of its own so rarely."""
+AWAY_COSINE = -0.5
+"""Faces further turned from one another than 120 deg look the other way."""
+THICKNESS_M = 0.2
+"""Face and back of a sign, and the middles of boxes about them, are no further apart."""
+HEIGHT_SLACK_M = 1.0
+"""Heights of a trajectory drift between passes, and no two signs of a class hang one above the
+other."""
 BACK_REACH_M = 3.0
 """Backs lie no further from their faces, whatever the sigmas. Chosen: merged places are better than
 those of one drive."""
+POST_REACH_M = 0.5
+"""Signs on one post are no further apart in plan than half a face."""
+POST_LIMIT_M = 1.2
+"""Whatever their uncertainty: posts stand 1.5 m apart and more."""
+GANTRY_REACH_M = 12.0
+"""Neighbours over the road share a gantry up to that distance, three lanes. Chosen: gantries stand
+further apart along the road."""
 SAME_PLACE_M, MAP_SLACK_M = 6.0, 0.2
 """Signs of two maps further apart are two; and what maps are off by against one another beyond
 their covariances. Chosen."""

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from automap.earth import local_ned
-from automap.geolocation.supports import support_numbers
+from automap.mapping.supports import support_numbers
 from automap.records import FloatArray, Sign
 from automap.records.sign_lists import changed, numbers_of, values_of
 

@@ -185,16 +185,14 @@ def geolocation_sightings() -> Any:
     from automap.geolocation.due_frames import patterns_of
     from automap.geolocation.facing import find_facings
     from automap.geolocation.merging import (
-        _link_cost,
         combine,
         difference_covariance,
         find_backs,
-        group_sightings,
     )
-    from automap.geolocation.passes import join_passes
+    from automap.geolocation.passes import group_sightings, join_passes, of_stretches
     from automap.geolocation.path_relation import make_path
     from automap.geolocation.rules import GeolocationRules
-    from automap.geolocation.supports import support_numbers
+    from automap.mapping.supports import support_numbers
     from automap.records import SignPoints
     from automap.signs.backs import BACK_OF_NONE, NO_BACK
 
@@ -255,7 +253,8 @@ def geolocation_sightings() -> Any:
         {
             "seen": table(seen),
             "covariance": [s.covariance for s in seen],
-            "pairs": [(difference_covariance(a, b), _link_cost(a, b)) for a, b in pairs],
+            "pairs": [difference_covariance(a, b) for a, b in pairs],
+            "stretches": of_stretches([*seen, mixed, other], views.origin),
             "groups": groups,
             "combined": [combine(members, done) for members in joined for done in (False, True)],
             "controlled": controlled,

@@ -121,7 +121,7 @@ def geolocation_rays() -> Any:
 @scenario
 def geolocation_network() -> Any:
     """Errors of paths that see the same signs, in one to three axes, with strays."""
-    from automap.geolocation.path_errors import Equations, Network
+    from automap.mapping.path_errors import Equations, Network
     from automap.robust import cauchy_weight
 
     found: dict[str, Any] = {}

@@ -99,7 +99,6 @@ def mapping_association() -> Any:
 @scenario
 def mapping_places() -> Any:
     """Signs placed tile by tile, levels of errors, attributes, probabilities and names."""
-    from automap.geolocation.path_errors import Equations
     from automap.mapping import adjustment as of
     from automap.mapping import sureness
     from automap.mapping.association import Members
@@ -109,6 +108,7 @@ def mapping_places() -> Any:
     from automap.mapping.cells import cell_of
     from automap.mapping.drive_levels import drive_squares, error_levels
     from automap.mapping.identity import name_signs, sighting_key
+    from automap.mapping.path_errors import Equations
     from automap.mapping.sightings import stack_sightings
     from automap.mapping.tiles import Tile, cut_tiles
 
@@ -167,11 +167,11 @@ def mapping_places() -> Any:
 @scenario
 def mapping_existence() -> Any:
     """Who had what in view, and what it says of being there."""
-    from automap.geolocation.existence import mean_odds
     from automap.mapping import existence as of
     from automap.mapping import visibility
     from automap.mapping.adjustment import rough_places
     from automap.mapping.by_cells import joined_signs
+    from automap.mapping.looks import mean_odds
     from automap.mapping.sightings import stack_sightings
 
     drives = _drives()

@@ -19,7 +19,6 @@ from automap.fusion.wheel_limits import WHEELS_GAP_S
 from automap.fusion.wheel_match import between
 from automap.geolocation.bearing_rays import in_plane
 from automap.geolocation.bearings import BearingRules
-from automap.geolocation.path_errors import Equations, Network
 from automap.mapping.existence import Chances, DetectionRates, existence, still_there
 from automap.mapping.limits import (
     CHANGE_PER_YEAR,
@@ -29,6 +28,7 @@ from automap.mapping.limits import (
     REAL_PRIOR,
     STRAY,
 )
+from automap.mapping.path_errors import Equations, Network
 from automap.records import Bearings, FloatArray
 from automap.sync import limits
 from automap.sync.coarse import _correlation

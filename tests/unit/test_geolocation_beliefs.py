@@ -29,9 +29,9 @@ from automap.geolocation.facing import (
     _summary,
 )
 from automap.geolocation.landmark import SizePrior
-from automap.geolocation.path_errors import path_nodes
 from automap.geolocation.sightings import Sighting
 from automap.geolocation.trajectory_adjustment import Adjustment, shift_sighting, shifted
+from automap.mapping.path_errors import path_nodes
 from automap.records import Detections, FloatArray, Looked
 from automap.robust import cauchy_weight
 

@@ -19,8 +19,8 @@ from automap.geolocation.camera_hypotheses import (
 from automap.geolocation.epipolar import _places_apart, first_correction
 from automap.geolocation.locate import locate_signs
 from automap.geolocation.rules import GeolocationRules
-from automap.geolocation.supports import support_numbers
 from automap.geolocation.views import map_origin
+from automap.mapping.supports import support_numbers
 from automap.records import Detections, Trajectory
 
 

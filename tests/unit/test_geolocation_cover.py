@@ -17,7 +17,7 @@ from automap.geolocation.bearing_cover import (
 )
 from automap.geolocation.bearing_rays import BearingRules, Rays, costs, fit_point
 from automap.geolocation.bearings import _without_single
-from automap.geolocation.supports import support_numbers
+from automap.mapping.supports import support_numbers
 from automap.records import FloatArray, IntArray
 
 RULES = BearingRules(position_sd_m=0.3)

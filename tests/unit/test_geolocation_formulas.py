@@ -25,9 +25,10 @@ from automap.geolocation.bearing_rays import (
 from automap.geolocation.camera_hypotheses import Hypothesis, _mountings
 from automap.geolocation.due_frames import Searched, _aspect, apparent_heights
 from automap.geolocation.epipolar import PairGeometry
-from automap.geolocation.existence import expected_log_odds, probability
+from automap.geolocation.existence import expected_log_odds
 from automap.geolocation.path_relation import make_path, roads_at, side_of_path
 from automap.geolocation.time_minima import alike, apart, starts
+from automap.mapping.looks import probability
 from automap.records import Bearings, FloatArray, SignPoints, Trajectory
 
 

@@ -9,7 +9,6 @@ import pytest
 from geolocation_scene import ORIGIN, Scene, boxes, camera, drive_path, roadside
 
 from automap.earth import from_local_ned, local_ned
-from automap.geolocation import passes
 from automap.geolocation.locate import locate_signs
 from automap.records import Detections, FloatArray, Trajectory
 
@@ -51,11 +50,9 @@ def worst(trajectory: Trajectory, scene: Scene, found: Detections) -> tuple[int,
 
 @pytest.mark.slow
 def test_signs_that_stand_alone_tell_neighbours_apart(
-    two_laps: tuple[Trajectory, Scene, Detections], monkeypatch: pytest.MonkeyPatch
+    two_laps: tuple[Trajectory, Scene, Detections],
 ) -> None:
     """About half of the 3 m stay, since neither lap is better than the other."""
     number, distance = worst(*two_laps)
     assert number == len(two_laps[1].position)
     assert distance < 2.8
-    monkeypatch.setattr(passes, "_ROUNDS", 1)
-    assert worst(*two_laps)[0] > number, "one by one the neighbours are not joined"

@@ -349,32 +349,6 @@ def test_a_back_is_near_its_front_by_both_sigmas_and_a_plates_thickness(
         assert behind(one(where, -ahead, [0]), one(0.0, ahead, [2])) is wanted
 
 
-def test_two_passes_are_of_one_sign_by_their_distance_in_sigmas_and_their_classes(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    rng = np.random.default_rng(8)
-    root = rng.normal(size=(3, 3))
-    monkeypatch.setattr(merging, "difference_covariance", lambda a, b: root @ root.T)
-
-    def one(at: FloatArray, facing: FloatArray, **score: float) -> Any:
-        return SimpleNamespace(
-            position=at,
-            facing=facing,
-            class_score=score,
-            class_name=max(score, key=score.__getitem__),
-        )
-
-    a = one(np.zeros(3), np.array([1.0, 0.0]), x=3.0)
-    b = one(rng.normal(size=3), np.array([0.01, 1.0]), y=3.0, x=1.0)
-    slack = np.diag([limits.FACE_SD_M**2] * 2 + [limits.HEIGHT_SLACK_M**2])
-    wanted = b.position @ np.linalg.inv(root @ root.T + slack) @ b.position
-    wanted += limits.MERGE_OTHER_CLASS
-    assert merging._link_cost(a, b) == pytest.approx(wanted)
-    assert merging._link_cost(b, a) == pytest.approx(wanted)
-    away = one(b.position, np.array([-0.01, 1.0]), x=1.0)
-    assert np.isinf(merging._link_cost(a, away))
-
-
 def test_a_boxs_size_is_the_mean_of_width_and_height_by_their_logarithms(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

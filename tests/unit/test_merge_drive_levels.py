@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from automap.geolocation.path_errors import Equations, Network
 from automap.mapping.cells import cell_of
 from automap.mapping.drive_levels import drive_squares, error_levels
+from automap.mapping.path_errors import Equations, Network
 from automap.mapping.sightings import DriveSigns, stack_sightings
 from tests.unit.test_merge_correlation import drive
 

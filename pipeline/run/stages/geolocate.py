@@ -348,7 +348,8 @@ STAGE = Stage(
     # 37: a sign is sought from distances by its size alone
     # 42: stamps of a camera are unsure against a path that is dated by fixes of unknown age
     # 43: k1 of lenses; residuals and ranges are against signs where their views see them from
-    version=43,
+    # 44: passes of a drive are associated as drives of a map are
+    version=44,
     run=run,
     inputs=_inputs,
     needs=(

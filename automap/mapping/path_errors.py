@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from automap.geolocation import limits
+from automap.mapping import limits
 from automap.records import FloatArray, IntArray
 from automap.sparse_normal import Factor, factorise, least_fill
 

@@ -9,7 +9,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from automap.geolocation import limits
+from automap.mapping import limits
 from automap.records import FloatArray
 
 
