@@ -10,7 +10,7 @@ import pytest
 from geolocation_scene import boxes, camera, drive_path, roadside
 
 from automap.frames import matrix_to_rpy, rpy_to_matrix
-from automap.geolocation import path_relation, views
+from automap.geolocation import trajectory_adjustment, views
 from automap.geolocation.path_relation import make_path
 from automap.geolocation.trajectory_adjustment import Adjustment
 from automap.geolocation.views import (
@@ -61,7 +61,7 @@ def test_a_path_is_thinned_stretch_by_stretch(monkeypatch: pytest.MonkeyPatch) -
     for adjustment in (None, moved):
         whole = make_path(path, origin, adjustment)
         with monkeypatch.context() as patched:
-            patched.setattr(path_relation, "_ROWS", 100)
+            patched.setattr(trajectory_adjustment, "_ROWS", 100)
             pieces = make_path(path, origin, adjustment)
         assert len(whole.t_ns) == 1200
         for name, values in vars(whole).items():
