@@ -10,6 +10,7 @@ import numpy as np
 from automap.evaluation.limits import CHANGED_RAD
 from automap.evaluation.one_sensor import CHANGED_CODE
 from automap.evaluation.plausibility import Finding
+from automap.fusion.limits import DRIVING_SPEED
 from automap.gates import sigmas
 from automap.records import ClockModel, Fixes, FloatArray, ImuData
 from automap.sync.axes_evidence import AxesEvidence, Followed
@@ -32,6 +33,9 @@ def turned_meanwhile(imu: ImuData, fixes: Fixes | None, clock: ClockModel | None
     """An error for a sensor that lies otherwise in the second half of the drive, turned about the
     vertical, which gravity does not show; None where it does not, or the motion does not tell."""
     if fixes is None or clock is None:
+        return None
+    # who walks holds a sensor now so, now so
+    if not (np.hypot(fixes.vel_ned[:, 0], fixes.vel_ned[:, 1]) > DRIVING_SPEED).any():
         return None
     up = np.median(imu.accel, axis=0)
     up /= max(float(np.linalg.norm(up)), 1e-12)
