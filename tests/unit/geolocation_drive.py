@@ -70,8 +70,8 @@ def cameras() -> dict[str, Camera]:
 
 CORRECTIONS = {
     "front": CameraCorrection(
-        np.array([0.002, -0.0015, 0.003]), 0.004, np.diag(np.arange(1.0, 10.0) * 1e-6) + 2e-7,
-        0.006, 0.0011,
+        np.array([0.002, -0.0015, 0.003]), 0.004, np.diag(np.arange(1.0, 11.0) * 1e-6) + 2e-7,
+        0.006, 0.0011, 0.004,
     )
 }  # fmt: skip
 

@@ -64,7 +64,7 @@ def cache_reasons() -> Any:
                 found[f"{name} {len(ran)}"] = why or "holds"
         found["never"] = of.why_run(now, None, out, kept, producers, [])
         found["manifests"] = [
-            str(of._manifest(out / name, sections))
+            str(of._manifest(out / name, sections, False))
             for name in ("drive.toml", "bad.toml", "gone.toml")
             for sections in (None, ("imu",), ())
         ]

@@ -37,7 +37,7 @@ def _seen(views: Any, signs: Any = range(16)) -> list[Any]:
     from automap.geolocation.sightings import make_sighting
 
     rng = np.random.default_rng(1)
-    root = 1e-3 * rng.normal(size=(2, 9, 9))
+    root = 1e-3 * rng.normal(size=(2, 10, 10))
     camera = [r @ r.T for r in root]
     return [
         make_sighting(views, mark, camera, disagreement(views, mark, PRIOR))
@@ -153,7 +153,7 @@ def geolocation_passes() -> Any:
             "apart": [
                 time_minima.apart(minima[1][0], replace(other, covariance=cov))
                 for other, _ in minima
-                for cov in (1e-6 * np.eye(9), 0.01 * np.eye(9))
+                for cov in (1e-6 * np.eye(10), 0.01 * np.eye(10))
             ],
             "disagreement": [
                 (found.square, found.spread, found.contradictory)

@@ -18,11 +18,15 @@ from tests.unit.scenarios import SCENARIOS
 SAME = 5e-5
 """Of a figure's size. Other processors and compilers change the eleventh digit; what iterates to a
 tolerance ended 3e-6 of its size away on one."""
+SAME_RUN = 3e-3
+"""Of those of whole runs, which search noise levels until a step gains little: on a processor
+without the widest instructions one ended 1.1e-3 of its size away."""
 
 
 @pytest.mark.parametrize("name", sorted(SCENARIOS))
 def test_figures_are_those_that_were_kept(name: str) -> None:
-    told = differences(figures_of(SCENARIOS[name]()), kept(name), SAME)
+    same = SAME_RUN if name.startswith("runs_") else SAME
+    told = differences(figures_of(SCENARIOS[name]()), kept(name), same)
     assert not told, f"{name}: {len(told)} figures moved, {sorted(told)[:5]}"
 
 

@@ -347,9 +347,10 @@ STAGE = Stage(
     # 36: and what is followed for longer than signs are in sight
     # 37: a sign is sought from distances by its size alone
     # 42: stamps of a camera are unsure against a path that is dated by fixes of unknown age
-    # 43: k1 of lenses; residuals and ranges are against signs where their views see them from
+    # 43: residuals and ranges of boxes are against signs where their views see them from
     # 44: passes of a drive are associated as drives of a map are
-    version=44,
+    # 45: k1 of lenses; a focal length that nobody states
+    version=45,
     run=run,
     inputs=_inputs,
     needs=(
