@@ -30,7 +30,7 @@ class Difference:
 
 def no_difference(n: int) -> Difference:
     """Of ``n`` rows."""
-    return Difference(np.zeros(n), np.zeros((n, 3)), *np.zeros((2, n)), np.zeros((n, 2)))
+    return Difference(*(np.zeros(shape) for shape in (n, (n, 3), n, n, (n, 2))))
 
 
 def between(path: Trajectory, other: Trajectory) -> Callable[[FloatArray], Difference]:
