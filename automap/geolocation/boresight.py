@@ -60,7 +60,7 @@ def refine_correction(
     current: CameraCorrection | None,
     rules: GeolocationRules,
 ) -> CameraCorrection:
-    """One Gauss-Newton step for a camera's turn, time offset and focal length.
+    """One Gauss-Newton step for a camera's turn, time offset, focal length and lens.
 
     ``views`` and ``landmarks`` were made with ``current``. Every sign's evidence is limited by
     errors of its own frames and boxes, that of all signs of a minute by the attitude error of

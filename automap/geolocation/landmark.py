@@ -71,10 +71,10 @@ class Landmark:
     """Estimate of one sign from ``rows`` (of the Views).
 
     ``anchor`` the row whose camera the parameters [4] refer to; ``covariance`` [4, 4] of them from
-    the measurements alone. Zero until ``solve_with_pass_errors``: ``common`` [4, 12] their
+    the measurements alone. Zero until ``solve_with_pass_errors``: ``common`` [4, 13] their
     derivative by what is common to the views: turn (rad), time offset (s), log focal length, lever
-    arm (m), box margin (rad), velocity error (m/s); ``pass_covariance`` [4, 4] what the errors of
-    the pass add, ``pass_bias`` [12] what these were found to be and ``pass_bias_variance`` [12].
+    arm (m), box margin (rad), k1, velocity error (m/s); ``pass_covariance`` [4, 4] what the errors
+    of the pass add, ``pass_bias`` [13] what these were found to be and ``pass_bias_variance`` [13].
     ``position`` [3] in the local frame; ``residual`` [n, 3] in sigmas, ``weight`` [n] of the
     direction (1 = fully used). ``cost`` robust sum of squares of all that was estimated; ``chi2``
     weighted sum of squares over ``dof``. ``ok`` is False when no place in front of all cameras was
@@ -197,7 +197,7 @@ def columns_of(
     views: Views, rows: IntArray, anchor: int, parameters: FloatArray, own: bool = False
 ) -> tuple[FloatArray, FloatArray]:
     """Derivatives of the expected boxes [n, 3] of a sign with ``parameters`` [4] seen from a view:
-    [n, 3, 12] by what is common to its views, [n, 3, 11] by the errors of the camera.
+    [n, 3, 13] by what is common to its views, [n, 3, 11] by the errors of the camera.
 
     They are at the heights that the sign lets expect (those of noisy boxes go with their noise), or
     at the boxes' ``own``, where models with other expectations are compared.

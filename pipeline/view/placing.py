@@ -186,14 +186,15 @@ def _corrections(shown: MapDrive, cameras: dict[str, Camera]) -> dict[str, Any]:
             sd += [told["focal_scale_sd"]]
             covariance[:5, :5] = np.diag(np.array(sd, np.float64) ** 2)
             covariance[MARGIN, MARGIN] = (told["box_margin_sd_px"] / focal) ** 2
-            covariance[RADIAL, RADIAL] = told["k1_sd"] ** 2
+            # runs of before took k1 as stated
+            covariance[RADIAL, RADIAL] = told.get("k1_sd", camera.distortion_sd) ** 2
             found[name] = CameraCorrection(
                 turn=np.radians(told["boresight_rpy_deg"]),
                 time_s=float(told["time_offset_s"]),
                 covariance=covariance,
                 focal_log=float(np.log(told["focal_scale"])),
                 margin=float(told["box_margin_px"]) / focal,
-                radial=float(told["k1_added"]),
+                radial=float(told.get("k1_added", 0.0)),
             )
         except (KeyError, TypeError, ValueError):
             continue
