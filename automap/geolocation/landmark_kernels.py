@@ -31,8 +31,8 @@ N_COMMON = 13
 and radial distortion k1, which its camera shares with other signs, and the trajectory's velocity
 error (3)."""
 
-MARGIN, RADIAL, VELOCITY = 8, 9, 10
-"""Places of the box margin, of k1 and of the velocity error among them."""
+FOCAL_LOG, MARGIN, RADIAL, VELOCITY = 4, 8, 9, 10
+"""Places of the focal length, the box margin, k1 and the velocity error among them."""
 _LEAST_INFO = 1e-300
 """Of a parameter that no box tells no more is left than rounding."""
 
@@ -157,7 +157,7 @@ def common_columns(  # type: ignore[no-untyped-def]
                 # a velocity error has moved the camera as a longer lever arm would
                 B[r, VELOCITY + k] = E[r, LEVER_ARM + k] * elapsed[i]
             B[r, 3] = E[r, TIME]
-            B[r, 4] = E[r, FOCAL]
+            B[r, FOCAL_LOG] = E[r, FOCAL]
             B[r, RADIAL] = E[r, LENS]
         # boxes with a margin are taller than their signs by the same number of pixels
         B[2, MARGIN] = 1.0 / height

@@ -8,9 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from automap.effects.lens import focal_length
 from automap.geolocation.camera_doubt import beyond_stated, misfit
 from automap.geolocation.facing import Faces
 from automap.geolocation.landmark import Landmark, direction_residuals
+from automap.geolocation.landmark_kernels import FOCAL_LOG
 from automap.geolocation.trajectory_adjustment import AdjustedTrajectory
 from automap.geolocation.views import CameraCorrection, MeasurementNoise, Views
 from automap.records import BoolArray, Camera, FloatArray, IntArray, Sign
@@ -150,6 +152,14 @@ def warnings_of(
             sentences.append(
                 f"camera {name}: too few signs to tell by how much its frames are off; {times} s "
                 "explain the boxes alike. The manifest's time_offset_s was kept."
+            )
+        if camera.focal_sd > 0.0:
+            focal = focal_length(camera) * np.exp(correction.focal_log)
+            sd = focal * np.sqrt(correction.covariance[FOCAL_LOG, FOCAL_LOG])
+            sentences.append(
+                f"camera {name}: the boxes make its focal length {focal:.0f} px, give or take "
+                f"{sd:.0f}; signs were placed with that. camera_matrix in the manifest would be "
+                "surer."
             )
         if beyond_stated(correction, camera, focal_sd):
             turn = ", ".join(f"{v:.2f}" for v in np.degrees(correction.turn))

@@ -132,8 +132,8 @@ class Drive:
                 )
             elif video.section.camera_matrix is None:
                 sentences.append(
-                    f"{section} has no camera_matrix; a view of 60 degrees is assumed, which "
-                    "shifts signs sideways and in range by metres; film a chessboard, calibrate "
+                    f"{section} has no camera_matrix; a view of 60 degrees is taken, which the "
+                    "boxes of signs correct as far as they tell; film a chessboard, calibrate "
                     "with OpenCV and add camera_matrix (docs/howto/own-drive.md)"
                 )
         return sentences

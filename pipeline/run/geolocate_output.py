@@ -86,7 +86,7 @@ def report_result(context: StageContext, result: GeolocationResult) -> None:
     import numpy as np
 
     from automap.effects.lens import focal_length
-    from automap.geolocation.landmark_kernels import MARGIN, RADIAL
+    from automap.geolocation.landmark_kernels import FOCAL_LOG, MARGIN, RADIAL
     from automap.geolocation.result import mostly_left_out
 
     signs, observations = result.signs, result.observations
@@ -122,7 +122,7 @@ def report_result(context: StageContext, result: GeolocationResult) -> None:
                 "time_offset_s": found.time_s,
                 "time_offset_sd_s": float(sd[3]),
                 "focal_scale": float(np.exp(found.focal_log)),
-                "focal_scale_sd": float(sd[4]),
+                "focal_scale_sd": float(sd[FOCAL_LOG]),
                 "k1_added": found.radial,
                 "k1_sd": float(sd[RADIAL]),
                 "box_margin_px": found.margin * focal_length(cameras[name]),

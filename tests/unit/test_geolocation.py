@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -23,7 +24,8 @@ from automap.geolocation.result import GeolocationResult
 from automap.geolocation.rules import GeolocationRules
 from automap.geolocation.tracking import link_views
 from automap.geolocation.views import CameraCorrection, MeasurementNoise, build_views
-from automap.records import Detections, Trajectory
+from automap.records import UNKNOWN_FOCAL_SD, Detections, Trajectory
+from automap.records.pictures import usual_matrix
 from automap.robust import BY_CAUCHY, PLAIN
 
 CENTRE = np.array([[0.0, 0.0, 640.0], [0.0, 0.0, 360.0], [0.0, 0.0, 0.0]])
@@ -226,6 +228,21 @@ def test_a_turned_camera_is_found_out() -> None:
     assert np.median(nearest_errors(result, scene)) < 0.6 * np.median(
         nearest_errors(without, scene)
     )
+
+
+def test_the_focal_length_of_a_camera_of_no_calibration_is_told_with_its_sigma(world) -> None:
+    path, scene, found, owner = world
+    believed = camera(matrix=usual_matrix(1280, 720), focal_sd=UNKNOWN_FOCAL_SD)
+    result = locate_signs(path, [found], {"front": believed})
+    (told,) = (text for text in result.warnings if "the boxes make its focal length" in text)
+    focal, sd = (int(number) for number in re.findall(r"\d+", told)[:2])
+    # 1000 px, where a view of 60 degrees is 1109, give or take 333
+    assert 0 < sd < 100
+    assert abs(focal - 1000) < 3 * sd + 1
+    seen = replace(scene, position=scene.position[np.unique(owner)])
+    assert np.median(nearest_errors(result, seen)) < 0.4
+    calibrated = locate_signs(path, [found], {"front": camera()})
+    assert not any("focal length" in text for text in calibrated.warnings)
 
 
 def test_a_sign_seen_once_is_placed_by_its_size_and_flagged(world) -> None:
