@@ -125,14 +125,16 @@ def _videos(draft: Draft) -> None:
     if read is None:
         return
     imu, fixes = read[1].imu, read[1].fixes
-    if imu is not None:
-        clock, seconds = draft.get("imu", "time"), np.asarray(imu.t_ns * 1e-9, np.float64)
+    clock = draft.get("imu", "time")
+    if imu is not None and clock in ("unix_ns", "gps_ns"):
+        seconds = np.asarray(imu.t_ns * 1e-9, np.float64)
     else:
-        # a path of fixes alone has their time
+        # a count of the readings that begins anywhere has its date from the fixes, as a path of
+        # fixes alone has
         clock = "gps_ns"
         seconds = np.zeros(0) if fixes is None else fixes.gps_s[np.isfinite(fixes.gps_s)]
         seconds = seconds[seconds > _UNDATED_S]
-    if clock in ("unix_ns", "gps_ns") and len(seconds) > 1:
+    if len(seconds) > 1:
         span = np.array([seconds.min(), seconds.max()])
         start_videos(draft, span if clock == "unix_ns" else gps_to_unix(span))
 

@@ -145,6 +145,25 @@ def test_a_dated_name_tells_when_a_video_began(
     assert (f"{ahead_h:+g} h" in draft.why(section, "start_ns")) == bool(ahead_h)
 
 
+@pytest.mark.parametrize("arrivals", [True, False])
+def test_a_dated_name_tells_it_beside_readings_whose_count_begins_anywhere(
+    folder: Path, arrivals: bool
+) -> None:
+    """The fixes tell the date of the drive, and arrival times or motions tie the count to it."""
+    shutil.rmtree(folder / "video")
+    shutil.copy(SAMPLE / "video/front.mp4", folder / "20260314_202000.mp4")
+    if not arrivals:
+        (folder / "gnss_arrival.csv").unlink()
+    draft = draft_of(look(folder), folder, None)
+    settle(draft)
+    assert draft.get("imu", "time") == "boot_ns"
+    assert draft.get("video.front", "time") == "unix_ns"
+    assert draft.get("video.front", "start_ns") == 1773480000_500_000_000
+    (folder / "drive.toml").write_text(draft.manifest("d"), encoding="utf-8")
+    told = [each.text for each in check_drive(folder).findings]
+    assert not any("no frame was taken" in text or "start_ns" in text for text in told)
+
+
 @pytest.mark.parametrize(("hours", "told"), [(0.1, False), (5.0, True)])
 def test_a_track_alone_has_the_time_of_a_dated_video(
     tmp_path: Path, hours: float, told: bool
