@@ -105,7 +105,9 @@ def test_an_unknown_view_is_told_and_the_drive_has_a_camera_all_the_same(
 ) -> None:
     section, text = _said(folder, [answer])
     assert "camera_matrix" not in section
-    assert "a horizontal view of 60 degrees is taken" in " ".join(text.replace("#", "").split())
+    assert "a view of 60 degrees along the longer side is taken" in " ".join(
+        text.replace("#", "").split()
+    )
     drive = load_drive(folder)
     assert list(drive.cameras()) == ["front"]
     assert "film a chessboard" in drive.camera_warnings()[0]

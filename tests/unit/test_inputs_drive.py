@@ -243,6 +243,14 @@ def test_cameras_take_what_the_manifest_lacks_from_elsewhere(tmp_path: Path) -> 
     assert len(drive.camera_warnings()) == 2
 
 
+def test_a_phone_held_upright_has_the_lens_of_one_that_lies(tmp_path: Path) -> None:
+    sizes = "[video.a]\nwidth = 1280\nheight = 720\n[video.b]\nwidth = 720\nheight = 1280\n"
+    _drive(tmp_path, sizes, "imu.csv")
+    lying, upright = load_drive(tmp_path).cameras().values()
+    assert upright.matrix[0, 0] == lying.matrix[0, 0] == lying.matrix[1, 1]
+    np.testing.assert_array_equal(upright.matrix[:2, 2], lying.matrix[[1, 0], 2])
+
+
 def test_a_lens_that_nobody_describes_is_unsure(tmp_path: Path) -> None:
     matrix = "camera_matrix = [[700.0, 0.0, 320.0], [0.0, 700.0, 240.0], [0.0, 0.0, 1.0]]"
     size = "width = 640\nheight = 480"
