@@ -134,7 +134,8 @@ class Drive:
                 sentences.append(
                     f"{section} has no camera_matrix; a view of 60 degrees along the longer "
                     "side is assumed, which shifts signs sideways and in range by metres; film a "
-                    "chessboard, calibrate with OpenCV and add camera_matrix (docs/howto/own-drive.md)"
+                    "chessboard, calibrate with OpenCV "
+                    "and add camera_matrix (docs/howto/own-drive.md)"
                 )
         return sentences
 

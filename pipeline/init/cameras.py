@@ -25,8 +25,8 @@ _SAME_SHAPE = 0.01
 _UNKNOWN = (
     "no calibration: a view of 60 degrees along the longer side is taken, as a phone's video has "
     "about; dash cameras have 70 to 130, and a sign 20 m ahead and 5 m aside is then metres "
-    "off. Film a chessboard, calibrate with OpenCV, put its file here and run automap init --force; "
-    "or write camera_matrix"
+    "off. Film a chessboard, calibrate with OpenCV, put its file here and run automap init "
+    "--force; or write camera_matrix"
 )
 
 
