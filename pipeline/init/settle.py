@@ -26,6 +26,7 @@ from automap.timebase import gps_to_unix, unix_to_gps
 from pipeline.check.axes import SCALE_CODE, WeighedAxes, seen_motion, weigh_axes
 from pipeline.check.same_drive import usable_receiver
 from pipeline.importers.level_axes import SLOW, is_slow, level_axes
+from pipeline.init.dates import settle_dates
 from pipeline.init.draft import AS_UTC, Draft
 from pipeline.init.video_start import ZONES_H, start_videos
 
@@ -46,6 +47,7 @@ def settle(draft: Draft) -> None:
         _fix_units(draft)
         return
     _accel_unit(draft)
+    settle_dates(draft, _apart_s)
     _clock(draft)
     _videos(draft)
     _wheels(draft)
@@ -81,6 +83,19 @@ def _accel_unit(draft: Draft) -> None:
             # mg and cm/s^2 are 2 % apart, less than many sensors err: the usual ones come first
             draft.set("imu", "accel_unit", unit, f"readings are {size:.4g} long, as gravity is")
             return
+
+
+def _apart_s(draft: Draft) -> float | None:
+    """By how many s readings and fixes that have dates miss one another, 0 where they meet."""
+    read = _read(draft)
+    imu, fixes = (None, None) if read is None else (read[1].imu, read[1].fixes)
+    if imu is None or fixes is None or draft.get("imu", "time") != "unix_ns":
+        return None
+    seconds = np.asarray(unix_to_gps(imu.t_ns[[0, -1]] * 1e-9), np.float64)
+    dated = fixes.gps_s[fixes.gps_s > _UNDATED_S]
+    if len(dated) < 2:
+        return None
+    return max(0.0, float(dated.min() - seconds[1]), float(seconds[0] - dated.max()))
 
 
 def _clock(draft: Draft) -> None:
