@@ -85,6 +85,15 @@ def test_whole_run_shows_every_section(out: Path) -> None:
     assert len(tree.xpath('//table[@id="sign-table"]/tbody/tr')) == 12
 
 
+def test_map_and_table_tell_classes_apart_that_are_said_alike(out: Path) -> None:
+    page, _ = run_stage(out)
+    classes = {
+        row[[f["name"] for f in embedded(page)["fields"]].index("class")]
+        for row in embedded(page)["signs"]["rows"]
+    }
+    assert set(embedded(page)["words"]) == classes
+
+
 @pytest.mark.parametrize(
     ("delay", "title"),
     [("0.12", "Delay from epoch to arrival"), ("null", "Arrival later than the earliest")],

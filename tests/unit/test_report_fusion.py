@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 from export_inputs import FUSION
 
+from automap.export.icons import words_apart
 from automap.io import names
 from pipeline.report.channels import channel_list, channel_name, channel_order, is_rule
 from pipeline.report.evaluation_section import evaluation_section
@@ -160,3 +161,13 @@ def test_axes_of_one_kind_are_listed_with_it() -> None:
         "standstill, velocity (north, east); standstill, turn rate (x); no sideways motion; "
         "wheel speed; own_x"
     )
+
+
+def test_classes_that_are_said_alike_are_told_apart() -> None:
+    names = ["warning--roundabout--g2", "regulatory--roundabout--g1", "regulatory--stop--g1", ""]
+    assert list(words_apart(names).values()) == [
+        "roundabout (warning)",
+        "roundabout (regulatory)",
+        "stop",
+        "",
+    ]
