@@ -117,6 +117,12 @@ def test_a_lesser_file_named_wrongly_is_a_warning(tmp_path: Path) -> None:
         ('[site]\ncountry = "GER"', 'must be two letters, such as "DE"'),
         ("[gnss]\nlever_arm_m = [1, 2, nan]", "finite"),
         ("[gnss]\noutput_delay_s = -1", "line 3: gnss.output_delay_s"),
+        ("[gnss]\noutput_delay_s = -1", "must be at least 0 s, but it is -1."),
+        (
+            "[gnss]\noutput_delay_s = 120",
+            "must be at most 2 s (120 ms are 0.12 s), but it is 120.",
+        ),
+        ("[gnss]\noutput_delay_s = 1e9", "must be at most 2 s, but it is 1000000000.0."),
         ('imu = "imu.csv"', "write it as [imu]"),
         ('[imu]\nfile = "../imu.csv"', "is outside the folder"),
         ('[imu]\naccel_unit = "counts"', "names no sensor"),
