@@ -8,6 +8,8 @@ of which only shape and colour are known has a question mark, which stands on no
 from __future__ import annotations
 
 import re
+from collections import Counter
+from collections.abc import Iterable
 from functools import cache
 from typing import Any
 
@@ -52,6 +54,19 @@ def sign_words(class_name: str) -> str:
     """A class name as people say it: ``regulatory--stop--g1`` is "stop"."""
     parts = [part for part in class_name.split("--") if not re.fullmatch(r"g\d+", part)]
     return " ".join(parts[1:] if len(parts) > 1 else parts).replace("-", " ")
+
+
+def words_apart(class_names: Iterable[str]) -> dict[str, str]:
+    """The words of several classes, with the kind where two share them: a roundabout is warned of,
+    and ordered."""
+    said = {name: sign_words(name) for name in class_names}
+    shared = Counter(said.values())
+    return {
+        name: f"{words} ({name.partition('--')[0]})"
+        if shared[words] > 1 and "--" in name
+        else words
+        for name, words in said.items()
+    }
 
 
 @cache

@@ -23,7 +23,7 @@ from automap.geolocation.landmark_kernels import solve_landmark
 from automap.geolocation.rules import GeolocationRules
 from automap.geolocation.view_errors import places_apart
 from automap.geolocation.views import Views, build_views, numbered_tracks
-from automap.records import BoolArray, Camera, Detections, IntArray, Trajectory
+from automap.records import BoolArray, Camera, Detections, FloatArray, IntArray, Trajectory
 from automap.robust import BY_CAUCHY, BY_HUBER
 
 
@@ -45,7 +45,33 @@ def far_carried(
     turned is not known yet: the pairs of all other boxes tell a start of it. A track that
     goes on from one sign to the next lasts for as long; there its box jumps and is smaller, which
     ends it.
+
+    Nor is the focal length of a camera without a calibration. By one that is a tenth off, a sign
+    that stands in a bend jumps as what moves along does, so that a track is carried only where it
+    is by every focal length that the camera may have.
     """
+    far = _far_carried(trajectory, found, camera, rules)
+    for scale in _focal_scales(camera):
+        if not far.any():
+            break
+        matrix = camera.matrix.copy()
+        matrix[[0, 1], [0, 1]] *= scale
+        far &= _far_carried(trajectory, found, replace(camera, matrix=matrix), rules)
+    return far
+
+
+def _focal_scales(camera: Camera) -> FloatArray:
+    """Focal lengths [k] besides the camera's own, as parts of it, within two sigmas; none of a
+    camera that has a calibration."""
+    steps = int(np.ceil(2.0 * camera.focal_sd / limits.FOCAL_STEP))
+    logs = limits.FOCAL_STEP * np.arange(-steps, steps + 1)
+    return np.asarray(np.exp(logs[logs != 0.0]), np.float64)
+
+
+def _far_carried(
+    trajectory: Trajectory, found: Detections, camera: Camera, rules: GeolocationRules
+) -> BoolArray:
+    """``far_carried`` by the focal length that ``camera`` has."""
     far = np.zeros(len(found), np.bool_)
     if not len(found) or not len(trajectory.t_ns):
         return far

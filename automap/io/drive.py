@@ -110,7 +110,7 @@ class Drive:
         """The cameras by name, in the order of the manifest.
 
         An image size that the manifest lacks is read from the video, else from the principal
-        point; a missing matrix is replaced by a pinhole of 60 degrees horizontal view (see
+        point; a missing matrix is replaced by ``usual_matrix`` (see
         ``camera_warnings``). A camera whose size cannot be known at all is left out.
         """
         cameras = {}
@@ -132,9 +132,10 @@ class Drive:
                 )
             elif video.section.camera_matrix is None:
                 sentences.append(
-                    f"{section} has no camera_matrix; a view of 60 degrees is taken, which the "
-                    "boxes of signs correct as far as they tell; film a chessboard, calibrate "
-                    "with OpenCV and add camera_matrix (docs/howto/own-drive.md)"
+                    f"{section} has no camera_matrix; a view of 60 degrees along the longer side "
+                    "is taken, which the boxes of signs correct as far as they tell; film a "
+                    "chessboard, calibrate with OpenCV and add camera_matrix "
+                    "(docs/howto/own-drive.md)"
                 )
         return sentences
 

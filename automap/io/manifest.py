@@ -309,12 +309,37 @@ def _sentence(error: ValidationError, text: str) -> str:
         message = f"must be a list such as {listed.get(keys[-1], '[0.4, 0.1, -1.2]')}"
     elif kind == "string_pattern_mismatch" and keys[-1] == "country":
         message = 'must be two letters, such as "DE"'
+    elif kind in _LIMITS:
+        message = _beyond(keys[-1], kind, first)
     elif "columns" in keys:
         message = "must be the file's name of the column in quotes, or its number"
     elif keys[0] == "imu" and keys[-1].endswith("axes"):
         message = 'must be text such as "FRD" or a 3x3 matrix of numbers'
     message = message[:1].lower() + message[1:]
     return f"{where}{name}: {message}, but it is {_shown(first.get('input'))}."
+
+
+_LIMITS = {
+    "less_than_equal": ("at most", "le"),
+    "less_than": ("less than", "lt"),
+    "greater_than_equal": ("at least", "ge"),
+    "greater_than": ("more than", "gt"),
+}
+"""How a limit of a number is said, and the name that pydantic has for it."""
+_UNIT_OF = {"s": "s", "m": "m", "deg": "deg", "h": "h"}
+"""The unit that the last word of a key tells."""
+
+
+def _beyond(key: str, kind: str, error: Any) -> str:
+    """What a number must be, with the unit that its key tells, and the number in that where it
+    looks like thousandths."""
+    words, limit = _LIMITS[kind]
+    unit = _UNIT_OF.get(key.rpartition("_")[2], "")
+    bound, value = error["ctx"][limit], error["input"]
+    message = f"must be {words} {bound:g} {unit}".rstrip()
+    if unit in ("s", "m") and limit in ("le", "lt") and value * 1e-3 <= bound:
+        message += f" ({value:g} m{unit} are {value * 1e-3:g} {unit})"
+    return message
 
 
 def _shown(value: Any) -> str:

@@ -44,6 +44,10 @@ NEEDED: dict[TableKind, tuple[str, ...]] = {
 }
 
 
+DATES_DOUBT = 'the dates could be "{}" as well; write time_format if so'
+"""Of dates whose day and month may be either, with the other pattern."""
+
+
 @dataclass(frozen=True)
 class TableGuess:
     """How a table is read: ``places`` of our columns, counted from 0; ``units`` of those that
@@ -273,7 +277,7 @@ def _doubts(layout: Layout, guess: TableGuess) -> list[str]:
     if time is not None and time.pattern is not None and guess.form.time_format is None:
         other = other_reading(time.pattern)
         if other is not None and _both_fit(layout, guess, other):
-            doubts.append(f'the dates could be "{other}" as well; write time_format if so')
+            doubts.append(DATES_DOUBT.format(other))
     ours = {layout.names[at].strip().lower() for at in guess.places.values()} & {"t_ns", "gps_s"}
     high = [role for role in ("height", "msl") if role in guess.assumed]
     if high and not ours:

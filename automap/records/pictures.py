@@ -48,9 +48,11 @@ class Camera:
 
 
 def usual_matrix(width: int, height: int) -> FloatArray:
-    """Camera matrix [3, 3] of a pinhole with a horizontal view of 60 degrees, which that of an
-    action camera in its linear mode and that of a phone are near."""
-    f, cx, cy = 0.5 * width / np.tan(np.radians(30.0)), 0.5 * (width - 1), 0.5 * (height - 1)
+    """Camera matrix [3, 3] of a pinhole with a view of 60 degrees along the longer side of the
+    picture, which that of an action camera in its linear mode and that of a phone are near; a phone
+    held upright has the same lens."""
+    f = 0.5 * max(width, height) / np.tan(np.radians(30.0))
+    cx, cy = 0.5 * (width - 1), 0.5 * (height - 1)
     return np.array([[f, 0.0, cx], [0.0, f, cy], [0.0, 0.0, 1.0]])
 
 

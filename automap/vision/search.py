@@ -215,7 +215,7 @@ def search_frames(
 
 
 def default_camera(width: int, height: int) -> Camera:
-    """A pinhole of 60 degrees horizontal view, for a video of which nothing is known."""
+    """A pinhole of 60 degrees along the longer side, for a video of which nothing is known."""
     matrix = usual_matrix(width, height)
     zero = np.zeros(3)
     return Camera(width, height, matrix, np.zeros(5), zero, zero, 0.1, 0.0, 0.1)

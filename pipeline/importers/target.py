@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import os
 import shutil
@@ -26,6 +27,8 @@ LINEAGE = "import.json"
 SCHEMA = "automap.import/1"
 _DAMAGE = (ValueError, KeyError, IndexError, TypeError, struct.error, EOFError, OverflowError)
 """What reading bytes that are not what they should be can end in."""
+_OF_WRITES = (errno.ENOSPC, errno.EDQUOT, errno.EROFS)
+"""Nothing that is read meets these."""
 _EARLIER = ("truth", "video", "can_speed.csv")
 """What imports wrote before they kept a list of it."""
 
@@ -98,7 +101,10 @@ def new_drive(kind: str, source: Path, out: Path) -> Iterator[Import]:
 
 
 def _reworded(error: OSError, run: Import) -> Exception:
-    """A failed write is the target's fault, a failed read the source's."""
+    """A failed write is the target's fault, a failed read the source's. A copy that finds no room
+    names the source first."""
+    if error.errno in _OF_WRITES:
+        return write_failure(run.out, error)
     named = Path(os.fsdecode(error.filename)) if error.filename else None
     if named is None or named.is_relative_to(run.folder.parent) or named.is_relative_to(run.out):
         return write_failure(run.out, error)

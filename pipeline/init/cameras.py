@@ -23,10 +23,10 @@ _LEAST_VIEW_DEG, _MOST_VIEW_DEG = 10.0, 170.0
 _SAME_SHAPE = 0.01
 """Sides of two sizes of one picture are in one ratio but for rounding."""
 _UNKNOWN = (
-    "no calibration: a horizontal view of 60 degrees is taken, as a phone's video has about; dash "
-    "cameras have 70 to 130, and a sign 20 m ahead and 5 m aside is then metres off. Film a "
-    "chessboard, calibrate with OpenCV, put its file here and run automap init --force; or write "
-    "camera_matrix"
+    "no calibration: a view of 60 degrees along the longer side is taken, as a phone's video has "
+    "about; dash cameras have 70 to 130, and a sign 20 m ahead and 5 m aside is then metres "
+    "off. Film a chessboard, calibrate with OpenCV, put its file here and run automap init "
+    "--force; or write camera_matrix"
 )
 
 

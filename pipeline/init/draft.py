@@ -46,8 +46,17 @@ class Draft:
     def doubt(self, section: str, text: str) -> None:
         """A line for the user that is more than a wish: a value may well be wrong."""
         self.note(section, text)
+        self.doubts.append(self._told(section, text))
+
+    def _told(self, section: str, text: str) -> str:
+        """A doubt with the file that it is about."""
         file = self.get(section, "file")
-        self.doubts.append(f"[{section}]: {text}" if file is None else f"{file}: {text}")
+        return f"[{section}]: {text}" if file is None else f"{file}: {text}"
+
+    def withdraw(self, section: str, text: str) -> None:
+        """Take back a doubt that was settled."""
+        self.notes[section].remove(text)
+        self.doubts.remove(self._told(section, text))
 
     def text(self, absolute: bool = False) -> str:
         """The sections as TOML; files relative to the drive folder unless ``absolute``."""

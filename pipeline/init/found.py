@@ -55,6 +55,19 @@ _OF_CAR = frozenset(
     ]
 )
 """Words of what a car's own computer tells."""
+_WORKBOOK = "a workbook; save each of its sheets as CSV"
+_INSTEAD = {
+    ".xlsx": _WORKBOOK,
+    ".xlsm": _WORKBOOK,
+    ".xls": _WORKBOOK,
+    ".ods": _WORKBOOK,
+    ".fit": "a watch's or a bicycle computer's track; save it as GPX",
+    ".kml": "a drawing; save the track as GPX, with the times of its points",
+    ".kmz": "a drawing; save the track as GPX, with the times of its points",
+    ".mat": "MATLAB's; save its columns as CSV",
+    ".parquet": "a table of columns; save it as CSV",
+}
+"""What to do with recordings in forms that nothing here reads, by how their names end."""
 _KINDS: tuple[TableKind, ...] = ("imu", "gnss", "odometer", "arrival")
 
 
@@ -211,7 +224,8 @@ def _add_text(found: Found, path: Path) -> None:
     elif path.suffix.lower() in TABLES:
         found.passed[path] = why_not(path)
     elif path.name != "import.json" and path not in found.passed:
-        found.passed[path] = "nothing is known of this kind of file"
+        unknown = "nothing is known of this kind of file"
+        found.passed[path] = _INSTEAD.get(path.suffix.lower(), unknown)
 
 
 def _add_archive(found: Found, path: Path) -> None:

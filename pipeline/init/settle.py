@@ -26,6 +26,7 @@ from automap.timebase import gps_to_unix, unix_to_gps
 from pipeline.check.axes import SCALE_CODE, WeighedAxes, seen_motion, weigh_axes
 from pipeline.check.same_drive import usable_receiver
 from pipeline.importers.level_axes import SLOW, is_slow, level_axes
+from pipeline.init.dates import settle_dates
 from pipeline.init.draft import AS_UTC, Draft
 from pipeline.init.video_start import ZONES_H, start_videos
 
@@ -46,6 +47,7 @@ def settle(draft: Draft) -> None:
         _fix_units(draft)
         return
     _accel_unit(draft)
+    settle_dates(draft, _apart_s)
     _clock(draft)
     _videos(draft)
     _wheels(draft)
@@ -81,6 +83,19 @@ def _accel_unit(draft: Draft) -> None:
             # mg and cm/s^2 are 2 % apart, less than many sensors err: the usual ones come first
             draft.set("imu", "accel_unit", unit, f"readings are {size:.4g} long, as gravity is")
             return
+
+
+def _apart_s(draft: Draft) -> float | None:
+    """By how many s readings and fixes that have dates miss one another, 0 where they meet."""
+    read = _read(draft)
+    imu, fixes = (None, None) if read is None else (read[1].imu, read[1].fixes)
+    if imu is None or fixes is None or draft.get("imu", "time") != "unix_ns":
+        return None
+    seconds = np.asarray(unix_to_gps(imu.t_ns[[0, -1]] * 1e-9), np.float64)
+    dated = fixes.gps_s[fixes.gps_s > _UNDATED_S]
+    if len(dated) < 2:
+        return None
+    return max(0.0, float(dated.min() - seconds[1]), float(seconds[0] - dated.max()))
 
 
 def _clock(draft: Draft) -> None:
@@ -125,14 +140,16 @@ def _videos(draft: Draft) -> None:
     if read is None:
         return
     imu, fixes = read[1].imu, read[1].fixes
-    if imu is not None:
-        clock, seconds = draft.get("imu", "time"), np.asarray(imu.t_ns * 1e-9, np.float64)
+    clock = draft.get("imu", "time")
+    if imu is not None and clock in ("unix_ns", "gps_ns"):
+        seconds = np.asarray(imu.t_ns * 1e-9, np.float64)
     else:
-        # a path of fixes alone has their time
+        # a count of the readings that begins anywhere has its date from the fixes, as a path of
+        # fixes alone has
         clock = "gps_ns"
         seconds = np.zeros(0) if fixes is None else fixes.gps_s[np.isfinite(fixes.gps_s)]
         seconds = seconds[seconds > _UNDATED_S]
-    if clock in ("unix_ns", "gps_ns") and len(seconds) > 1:
+    if len(seconds) > 1:
         span = np.array([seconds.min(), seconds.max()])
         start_videos(draft, span if clock == "unix_ns" else gps_to_unix(span))
 

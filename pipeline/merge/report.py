@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from automap import __version__
-from automap.export.icons import sign_words
+from automap.export.icons import sign_words, words_apart
 from automap.export.sign_columns import SignColumns, Signs
 from automap.io import names
 from automap.io.signs_table import first_signs
@@ -212,16 +212,9 @@ def _error_section(summary: dict[str, Any]) -> Section:
 
 def _class_section(signs: Signs) -> Section:
     counts = Counter(signs.classes)
-    shared = Counter(map(sign_words, counts))
+    words = words_apart(counts)
     return Section(
         header=("class", "signs"),
-        # two may be said alike: a roundabout is warned of, and ordered
-        rows=[
-            (
-                sign_words(name) + f" ({name.split('--')[0]})" * (shared[sign_words(name)] > 1),
-                str(n),
-            )
-            for name, n in counts.most_common()
-        ],
+        rows=[(words[name], str(n)) for name, n in counts.most_common()],
         folded="All classes" if len(counts) > 20 else "",
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 
 _WORDS = {
     "position": "GPS position",
@@ -26,6 +27,21 @@ def channel_name(channel: str) -> str:
     if parts and parts[1] in _WORDS:
         return f"{_WORDS[parts[1]]} {_AXES[parts[2]]}"
     return channel
+
+
+def channel_list(channels: Iterable[str]) -> str:
+    """Several channels in words, those of one kind together with their axes."""
+    axes: dict[str, list[str]] = {}
+    for channel in channels:
+        kind, _, axis = channel.rpartition("_")
+        known = channel not in _WHOLE and kind in _WORDS and axis in _AXES
+        words = _WORDS[kind] if known else channel_name(channel)
+        axes.setdefault(words, []).extend([_AXES[axis]] if known else [])
+    listed = [
+        words[0].lower() + words[1:] + (f" ({', '.join(each)})" if each else "")
+        for words, each in axes.items()
+    ]
+    return "; ".join(listed)
 
 
 def is_rule(channel: str) -> bool:

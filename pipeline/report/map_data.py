@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from automap.export.icons import class_icon
+from automap.export.icons import class_icon, words_apart
 from automap.export.kml import class_colours
 from automap.export.path import simplified_path
 from automap.export.sign_columns import Signs
@@ -57,6 +57,7 @@ def map_data(
         "fixes": _fixes(products, origin, notes),
         "signs": _signs(products, signs, origin, notes, list(pictures)),
         "faces": sign_faces({str(name) for name in signs.classes}),
+        "words": words_apart(sorted({str(name) for name in signs.classes})),
     }
     data["background"] = below = cut_below(data, background) if background is not None else None
     if background is not None and below is None:

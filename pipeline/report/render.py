@@ -6,7 +6,7 @@ from typing import Any
 
 from automap import __version__
 from automap.export.clock import iso_texts, utc_of_gps
-from automap.export.icons import sign_words
+from automap.export.icons import words_apart
 from automap.export.roads import read_roads_csv, set_roads
 from automap.export.sign_columns import Signs, sign_columns
 from automap.io import names
@@ -170,6 +170,7 @@ def sign_list(signs: Signs) -> dict[str, Any]:
     shown = {"id", "class", "confidence", "n_views", "ce95_m", "side", "height_above_road_m",
              "size_m", "facing_deg", "road_name", "chainage_m", "road_check", "status"}  # fmt: skip
     fields = [field for field in signs.fields if field.name in shown]
+    words = words_apart({str(name) for name in signs.classes})
     rows = []
     shown_values = signs.first(TABLE_LIMIT).values
     for row in range(min(len(signs), TABLE_LIMIT)):
@@ -179,7 +180,7 @@ def sign_list(signs: Signs) -> dict[str, Any]:
             if field.kind == "real":
                 value = "" if value != value else f"{value:.{field.decimals}f}"
             elif field.name == "class":
-                value = sign_words(str(value))
+                value = words[str(value)]
             cells.append("" if value is None else str(value))
         rows.append(cells)
     called = {"ce95_m": "95 % radius", "n_views": "views"}

@@ -10,7 +10,7 @@ from automap.io import names
 from automap.records import FloatArray
 from pipeline.pages.section import Plot, Section, draw_over_time
 from pipeline.pages.svg_plot import Series, thin_dots
-from pipeline.report.channels import channel_name, channel_order, is_rule
+from pipeline.report.channels import channel_list, channel_name, channel_order, is_rule
 from pipeline.report.nis_plots import nis_series
 from pipeline.shared.products import RunProducts
 
@@ -190,7 +190,7 @@ def innovation_section(products: RunProducts) -> Section:
         section.plots += draw_over_time(title, lines, "NIS / m", span, (0.0, 1.0))
     if loose:
         section.verdicts.append(
-            ("good", f"Held better than assumed, which is meant to be so: {', '.join(loose)}. "
+            ("good", f"Held better than assumed, which is meant to be so: {channel_list(loose)}. "
              "These are rules of how cars move, taken loosely because they are never exact.")
         )  # fmt: skip
     share = float(accepted.mean())
@@ -230,7 +230,7 @@ def _channel_row(
     words = innovation_verdict(rms, mean, share)
     if is_rule(channel) and words == _CAUTIOUS:
         words = "held better than assumed"
-        loose.append(title[0].lower() + title[1:])
+        loose.append(channel)
     elif words != "as expected":
         grade: Literal["fair", "bad"] = "bad" if share < 0.8 or rms > 2.0 else "fair"
         section.verdicts.append((grade, f"{title}: {words}."))

@@ -51,7 +51,7 @@ def sync_section(products: RunProducts) -> Section:
         what = {"velocity": "velocities"}.get(str(content.get("imu_delay_source")), "positions")
         section.sentences.append(_imu_delay(imu_delay, imu_sd, what))
     section.rows = [(key.replace("_", " "), text) for key, text in _flat(content)]
-    section.plots = _delay_plot(products)
+    section.plots = _delay_plot(products, isinstance(delay, int | float))
     return section
 
 
@@ -101,7 +101,9 @@ def _flat(content: dict[str, Any], prefix: str = "") -> list[tuple[str, str]]:
     return rows
 
 
-def _delay_plot(products: RunProducts) -> list[Any]:
+def _delay_plot(products: RunProducts, known: bool) -> list[Any]:
+    """How late the data came: behind their epoch where the receiver's own delay is ``known``, else
+    behind the earliest, whose delay arrivals do not tell."""
     table = products.table(names.SYNC_DELAYS)
     if table is None or table.num_rows == 0:
         return []
@@ -127,5 +129,6 @@ def _delay_plot(products: RunProducts) -> list[Any]:
         if name in columns:
             series.append(Series("lower envelope", seconds, columns[name] * 1e3, "line", 1))
             break
-    title = "Delay from epoch to arrival (highest 2 % cut off)"
+    title = "Delay from epoch to arrival" if known else "Arrival later than the earliest"
+    title += " (highest 2 % cut off)"
     return draw_over_time(title, series, "ms", float(np.nanmax(seconds)))

@@ -18,7 +18,14 @@ from automap.geolocation.locate import locate_signs
 from automap.geolocation.result import LEFT_OUT
 from automap.geolocation.rules import GeolocationRules
 from automap.geolocation.views import MeasurementNoise, build_views
-from automap.records import Camera, Detections, FloatArray, IntArray, Trajectory
+from automap.records import (
+    UNKNOWN_FOCAL_SD,
+    Camera,
+    Detections,
+    FloatArray,
+    IntArray,
+    Trajectory,
+)
 from tests.slow_cases import others_slow
 
 SPEED = 12.0
@@ -173,6 +180,22 @@ def jam(path: Trajectory, speed: float) -> Detections:
     found, owner = boxes(path, roadside(path), camera(), np.random.default_rng(2))
     found = replace(found, track=owner.astype(np.int64))
     return together(found, carried(path, camera(), 20.0, speed, 20.0))
+
+
+@pytest.mark.parametrize("log_scale", [-0.25, 0.15])
+def test_a_focal_length_that_nobody_knows_moves_no_sign_along(log_scale: float) -> None:
+    """Half a step of those that are tried from the true one, on a bend of 240 m radius."""
+    path = drive_path(40.0, SPEED, 0.05)
+    rng = np.random.default_rng(2)
+    found, owner = boxes(path, roadside(path, 8.0), camera(), rng, range_m=(5.0, 115.0))
+    found = replace(found, track=owner.astype(np.int64))
+    both = together(found, carried(path, camera(), 20.0, SPEED + 0.5, 20.0))
+    matrix = camera().matrix.copy()
+    matrix[[0, 1], [0, 1]] *= np.exp(log_scale)
+    assumed = replace(camera(), matrix=matrix, focal_sd=UNKNOWN_FOCAL_SD)
+    far = carriers.far_carried(path, both, assumed, GeolocationRules())
+    assert far[both.track == 999].mean() > 0.95
+    assert not far[both.track != 999].any()
 
 
 def test_what_is_followed_further_than_signs_are_seen_is_left_out_before_anything_is_fitted() -> (

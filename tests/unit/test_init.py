@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import errno
+import os
 import shutil
 import tomllib
 import zipfile
@@ -120,6 +122,22 @@ def test_into_another_folder(tmp_path: Path) -> None:
         assert Path(text.split(": ")[0]).is_file(), text
 
 
+def test_a_copy_that_finds_no_room_is_the_targets_fault(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Python names the file that it copies from first."""
+    FOREIGN["bare"](tmp_path / "d")
+
+    def full(*args: object) -> int:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(os, "sendfile", full)
+    target = tmp_path / "drive"
+    assert run_command(["init", str(tmp_path / "d"), "-o", str(target)]) == 4
+    assert f"cannot write {target}: the disk is full" in capsys.readouterr().err
+    assert not target.exists()
+
+
 def test_a_negated_accelerometer_is_found(tmp_path: Path) -> None:
     """As phones have it: the manifest names the axes of that triad."""
     FOREIGN["bare"](tmp_path / "d")
@@ -179,6 +197,12 @@ def test_recordings_of_other_programs_are_imported(
             "notes.csv: its columns say nothing that is known (a, b)",
         ),
         ({"a.bag": b"x", "log.nmea": b"$GPGGA,1,1,,,,0*00\r\n"}, 3, "cannot be read"),
+        ({"imu.xlsx": b"PK\x03\x04"}, 3, "imu.xlsx: a workbook; save each of its sheets as CSV"),
+        (
+            {"ride.FIT": b"\x0e"},
+            3,
+            "ride.FIT: a watch's or a bicycle computer's track; save it as GPX",
+        ),
         ({"a.bag": b"x", "b.mcap": b"y"}, 3, "cannot be read as a ROS recording"),
     ],
 )

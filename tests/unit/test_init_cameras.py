@@ -105,7 +105,9 @@ def test_an_unknown_view_is_told_and_the_drive_has_a_camera_all_the_same(
 ) -> None:
     section, text = _said(folder, [answer])
     assert "camera_matrix" not in section
-    assert "a horizontal view of 60 degrees is taken" in " ".join(text.replace("#", "").split())
+    assert "a view of 60 degrees along the longer side is taken" in " ".join(
+        text.replace("#", "").split()
+    )
     drive = load_drive(folder)
     assert list(drive.cameras()) == ["front"]
     assert "film a chessboard" in drive.camera_warnings()[0]
@@ -143,6 +145,25 @@ def test_a_dated_name_tells_when_a_video_began(
     assert draft.get(section, "start_ns") * 1e-9 == pytest.approx(second, abs=1.0)
     assert draft.get(section, "time_offset_sigma_s") == 1.0
     assert (f"{ahead_h:+g} h" in draft.why(section, "start_ns")) == bool(ahead_h)
+
+
+@pytest.mark.parametrize("arrivals", [True, False])
+def test_a_dated_name_tells_it_beside_readings_whose_count_begins_anywhere(
+    folder: Path, arrivals: bool
+) -> None:
+    """The fixes tell the date of the drive, and arrival times or motions tie the count to it."""
+    shutil.rmtree(folder / "video")
+    shutil.copy(SAMPLE / "video/front.mp4", folder / "20260314_202000.mp4")
+    if not arrivals:
+        (folder / "gnss_arrival.csv").unlink()
+    draft = draft_of(look(folder), folder, None)
+    settle(draft)
+    assert draft.get("imu", "time") == "boot_ns"
+    assert draft.get("video.front", "time") == "unix_ns"
+    assert draft.get("video.front", "start_ns") == 1773480000_500_000_000
+    (folder / "drive.toml").write_text(draft.manifest("d"), encoding="utf-8")
+    told = [each.text for each in check_drive(folder).findings]
+    assert not any("no frame was taken" in text or "start_ns" in text for text in told)
 
 
 @pytest.mark.parametrize(("hours", "told"), [(0.1, False), (5.0, True)])

@@ -117,6 +117,12 @@ def test_a_lesser_file_named_wrongly_is_a_warning(tmp_path: Path) -> None:
         ('[site]\ncountry = "GER"', 'must be two letters, such as "DE"'),
         ("[gnss]\nlever_arm_m = [1, 2, nan]", "finite"),
         ("[gnss]\noutput_delay_s = -1", "line 3: gnss.output_delay_s"),
+        ("[gnss]\noutput_delay_s = -1", "must be at least 0 s, but it is -1."),
+        (
+            "[gnss]\noutput_delay_s = 120",
+            "must be at most 2 s (120 ms are 0.12 s), but it is 120.",
+        ),
+        ("[gnss]\noutput_delay_s = 1e9", "must be at most 2 s, but it is 1000000000.0."),
         ('imu = "imu.csv"', "write it as [imu]"),
         ('[imu]\nfile = "../imu.csv"', "is outside the folder"),
         ('[imu]\naccel_unit = "counts"', "names no sensor"),
@@ -241,6 +247,14 @@ def test_cameras_take_what_the_manifest_lacks_from_elsewhere(tmp_path: Path) -> 
     # 60 degrees of view: half the width over its tangent
     np.testing.assert_allclose(cameras["left"].matrix[0, 0], 400 / np.tan(np.pi / 6))
     assert len(drive.camera_warnings()) == 2
+
+
+def test_a_phone_held_upright_has_the_lens_of_one_that_lies(tmp_path: Path) -> None:
+    sizes = "[video.a]\nwidth = 1280\nheight = 720\n[video.b]\nwidth = 720\nheight = 1280\n"
+    _drive(tmp_path, sizes, "imu.csv")
+    lying, upright = load_drive(tmp_path).cameras().values()
+    assert upright.matrix[0, 0] == lying.matrix[0, 0] == lying.matrix[1, 1]
+    np.testing.assert_array_equal(upright.matrix[:2, 2], lying.matrix[[1, 0], 2])
 
 
 def test_a_lens_that_nobody_describes_is_unsure(tmp_path: Path) -> None:

@@ -85,6 +85,32 @@ def test_whole_run_shows_every_section(out: Path) -> None:
     assert len(tree.xpath('//table[@id="sign-table"]/tbody/tr')) == 12
 
 
+def test_map_and_table_tell_classes_apart_that_are_said_alike(out: Path) -> None:
+    page, _ = run_stage(out)
+    classes = {
+        row[[f["name"] for f in embedded(page)["fields"]].index("class")]
+        for row in embedded(page)["signs"]["rows"]
+    }
+    assert set(embedded(page)["words"]) == classes
+
+
+@pytest.mark.parametrize(
+    ("delay", "title"),
+    [("0.12", "Delay from epoch to arrival"), ("null", "Arrival later than the earliest")],
+)
+def test_the_plot_of_arrivals_says_what_they_are_late_by(out: Path, delay: str, title: str) -> None:
+    """Without the receiver's own delay arrivals tell how much later than the earliest they are."""
+    clock = json.loads((out / names.SYNC).read_text())
+    (out / names.SYNC).write_text(json.dumps(clock | {"output_delay_s": json.loads(delay)}))
+    page, _ = run_stage(out)
+    (told,) = [
+        text
+        for text in html.fromstring(page).xpath("//figcaption//text()")
+        if "highest 2 %" in text
+    ]
+    assert told.strip() == f"{title} (highest 2 % cut off)"
+
+
 def test_nothing_is_requested_from_the_network(out: Path) -> None:
     page, _ = run_stage(out)
     tree = html.fromstring(page)

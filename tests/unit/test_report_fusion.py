@@ -10,8 +10,9 @@ from typing import Any
 import pytest
 from export_inputs import FUSION
 
+from automap.export.icons import words_apart
 from automap.io import names
-from pipeline.report.channels import channel_name, channel_order, is_rule
+from pipeline.report.channels import channel_list, channel_name, channel_order, is_rule
 from pipeline.report.evaluation_section import evaluation_section
 from pipeline.report.fusion_section import fusion_section
 from pipeline.report.map_data import sign_faces
@@ -152,3 +153,21 @@ def test_faces_are_drawn_for_known_classes_only() -> None:
     faces = sign_faces({"regulatory--stop--g1", "<script>"})
     assert set(faces) == {"regulatory--stop--g1", "<script>"}
     assert all(face.startswith("data:image/png;base64,") for face in faces.values())
+
+
+def test_axes_of_one_kind_are_listed_with_it() -> None:
+    channels = ["zupt_n", "zupt_e", "zaru_x", "nhc_y", "odometer", "own_x"]
+    assert channel_list(channels) == (
+        "standstill, velocity (north, east); standstill, turn rate (x); no sideways motion; "
+        "wheel speed; own_x"
+    )
+
+
+def test_classes_that_are_said_alike_are_told_apart() -> None:
+    names = ["warning--roundabout--g2", "regulatory--roundabout--g1", "regulatory--stop--g1", ""]
+    assert list(words_apart(names).values()) == [
+        "roundabout (warning)",
+        "roundabout (regulatory)",
+        "stop",
+        "",
+    ]

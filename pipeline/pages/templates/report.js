@@ -64,10 +64,7 @@
   }
 
   // signs: faces where they are known and few enough for the page, else dots
-  const words = (name) => {
-    const parts = name.split("--").filter((part) => !/^g\d+$/.test(part));
-    return (parts.length > 1 ? parts.slice(1) : parts).join(" ").replace(/-/g, " ");
-  };
+  const words = (name) => (Object.hasOwn(data.words, name) ? data.words[name] : name);
   const faceOf = (name) => (Object.hasOwn(data.faces, name) ? data.faces[name] : null);
   const FACE = 24, FACE_CHOSEN = 38, MANY = 300;
   const column = {};
