@@ -244,7 +244,9 @@ def weigh(
             reasons = later([outcome.inertial_worse(share), *reasons], earlier)
             moved = at_sensor(drifting(rest, drifts), lever_arm)
             return weighed_path(lambda: iter([moved]), reasons, alone=True)
-    widened = widening(path, reasons, misses, alone)
+    # the fixes' path is the antenna's, dated by their tags
+    near = None if alone is None else at_sensor(_dated_back(alone, at[1]), at[0])
+    widened = widening(path, reasons, misses, near)
 
     def run() -> Iterator[Trajectory]:
         for rows, stretch in known():
@@ -259,6 +261,11 @@ def weigh(
     reasons = later(reasons, max(float(path.gps_s[0] - rest.gps_s[0]), 0.0))
     weighed = weighed_path(lambda: joined(run(), rest), reasons, False)
     return replace(weighed, unread_m=unread_m)
+
+
+def _dated_back(path: Trajectory, age_s: float) -> Trajectory:
+    """A path of fixes that are ``age_s`` older than their tags, at the instants they tell of."""
+    return replace(path, gps_s=path.gps_s - age_s)
 
 
 def _off_nose(path: Trajectory, sliding: Sequence[Reason]) -> Trajectory:

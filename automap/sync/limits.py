@@ -209,6 +209,11 @@ log is written faster than the receiver measures; a tunnel repeats less."""
 EVEN_STEP, MOVED_DIGITS, MOST_BETWEEN = 0.1, 4.0, 49
 """Rows are evenly apart to a tenth of their step, as receivers tag them. What moved by fewer digits
 lies on any line. Up to so many rows are put between two fixes: 50 a second of one."""
+STRAY_SHARE = 0.02
+"""Of rows that are measured where others are not. Chosen: a row that was lost, or came twice."""
+SPEED_DIGIT, COURSE_DIGIT_RAD = 0.03, 1e-3
+"""Speeds are told to a tenth of a knot and courses to a tenth of a degree at least, half of which a
+way on from a fix errs by."""
 LEAST_REPEATS = 3
 """A value must repeat so often to be looked into: one that is told with few digits repeats once or
 twice by chance."""
