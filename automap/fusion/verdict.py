@@ -81,7 +81,7 @@ from automap.fusion.options import FusionOptions
 from automap.fusion.rest_noise import shaken_levels
 from automap.fusion.result import FusionResult, Prior
 from automap.fusion.unread import driven_m, joined, later, unread
-from automap.fusion.verdict_alone import at_sensor
+from automap.fusion.verdict_alone import at_sensor, seen_at_sensor
 from automap.fusion.weighed import Weighed, level_sd, weighed_path
 from automap.fusion.widening import widen, widening
 from automap.records import ClockModel, Fixes, FloatArray, ImuData, Trajectory
@@ -244,8 +244,7 @@ def weigh(
             reasons = later([outcome.inertial_worse(share), *reasons], earlier)
             moved = at_sensor(drifting(rest, drifts), lever_arm)
             return weighed_path(lambda: iter([moved]), reasons, alone=True)
-    # the fixes' path is the antenna's, dated by their tags
-    near = None if alone is None else at_sensor(_dated_back(alone, at[1]), at[0])
+    near = None if alone is None else seen_at_sensor(alone, *at)
     widened = widening(path, reasons, misses, near)
 
     def run() -> Iterator[Trajectory]:
@@ -261,11 +260,6 @@ def weigh(
     reasons = later(reasons, max(float(path.gps_s[0] - rest.gps_s[0]), 0.0))
     weighed = weighed_path(lambda: joined(run(), rest), reasons, False)
     return replace(weighed, unread_m=unread_m)
-
-
-def _dated_back(path: Trajectory, age_s: float) -> Trajectory:
-    """A path of fixes that are ``age_s`` older than their tags, at the instants they tell of."""
-    return replace(path, gps_s=path.gps_s - age_s)
 
 
 def _off_nose(path: Trajectory, sliding: Sequence[Reason]) -> Trajectory:

@@ -73,3 +73,9 @@ def at_sensor(path: Trajectory, arm: FloatArray | None) -> Trajectory:
     # courses one after the other tell a turn no better than that there is one
     swing = moved.vel_ned - path.vel_ned
     return replace(moved, sd_vel_ned=np.hypot(moved.sd_vel_ned, swing))
+
+
+def seen_at_sensor(path: Trajectory, arm: FloatArray, age_s: float) -> Trajectory:
+    """The path of a sensor at the instants that fixes tell of, by that of their antenna, ``arm``
+    [3] m forward, right and down of it, dated by tags that are ``age_s`` later."""
+    return at_sensor(replace(path, gps_s=path.gps_s - age_s), arm)
