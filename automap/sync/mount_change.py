@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -98,32 +98,30 @@ def _turned(
         of_azimuth.append(_azimuth_change(cut, azimuth, sd))
     for found in (of_level, of_azimuth):
         best = min(found, key=lambda c: c.probability)
-        left = [_without(best, cuts[found.index(best)], raw, level, azimuth, sd)]
-        yield max([best, *left], key=lambda c: c.probability)
+        # the place is known by now, so that nothing is tried any more
+        mistaken = _mistaken(best, cuts[found.index(best)], raw, level, azimuth, sd) / len(cuts)
+        yield replace(best, probability=max(best.probability, mistaken))
 
 
-def _without(
+def _mistaken(
     best: MountChange,
     cut: _Cut,
     raw: FloatArray,
     level: FloatArray,
     azimuth: FloatArray,
     sd: FloatArray,
-) -> MountChange:
-    """The same change where one piece, the one that matters most, was mistaken."""
-    weakest = best
+) -> float:
+    """Probability that one piece was mistaken, as ``MISTAKEN_LAG`` of them are, and the change is
+    chance in all others."""
+    chance = 0.0
     for k in np.flatnonzero(cut.use).tolist():
         use = cut.use & (np.arange(len(cut.use)) != k)
-        if not (use & cut.after).any() or not (use & ~cut.after).any():
-            continue
         fewer = _Cut(cut.after, use, cut.first_s, cut.last_s)
         if best.kind == "level":
-            tilts = [_level_change(fewer, values) for values in (raw, level)]
-            other = max(tilts, key=lambda c: c.probability)
+            chance += max(_level_change(fewer, values).probability for values in (raw, level))
         else:
-            other = _azimuth_change(fewer, azimuth, sd)
-        weakest = max(weakest, other, key=lambda c: c.probability)
-    return weakest
+            chance += _azimuth_change(fewer, azimuth, sd).probability
+    return limits.MISTAKEN_LAG * chance
 
 
 def _level_change(cut: _Cut, values: FloatArray) -> MountChange:
