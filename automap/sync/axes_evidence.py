@@ -88,7 +88,6 @@ def axes_evidence(imu: ImuData, fixes: Fixes | None, clock: ClockModel | None) -
 def together(parts: Sequence[AxesEvidence]) -> AxesEvidence:
     """The evidence of several parts of a drive, of which each has its biases and its lags."""
     up = np.sum([part.up for part in parts], axis=0)
-    followed = ("turn", "lateral", "surge")
     tilts = []
     for length in range(max((len(part.tilts) for part in parts), default=0)):
         same = [part.tilts[length] for part in parts if length < len(part.tilts)]
@@ -96,7 +95,9 @@ def together(parts: Sequence[AxesEvidence]) -> AxesEvidence:
         tilts.append(Tilts(*(np.asarray(value) for value in sums)))
     return AxesEvidence(
         up / max(float(np.linalg.norm(up)), 1e-12),
-        *(_joined([getattr(part, name) for part in parts]) for name in followed),
+        _joined([part.turn for part in parts]),
+        _joined([part.lateral for part in parts]),
+        _joined([part.surge for part in parts]),
         tuple(tilts),
     )
 

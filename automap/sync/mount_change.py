@@ -181,7 +181,7 @@ def _axes_changed(pieces: Sequence[MountPiece], cuts: Sequence[_Cut], known: boo
     best = MountChange("axes", 0.0, 0.0, 1.0)
     for cut in cuts:
         sides = [
-            together([pieces[k].seen for k in np.flatnonzero(cut.use & part)])
+            together([pieces[k].seen for k in np.flatnonzero(cut.use & part).tolist()])
             for part in (~cut.after, cut.after)
         ]
         case = np.eye(3) if known else mounting(sides[0])
