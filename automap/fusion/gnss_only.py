@@ -135,6 +135,13 @@ def as_sure_as_fixes(
     return at_least(path, model.t[has], lasts[has])
 
 
+def as_old_as(path: Trajectory, age_sd_s: float) -> Trajectory:
+    """The ``path`` with positions as unsure along the way as it goes in ``age_sd_s``: of which
+    instant fixes are, and how late their clock is, no path of theirs alone shows."""
+    along = np.abs(path.vel_ned) * age_sd_s
+    return replace(path, sd_pos_ned=np.hypot(path.sd_pos_ned, along))
+
+
 def at_least(path: Trajectory, gps_s: FloatArray, sd: FloatArray) -> Trajectory:
     """The ``path`` with a position nowhere surer than ``sd`` [k, 3] m at ``gps_s`` [k] s."""
     least = np.stack([np.interp(path.gps_s, gps_s, column) for column in sd.T], axis=1)

@@ -71,7 +71,7 @@ from automap.fusion.doubts.slow_drift import Drift, drifting, pattern_doubts
 from automap.fusion.doubts.velocity_step import compare, step_doubts, told_times, velocity_steps
 from automap.fusion.fix_levels import fix_levels
 from automap.fusion.free_inertial import FreeInertial
-from automap.fusion.gnss_only import as_sure_as_fixes, smooth_fixes, uncorrected
+from automap.fusion.gnss_only import as_old_as, as_sure_as_fixes, smooth_fixes, uncorrected
 from automap.fusion.inertial_evidence import of_readings
 from automap.fusion.levels import VELOCITY_WANDER
 from automap.fusion.limits import STATED_ARM_SD_M, UNKNOWN_HEADING_SD
@@ -81,7 +81,7 @@ from automap.fusion.options import FusionOptions
 from automap.fusion.rest_noise import shaken_levels
 from automap.fusion.result import FusionResult, Prior
 from automap.fusion.unread import driven_m, joined, later, unread
-from automap.fusion.verdict_alone import at_sensor
+from automap.fusion.verdict_alone import at_sensor, seen_at_sensor
 from automap.fusion.weighed import Weighed, level_sd, weighed_path
 from automap.fusion.widening import widen, widening
 from automap.records import ClockModel, Fixes, FloatArray, ImuData, Trajectory
@@ -226,6 +226,7 @@ def weigh(
     model = as_shown(stated, options, result.noise_factors)
     at = of_axes(found, "gnss_lever_arm"), found.get(LATENCY_STATE, (0.0, 0.0))[0]
     misses = fix_misses(path, model, *at)
+    old = math.hypot(age_sd_of(fixes, clock, options), result.delay.sd)
     reasons += overstated(fix_misses(path, stated, *at))
     far, share = off_the_fixes(misses, options.wander_tau_s)
     reasons += far
@@ -240,11 +241,13 @@ def weigh(
             earlier = float(path.gps_s[0] - alone.gps_s[0])
             of_fixes = [*later(of_receiver, earlier), *own]
             rest = as_sure_as_fixes(alone, fixes, options, levels)
+            rest = as_old_as(rest, old)
             rest = _off_nose(widen(rest, of_fixes, beside, None), sliding)
             reasons = later([outcome.inertial_worse(share), *reasons], earlier)
             moved = at_sensor(drifting(rest, drifts), lever_arm)
             return weighed_path(lambda: iter([moved]), reasons, alone=True)
-    widened = widening(path, reasons, misses, alone)
+    near = None if alone is None else seen_at_sensor(alone, *at)
+    widened = widening(path, reasons, misses, near)
 
     def run() -> Iterator[Trajectory]:
         for rows, stretch in known():
@@ -253,7 +256,7 @@ def weigh(
     if alone is None or not len(unread(alone, path.t_ns)):
         return replace(weighed_path(run, reasons, False), unread_m=unread_m)
     earlier = float(path.gps_s[0] - alone.gps_s[0])
-    rest = as_sure_as_fixes(alone, fixes, options, levels)
+    rest = as_old_as(as_sure_as_fixes(alone, fixes, options, levels), old)
     rest = widen(rest, later(of_receiver, earlier), fix_misses(alone, model), None)
     rest = unread(at_sensor(drifting(rest, drifts), arm), path.t_ns)
     reasons = later(reasons, max(float(path.gps_s[0] - rest.gps_s[0]), 0.0))

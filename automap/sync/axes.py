@@ -60,13 +60,20 @@ class AxesJudgement:
 def judge_stated(seen: AxesEvidence) -> AxesJudgement:
     """Judge readings that are said to be in vehicle axes."""
     ways = SIGNED_PERMUTATIONS
+    return _judgement(scores(seen, ways, ways) + prior_of_ways(), ways, ways)
+
+
+def prior_of_ways() -> FloatArray:
+    """Log probability [48, 48] before the data that accelerometer and gyro are to be read by each
+    two of ``SIGNED_PERMUTATIONS``."""
+    ways = SIGNED_PERMUTATIONS
     mistakes = np.full((len(ways), len(ways)), 3)
     mistakes[0, :] = mistakes[:, 0] = 2
     turned = np.linalg.det(ways) > 0.0
     np.fill_diagonal(mistakes, np.where(turned, 1, 2))
     mistakes[0, _NEGATED] = mistakes[_NEGATED, 0] = 1
     mistakes[0, 0] = 0
-    return _judgement(scores(seen, ways, ways) + _before(mistakes), ways, ways)
+    return _before(mistakes)
 
 
 def judge_unknown(seen: AxesEvidence) -> AxesJudgement:
@@ -74,7 +81,7 @@ def judge_unknown(seen: AxesEvidence) -> AxesJudgement:
     case, or what makes them so?"""
     ways = SIGNED_PERMUTATIONS
     signs = np.array([np.eye(3), -np.eye(3)])
-    cases = [_mounting(seen, sign) for sign in (1.0, -1.0)]
+    cases = [mounting(seen, sign) for sign in (1.0, -1.0)]
     both = zip((1.0, -1.0), cases, strict=True)
     likelihood = np.concatenate([scores(seen, s * case[None], case @ ways) for s, case in both])
     mistakes = np.array([np.full(len(ways), 2), np.full(len(ways), 3)])
@@ -82,10 +89,10 @@ def judge_unknown(seen: AxesEvidence) -> AxesJudgement:
     mistakes[1, 0] = mistakes[0, _NEGATED] = 1
     mistakes[1, _NEGATED] = 2
     found = _judgement(likelihood + _before(mistakes), signs, ways)
-    mounting = cases[0 if found.best.accel[0, 0] > 0.0 else 1]
+    case = cases[0 if found.best.accel[0, 0] > 0.0 else 1]
     best, turn = _as_read(found.best)
     others = tuple(_as_read(other)[0] for other in found.others)
-    return AxesJudgement(found.stated, best, others, mounting @ turn.T)
+    return AxesJudgement(found.stated, best, others, case @ turn.T)
 
 
 def _as_read(found: Hypothesis) -> tuple[Hypothesis, FloatArray]:
@@ -174,7 +181,7 @@ def slope(seen: Followed, axis: FloatArray) -> tuple[float, float]:
     return r * spread, float(spread * np.sqrt(max(1.0 - r**2, 0.0) / (seen.count - 2.0)))
 
 
-def _mounting(seen: AxesEvidence, sign: float) -> FloatArray:
+def mounting(seen: AxesEvidence, sign: float = 1.0) -> FloatArray:
     """C_vehicle_case [3, 3] of a case whose accelerometer reads ``sign`` times specific force."""
     down = -sign * seen.up
     helper = np.eye(3)[int(np.argmin(np.abs(down)))]

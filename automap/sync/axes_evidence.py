@@ -7,6 +7,7 @@ Everything is kept as moments, of which correlations in any axes follow.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -68,10 +69,10 @@ def axes_evidence(imu: ImuData, fixes: Fixes | None, clock: ClockModel | None) -
     without them what the IMU shows of itself."""
     median = np.median(imu.accel, axis=0)
     up = median / max(float(np.linalg.norm(median)), 1e-12)
-    sums = _Sums(imu)
+    sums = RunningSums(imu)
     still = _fast_tilts(sums)
     tilts = () if still is None else (still,)
-    motion = None if fixes is None or clock is None else _motion(fixes, clock, imu)
+    motion = None if fixes is None or clock is None else receiver_motion(fixes, clock, imu)
     if motion is None:
         return AxesEvidence(up, tilts=tilts)
     one = np.ones(len(motion.start))
@@ -84,7 +85,38 @@ def axes_evidence(imu: ImuData, fixes: Fixes | None, clock: ClockModel | None) -
     return AxesEvidence(up, turn, lateral, surge, tilts)
 
 
-class _Sums:
+def together(parts: Sequence[AxesEvidence]) -> AxesEvidence:
+    """The evidence of several parts of a drive, of which each has its biases and its lags."""
+    up = np.sum([part.up for part in parts], axis=0)
+    tilts = []
+    for length in range(max((len(part.tilts) for part in parts), default=0)):
+        same = [part.tilts[length] for part in parts if length < len(part.tilts)]
+        sums = (sum(getattr(item, name) for item in same) for name in ("count", "aa", "aw", "ww"))
+        tilts.append(Tilts(*(np.asarray(value) for value in sums)))
+    return AxesEvidence(
+        up / max(float(np.linalg.norm(up)), 1e-12),
+        _joined([part.turn for part in parts]),
+        _joined([part.lateral for part in parts]),
+        _joined([part.surge for part in parts]),
+        tuple(tilts),
+    )
+
+
+def _joined(parts: Sequence[Followed | None]) -> Followed | None:
+    """What several parts show, as if it were one; None where none does."""
+    told = [part for part in parts if part is not None]
+    if not told:
+        return None
+    xx, xy = np.sum([part.xx for part in told], axis=0), np.sum([part.xy for part in told], axis=0)
+    yy, rows = sum(part.yy for part in told), sum(part.rows for part in told)
+    explained = float(xy @ np.linalg.pinv(xx) @ xy)
+    noise = float(np.sqrt(sum(part.rows * part.noise**2 for part in told) / rows))
+    lag = float(np.average([part.lag_s for part in told], weights=[part.yy for part in told]))
+    count = sum(part.count for part in told)
+    return Followed(count, rows, noise, xy, xx, yy, explained / yy, lag)
+
+
+class RunningSums:
     """Running integrals of specific force and rate, wild readings cut off."""
 
     def __init__(self, imu: ImuData) -> None:
@@ -108,7 +140,7 @@ class _Sums:
         return np.asarray(steps[:, :6])
 
 
-def _motion(fixes: Fixes, clock: ClockModel, imu: ImuData) -> GnssMotion | None:
+def receiver_motion(fixes: Fixes, clock: ClockModel, imu: ImuData) -> GnssMotion | None:
     """The receiver's motion in seconds of the IMU, by velocities where it tells them."""
     motion = velocity_motion(fixes, limits.AXES_WINDOW_S)
     if len(motion.start) < limits.LEAST_INTERVALS:
@@ -119,7 +151,7 @@ def _motion(fixes: Fixes, clock: ClockModel, imu: ImuData) -> GnssMotion | None:
 
 
 def _follow(
-    sums: _Sums, motion: GnssMotion, seen: FloatArray, triad: slice, factor: FloatArray
+    sums: RunningSums, motion: GnssMotion, seen: FloatArray, triad: slice, factor: FloatArray
 ) -> Followed | None:
     """``seen`` [m] beside the increments of a triad times ``factor`` [m], biases taken off."""
     span = (motion.end - motion.start) * factor
@@ -153,7 +185,9 @@ def _fast_noise(start: FloatArray, y: FloatArray) -> float:
     return float(np.sqrt(0.5 * np.mean(np.diff(y)[near] ** 2))) if near.any() else 0.0
 
 
-def _slow_tilts(sums: _Sums, motion: GnssMotion, surge_lag: float, turn_lag: float) -> Tilts | None:
+def _slow_tilts(
+    sums: RunningSums, motion: GnssMotion, surge_lag: float, turn_lag: float
+) -> Tilts | None:
     """Tilts over some seconds, after the receiver's speed and course explained what they can."""
     length = motion.end - motion.start
     middle = 0.5 * (motion.start + motion.end)
@@ -166,7 +200,7 @@ def _slow_tilts(sums: _Sums, motion: GnssMotion, surge_lag: float, turn_lag: flo
     return _tilts(sums, middle + surge_lag, means, limits.TILT_STEP_S)
 
 
-def _fast_tilts(sums: _Sums) -> Tilts | None:
+def _fast_tilts(sums: RunningSums) -> Tilts | None:
     """Tilts over a second: springs and road, with no receiver.
 
     Springs let a vehicle dive as it brakes and lean out of a bend, both so that the force of the
@@ -178,7 +212,7 @@ def _fast_tilts(sums: _Sums) -> Tilts | None:
     return _tilts(sums, start + 0.5 * length, felt / length, limits.FAST_STEP_S)
 
 
-def _tilts(sums: _Sums, at: FloatArray, means: FloatArray, step_s: float) -> Tilts | None:
+def _tilts(sums: RunningSums, at: FloatArray, means: FloatArray, step_s: float) -> Tilts | None:
     """Changes over ``step_s`` of the first three ``means`` [m, 3 + k] at times ``at`` [m], after
     the others, beside the turns meanwhile."""
     if len(at) < limits.LEAST_INTERVALS:

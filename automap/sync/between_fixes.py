@@ -1,4 +1,5 @@
-"""Positions that were put on the straight lines between a receiver's own."""
+"""Rows that a log or a receiver put between what it measured: on the straight lines from one fix to
+the next, or on the way on from the last one."""
 
 from __future__ import annotations
 
@@ -11,7 +12,7 @@ from automap.gates import exceeds_ratio
 from automap.records import BoolArray, Fixes
 from automap.sync import limits
 from automap.sync.held_values import told_again
-from automap.sync.receiver_path import receiver_path
+from automap.sync.receiver_path import ReceiverPath, receiver_path
 
 
 def told_between(fixes: Fixes) -> BoolArray:
@@ -25,10 +26,8 @@ def told_between(fixes: Fixes) -> BoolArray:
     inner = np.zeros(len(fixes), np.bool_)
     if len(path) < 2 * limits.LEAST_INTERVALS:
         return inner
-    place, step = path.place, np.diff(path.t)
+    place, step, digit = path.place, np.diff(path.t), _digit_m(path)
     usual = float(np.median(step))
-    digits = np.abs(np.concatenate([np.diff(place.real), np.diff(place.imag)]))
-    digit = max(float(digits.min(where=digits > 0.0, initial=np.inf)), limits.LEAST_DIGIT)
     even = np.abs(np.stack([step[:-1], step[1:]]) / usual - 1.0).max(axis=0) < limits.EVEN_STEP
     moves = np.abs(place[2:] - place[:-2]) > limits.MOVED_DIGITS * digit
     rows = 1 + np.flatnonzero(even & moves)
@@ -54,8 +53,56 @@ def told_between(fixes: Fixes) -> BoolArray:
     return inner
 
 
+def _digit_m(path: ReceiverPath) -> float:
+    """The last digit of the positions, m: the least step of a coordinate."""
+    steps = np.diff(path.place)
+    sizes = np.abs(np.concatenate([steps.real, steps.imag]))
+    return max(float(sizes.min(where=sizes > 0.0, initial=np.inf)), limits.LEAST_DIGIT)
+
+
+def carried_on(fixes: Fixes) -> BoolArray:
+    """Rows [n] that repeat the velocity of the last measured fix, and whose position is the way on
+    from it by that velocity, where the receiver measures at every second, third, ... row; else
+    none.
+
+    A velocity that is measured at all rows changes at any: at one place in the period only, by
+    chance, once in the period to the power of the changes.
+    """
+    path = receiver_path(fixes)
+    moves = np.isfinite(path.velocity) & (np.abs(path.velocity) > limits.SLOW_M_S)
+    none = np.zeros(len(fixes), np.bool_)
+    if np.count_nonzero(moves) < 2 * limits.LEAST_INTERVALS:
+        return none
+    usual = float(np.median(np.diff(path.t)))
+    # tags are even in GPS time: a receiver measures at whole parts of the second
+    number = np.rint((path.start_gps_s % 1.0 + path.t) / usual).astype(np.int64)
+    same = np.concatenate([[False], np.diff(path.velocity) == 0.0])
+    changes = np.flatnonzero(moves & ~same)
+    for period in range(limits.MOST_BETWEEN + 1, 1, -1):
+        many = np.bincount(number[changes] % period, minlength=period)
+        own, strays = int(np.argmax(many)), int(many.sum() - many.max())
+        measured = int(np.count_nonzero(moves & (number % period == own)))
+        if strays > limits.STRAY_SHARE * many.max() or 2 * many.max() < measured:
+            continue
+        if (int(many.max()) - strays) * math.log(period) < limits.CERTAIN_LEAD_NATS:
+            continue
+        first = np.maximum.accumulate(np.where(same, 0, np.arange(len(path))))
+        late = path.t - path.t[first]
+        off = np.abs(path.place - path.place[first] - path.velocity[first] * late)
+        held = same & moves & (number % period != own) & (late < period * usual)
+        speed = np.abs(path.velocity[first])
+        told = limits.COURSE_DIGIT_RAD * speed + limits.SPEED_DIGIT
+        far = off > 2.0 * _digit_m(path) + told * late
+        if held.any() and far[held].mean() < limits.STRAY_SHARE:
+            # at walking pace and at rest, too, nothing is measured there
+            none[path.row[same & (number % period != own)]] = True
+        return none
+    return none
+
+
 def nothing_new(fixes: Fixes) -> BoolArray:
-    """Rows [n] that say what others said already: again, or between them."""
+    """Rows [n] that say what others said already: again, between them or on from them."""
     again = told_again(fixes)
     own = replace(fixes, lat_rad=np.where(again, np.nan, fixes.lat_rad))
-    return again | told_between(own)
+    between = told_between(own)
+    return again | (between if between.any() else carried_on(own))

@@ -209,6 +209,11 @@ log is written faster than the receiver measures; a tunnel repeats less."""
 EVEN_STEP, MOVED_DIGITS, MOST_BETWEEN = 0.1, 4.0, 49
 """Rows are evenly apart to a tenth of their step, as receivers tag them. What moved by fewer digits
 lies on any line. Up to so many rows are put between two fixes: 50 a second of one."""
+STRAY_SHARE = 0.02
+"""Of rows that are measured where others are not. Chosen: a row that was lost, or came twice."""
+SPEED_DIGIT, COURSE_DIGIT_RAD = 0.03, 1e-3
+"""Speeds are told to a tenth of a knot and courses to a tenth of a degree at least, half of which a
+way on from a fix errs by."""
 LEAST_REPEATS = 3
 """A value must repeat so often to be looked into: one that is told with few digits repeats once or
 twice by chance."""
@@ -287,6 +292,19 @@ one vehicle leave open at most. Recorded cars: 0.05 to 0.78, the most where a re
 behind by a second, and 0.1 to 0.92, the most of hills."""
 AS_GOOD = 0.01
 """A hypothesis with a hundredth of the best one's odds is told beside it."""
+LEAST_SHARE = 0.25
+"""Of the turns and speed changes that readings explain in any axes: with less they are no measure
+of them, as on foot."""
+CLIMB_WAY_M, LEVEL_ROUNDS = 200.0, 5
+"""Slopes are taken over so much road: a hill's length, over which heights that err by two metres
+tell it to a degree. Chosen: weights settle in so many rounds."""
+MOUNT_SCATTER_RAD, MOUNT_SCATTER_PIECES = 0.01, 8
+"""A fixed IMU's level of half a minute scatters by so much from piece to piece, rad an axis, and
+how many pieces of the drive at hand that is worth. Fifteen recorded drives: 0.0095 in 115 pieces,
+up to 0.02 in one of them."""
+LOADED_RAD = 0.05
+"""A fixed IMU turns by no more, 3 deg: who gets in or out pitches a body by one or two, and a bias
+that changes by 0.15 m/s^2 as it warms up is another."""
 LEVEL_S, LEVEL_M = 120.0, 500.0
 """Heights are told to a decimetre and err by decimetres from one fix to the next: not two minutes
 of them are one number, on whatever road."""

@@ -22,6 +22,7 @@ from automap.sync.axes import (
     slope,
 )
 from automap.sync.axes_evidence import AxesEvidence, Followed, axes_evidence
+from automap.sync.limits import LEAST_SHARE
 from pipeline.check import limits
 
 CODE = "imu_axes"
@@ -45,7 +46,7 @@ class WeighedAxes:
 def seen_motion(imu: ImuData, fixes: Fixes | None, clock: ClockModel | None) -> AxesEvidence:
     """What readings show of their axes by themselves and beside the motion of usable ``fixes``, by
     the ``clock`` of the stamps, where there are any."""
-    return axes_evidence(_usable(imu), fixes, clock)
+    return axes_evidence(usable_readings(imu), fixes, clock)
 
 
 def weigh_axes(drive: Drive, recording: Recording, seen: AxesEvidence) -> WeighedAxes:
@@ -63,7 +64,7 @@ def weigh_axes(drive: Drive, recording: Recording, seen: AxesEvidence) -> Weighe
     return _unknown(drive, recording, seen, judge_unknown(seen))
 
 
-def _usable(imu: ImuData) -> ImuData:
+def usable_readings(imu: ImuData) -> ImuData:
     """The readings without wild and frozen ones; all of them where hardly any other is there."""
     keep = bridge_unusable(imu).stretch_s == 0.0
     if np.count_nonzero(keep) < 2:
@@ -83,7 +84,7 @@ def _stated(drive: Drive, seen: AxesEvidence, judged: AxesJudgement) -> Finding:
         return Finding(
             "error" if wrong else "warning",
             f"the IMU's axes {'are not' if wrong else 'may not be'} as stated "
-            f"(probability {likely:.0e}): {_what_differs(judged.best)}; {facts}",
+            f"(probability {likely:.0e}): {what_differs(judged.best)}; {facts}",
             _advice(drive, judged),
             CODE,
         )
@@ -100,7 +101,7 @@ def _stated(drive: Drive, seen: AxesEvidence, judged: AxesJudgement) -> Finding:
             ("turns", seen.turn, np.eye(3)[2]),
         )
         if followed is not None
-        and followed.share > limits.LEAST_SHARE
+        and followed.share > LEAST_SHARE
         and correlation(followed, axis) < limits.WEAK_CORRELATION
     ]
     if weak:
@@ -177,7 +178,7 @@ def _unknown(
         near = axes_value(_nearest(accel)).strip('"')
         text = f"axes unknown, about {near} (the mounting is estimated): {facts}"
         return WeighedAxes((Finding("info", text, code=CODE), *scale), imu)
-    what = _what_differs(best)
+    what = what_differs(best)
     sure = f"probability {best.probability:.4f}"
     text = f"{what} ({sure}; as recorded {judged.stated.probability:.0e}): mended for this drive"
     finding = Finding("warning", text, _advice(drive, judged), CODE)
@@ -195,7 +196,7 @@ def _nearest(matrix: FloatArray) -> FloatArray:
     return np.asarray(SIGNED_PERMUTATIONS[int(np.argmax(fit))])
 
 
-def _what_differs(found: Hypothesis) -> str:
+def what_differs(found: Hypothesis) -> str:
     """What a hypothesis says is wrong with the readings, in words."""
     if found.rigid:
         return "the sensor is mounted otherwise"
@@ -223,7 +224,7 @@ def _of_triad(matrix: FloatArray, name: str, negated: str) -> str:
 
 def _gyro_scale(seen: AxesEvidence, down: FloatArray, recording: Recording) -> list[Finding]:
     """An error for a gyro that turns by another factor than the course does."""
-    if seen.turn is None or seen.turn.share < limits.LEAST_SHARE:
+    if seen.turn is None or seen.turn.share < LEAST_SHARE:
         return []
     value, sd = slope(seen.turn, down)
     beyond = sigmas(limits.GYRO_SCALE_PROBABILITY)
@@ -256,7 +257,7 @@ def _force_scale(seen: AxesEvidence, axes: FloatArray) -> list[Finding]:
         (seen.surge, axes[0], "speed changes are {} times the force forward"),
         (seen.lateral, axes[1], "turns are {} times the force to the right"),
     ):
-        if followed is None or followed.share < limits.LEAST_SHARE:
+        if followed is None or followed.share < LEAST_SHARE:
             continue
         value, sd = slope(followed, axis)
         least = [

@@ -21,7 +21,7 @@ from pipeline.check.same_drive import (
 )
 from pipeline.check.steadiness import check as steadiness
 from pipeline.check.steadiness import offset
-from pipeline.check.turned import turned_meanwhile
+from pipeline.check.turned import pieces_of, turned_meanwhile
 
 LEFT_OUT = ("imu_sparse", OTHER_CODE)
 """Codes of findings with which a drive goes on without its IMU."""
@@ -95,13 +95,14 @@ def check(drive: Drive, recording: Recording) -> tuple[list[Finding], WeighedAxe
     if wrong is not None:
         findings.append(Finding("error", wrong, code=UNKNOWN_CODE))
     seen = seen_motion(imu, fixes, clock)
+    pieces = pieces_of(imu, fixes, clock, seen)
     # one file is of one drive
     apart = recording.imu_source == "csv" and drive.imu_file != drive.gnss_file
     if apart and drive.gnss_file is not None:
-        other = other_drive(imu, receiver, seen, drive.gnss_file.name)
+        other = other_drive(imu, receiver, seen, pieces, drive.gnss_file.name)
         if other is not None:
             return [*findings, other], None
-    turned = turned_meanwhile(imu, fixes, clock)
+    turned = turned_meanwhile(imu, fixes, seen, pieces)
     if turned is not None:
         return [*findings, turned], None
     weighed = weigh_axes(drive, recording, seen)

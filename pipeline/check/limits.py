@@ -80,9 +80,6 @@ GYRO_SCALE_OFF = 0.25
 the receiver's low-pass takes a tenth off quick turns, a late phone's a quarter."""
 GYRO_SCALE_PROBABILITY = 1e-6
 """That sigma counts so often as chance exceeds it so rarely."""
-LEAST_SHARE = 0.25
-"""Of the turns and speed changes that the IMU explains in any axes: with less they are no measure
-of it, as on foot."""
 NEAR_UNIT = 1.3
 """A factor within this of a unit's is the unit's."""
 BORDER_DEG = 1.0

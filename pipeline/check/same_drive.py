@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -14,7 +15,7 @@ from automap.fusion.limits import DRIVING_SPEED
 from automap.io.drive import Drive
 from automap.io.recording import Recording, imu_time
 from automap.records import ClockModel, Fixes, ImuData
-from automap.sync.axes_evidence import AxesEvidence
+from automap.sync.axes_evidence import AxesEvidence, together
 from automap.sync.clock import has_arrival, rough_clock
 from automap.sync.coarse import find_offset
 from automap.sync.limits import (
@@ -25,12 +26,12 @@ from automap.sync.limits import (
 )
 from automap.sync.motion import imu_motion, velocity_motion
 from automap.sync.motion_clock import gnss_motions, in_imu_time
+from automap.sync.mount_pieces import MountPiece
 from automap.sync.same_motion import likeness
 from automap.sync.steadiness import clock_change, lags_by_piece
 from automap.sync.velocity_consistency import velocity_consistency
 from pipeline.check import limits
 from pipeline.check.axes import seen_motion
-from pipeline.check.turned import seen_halves
 
 UNKNOWN_CODE = "imu_clock_unknown"
 """Of a finding about stamps that nothing ties to the receiver's time."""
@@ -88,10 +89,15 @@ def driven_span(imu: ImuData, receiver: UsableReceiver) -> tuple[float, float]:
 
 
 def other_drive(
-    imu: ImuData, receiver: UsableReceiver, seen: AxesEvidence, log: str
+    imu: ImuData,
+    receiver: UsableReceiver,
+    seen: AxesEvidence,
+    pieces: Sequence[MountPiece],
+    log: str,
 ) -> Finding | None:
     """A warning for readings that are of another drive than the fixes of the file ``log``, by what
-    was ``seen`` of the motion; None where they may be of one, or are of one at other stamps."""
+    was ``seen`` of the motion, in all and in each of the ``pieces``; None where they may be of one,
+    or are of one at other stamps."""
     fixes, clock, _, worse = receiver
     if fixes is None or clock is None:
         return None
@@ -101,14 +107,19 @@ def other_drive(
     whole = likeness(seen, worse)
     if not whole.short:
         return None
-    where, strange, likely = "", seen, whole.log_odds
-    halves = seen_halves(imu, fixes, clock)
-    odds = [likeness(half, worse).log_odds for half in halves]
-    if max(odds) > CERTAIN_LEAD_NATS:
+    where, strange, likely, there = "", seen, whole.log_odds, fixes
+    stamps = (clock.t_ns(fixes.gps_s) - int(imu.t_ns[0])) * 1e-9
+    for i in range(1, len(pieces)):
+        sides = [together([p.seen for p in part]) for part in (pieces[:i], pieces[i:])]
+        odds = [likeness(side, worse).log_odds for side in sides]
         k = int(np.argmin(odds))
-        where = f" in the {'second' if k else 'first'} half of the readings"
-        strange, likely = halves[k], odds[k]
-    if likely > np.log(limits.DOUBTED_AXES) or _elsewhere(imu, fixes, clock):
+        if max(odds) > CERTAIN_LEAD_NATS and odds[k] < likely:
+            at = f"{pieces[i].start_s:.0f} s after the first reading"
+            where = f" from about {at} on" if k else f" until about {at}"
+            strange, likely = sides[k], odds[k]
+            part = (stamps >= pieces[i].start_s) == bool(k)
+            there = replace(fixes, gps_s=np.where(part, fixes.gps_s, np.nan))
+    if likely > np.log(limits.DOUBTED_AXES) or _elsewhere(imu, there, clock):
         return None
     shares = [
         f"{followed.share:.0%} of the {what}"

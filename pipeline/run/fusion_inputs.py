@@ -134,13 +134,20 @@ def _right_fixes(out: Path) -> tuple[Fixes, VelocityConsistency]:
     return usable_fixes(fixes, receiver), receiver
 
 
+def delay_of_arrivals(clock: ClockModel) -> Prior:
+    """By how much a clock that is from arrival times is late where nothing beside them tells it."""
+    if clock.method == "arrival" and clock.output_delay_s is None:
+        mean, sd = OUTPUT_DELAY
+        return Prior(-mean, sd)
+    return Prior(0.0, 0.0)
+
+
 def _delay_prior(clock: ClockModel, shared_sd: float) -> tuple[Prior, bool]:
     """Prior of the delay between IMU stamps and fixes, and whether it is the clock's error."""
     if clock.method == "identity":
         return Prior(0.0, SEPARATE_CLOCK_SD_S), False
     if clock.method == "arrival" and clock.output_delay_s is None:
-        mean, sd = OUTPUT_DELAY
-        return Prior(-mean, sd), True
+        return delay_of_arrivals(clock), True
     sd_offset = min(clock.sd_offset_s, 1.0)
     if clock.method == "arrival":
         # the clock's own error dates the fixes, and is taken from the clock

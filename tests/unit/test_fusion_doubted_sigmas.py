@@ -20,8 +20,9 @@ from automap.fusion.fix_levels import fix_levels
 from automap.fusion.gnss_only import smooth_fixes, uncorrected
 from automap.fusion.options import FusionOptions
 from automap.fusion.output import ParameterHistory
-from automap.fusion.verdict_alone import weigh_alone
+from automap.fusion.verdict_alone import seen_at_sensor, weigh_alone
 from automap.fusion.widening import widen
+from automap.lever_arm import moved_to
 from automap.records import Fixes, FixType, FloatArray, Trajectory
 from automap.sync.velocity_consistency import velocity_consistency
 from tests.slow_cases import others_slow
@@ -68,6 +69,18 @@ def test_a_doubted_heading_and_velocity_are_as_unsure_as_they_are_off_the_fixes_
     # at rest a course says nothing of a heading
     rest = replace(alone, vel_ned=np.zeros_like(path.vel_ned))
     assert widen(path, DOUBT, NONE, rest).sd_rpy[:, 2] == pytest.approx(0.005)
+
+
+def test_an_arm_and_an_age_of_the_fixes_widen_nothing() -> None:
+    """The path of fixes is that of their antenna, at their tags: 1.5 and 3 m from the sensor's."""
+    path, arm, age = winding_path(), np.array([1.2, -0.9, -1.0]), 0.3
+    antenna = moved_to(path, arm)
+    alone = replace(antenna, gps_s=path.gps_s + age)
+    inside = slice(50, -50)
+    wide = widen(path, DOUBT, NONE, seen_at_sensor(alone, arm, age))
+    assert wide.sd_pos_ned[inside] == pytest.approx(0.5, rel=1e-3)
+    assert wide.sd_vel_ned[inside, 2] == pytest.approx(0.05, rel=1e-3)
+    assert (widen(path, DOUBT, NONE, alone).sd_pos_ned[inside, 0] > 1.0).all()
 
 
 def test_what_may_be_of_another_instant_is_as_unsure_as_it_changes() -> None:

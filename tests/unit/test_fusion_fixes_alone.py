@@ -8,14 +8,24 @@ import numpy as np
 import pymap3d
 import pytest
 
-from automap.fusion.gnss_only import as_sure_as_fixes, course_errors, smooth_fixes
+from automap.fusion.gnss_only import (
+    as_old_as,
+    as_sure_as_fixes,
+    course_errors,
+    smooth_fixes,
+)
 from automap.fusion.limits import (
+    FIX_AGE_SD_S,
     ROAD_ACCELERATION_PSD,
     UNKNOWN_HEADING_SD,
     UNKNOWN_LEAN_SD,
 )
 from automap.fusion.options import FusionOptions
-from automap.records import Fixes, FloatArray
+from automap.fusion.result import Prior
+from automap.fusion.verdict_alone import weigh_alone
+from automap.records import Fixes, FixType, FloatArray
+from automap.sync.velocity_consistency import velocity_consistency
+from pipeline.run.fusion_inputs import delay_of_arrivals
 from tests.unit.fusion_drive import CLOCK
 from tests.unit.fusion_motion import city_drive
 from tests.unit.fusion_receiver import Receiver, receive, select
@@ -218,3 +228,28 @@ def test_what_lasts_of_fixes_is_nowhere_averaged_away() -> None:
     assert held[0] == pytest.approx(50.0)
     assert np.all(held >= lasts * (1.0 - 1e-9))
     assert held[10] == pytest.approx(np.maximum(lasts, path.sd_pos_ned[10]))
+
+
+def test_a_path_of_fixes_alone_is_as_unsure_as_their_instants() -> None:
+    """Nothing in it tells their age or the clock's delay: a motorway's was 2.6 sigmas off by it."""
+    fixes = receive(city_drive(60.0, 4), Receiver(rate=5.0), 1)
+    found = velocity_consistency(fixes)
+    plain = weigh_alone(fixes, CLOCK, FusionOptions(), found).trajectory
+    late = weigh_alone(fixes, CLOCK, FusionOptions(), found, delay=Prior(-0.1, 0.2)).trajectory
+    assert (late.t_ns - plain.t_ns == -100_000_000).all()
+    assert (late.gps_s == plain.gps_s).all()
+    more = late.sd_pos_ned**2 - plain.sd_pos_ned**2
+    assert more == pytest.approx((0.2 * late.vel_ned) ** 2, abs=1e-9)
+    exact = replace(fixes, fix_type=np.full(len(fixes), FixType.FIXED))
+    sure = weigh_alone(exact, CLOCK, FusionOptions(), found).trajectory
+    still = as_old_as(sure, FIX_AGE_SD_S).sd_pos_ned
+    assert still**2 - sure.sd_pos_ned**2 == pytest.approx((FIX_AGE_SD_S * sure.vel_ned) ** 2)
+
+
+@pytest.mark.parametrize(("known", "mean"), [(None, -0.1), (0.07, 0.0)])
+def test_arrivals_of_a_receiver_that_nobody_measured_are_late_by_the_usual(
+    known: float | None, mean: float
+) -> None:
+    clock = replace(CLOCK, method="arrival", output_delay_s=known)
+    delay = delay_of_arrivals(clock)
+    assert (delay.mean, delay.sd > 0.0) == (mean, known is None)

@@ -10,13 +10,15 @@ import numpy as np
 import pytest
 
 from automap.errors import InputError
+from automap.evaluation.plausibility import Finding
+from automap.frames import rpy_to_matrix
 from automap.io.drive import load_drive
 from automap.io.recording import read_recording
-from automap.records import Fixes, FloatArray, ImuData
+from automap.records import ClockModel, Fixes, FloatArray, ImuData
 from pipeline.check.axes import seen_motion
 from pipeline.check.command import check_drive
 from pipeline.check.same_drive import UsableReceiver, other_drive
-from pipeline.check.turned import turned_meanwhile
+from pipeline.check.turned import pieces_of, turned_meanwhile
 from pipeline.check.wheels import untied
 from pipeline.run.stage import StageContext
 from pipeline.run.stages import fuse, ingest, sync
@@ -42,8 +44,14 @@ def fixes_of(seed: int) -> Fixes:
 
 def told(imu: ImuData, fixes: Fixes) -> str | None:
     receiver = UsableReceiver(fixes, CLOCK)
-    found = other_drive(imu, receiver, seen_motion(imu, fixes, CLOCK), "gnss.ubx")
+    seen = seen_motion(imu, fixes, CLOCK)
+    found = other_drive(imu, receiver, seen, pieces_of(imu, fixes, CLOCK, seen), "gnss.ubx")
     return None if found is None else found.text
+
+
+def turned(imu: ImuData, fixes: Fixes, clock: ClockModel | None = CLOCK) -> Finding | None:
+    seen = seen_motion(imu, fixes, clock)
+    return turned_meanwhile(imu, fixes, seen, pieces_of(imu, fixes, clock, seen))
 
 
 def test_readings_of_another_drive_are_told() -> None:
@@ -72,9 +80,10 @@ def test_axes_and_units_make_no_other_drive(axes: FloatArray) -> None:
         assert told(replace(turned, gyro=gyro * turned.gyro), fixes_of(1)) is None
 
 
-def test_a_file_that_was_put_together_of_two_drives_is_told_by_its_half() -> None:
+@pytest.mark.parametrize("share", [0.35, 0.5, 0.7])
+def test_a_file_that_was_put_together_of_two_drives_is_told_with_when(share: float) -> None:
     imu, other = readings(1), readings(2)
-    first = (np.arange(len(imu)) < len(imu) // 2)[:, None]
+    first = (np.arange(len(imu)) < share * len(imu))[:, None]
     mixed = replace(
         imu,
         gyro=np.where(first, imu.gyro, other.gyro),
@@ -82,7 +91,8 @@ def test_a_file_that_was_put_together_of_two_drives_is_told_by_its_half() -> Non
     )
     text = told(mixed, fixes_of(1))
     assert text is not None
-    assert "of two drives in the second half of the readings" in text
+    at = float(text.split("of two drives from about ")[1].split(" s after")[0])
+    assert at == pytest.approx(share * SECONDS, abs=40.0)
 
 
 @pytest.mark.parametrize("degrees", [90.0, -120.0, 180.0])
@@ -94,21 +104,66 @@ def test_an_imu_that_was_turned_about_the_vertical_is_told(degrees: float) -> No
     second = (np.arange(len(imu)) >= len(imu) // 2)[:, None]
     for part in (second, ~second):
         gyro, accel = (np.where(part, v @ turn.T, v) for v in (imu.gyro, imu.accel))
-        found = turned_meanwhile(replace(imu, gyro=gyro, accel=accel), fixes, CLOCK)
+        found = turned(replace(imu, gyro=gyro, accel=accel), fixes)
         assert found is not None
         assert (found.severity, found.code) == ("error", "imu_changed")
         told_deg = float(found.text.split("felt ")[1].split(" deg")[0])
         assert told_deg == pytest.approx(abs(degrees), abs=12.0)
 
 
+def _from(imu: ImuData, share: float, turn: FloatArray, gyro: FloatArray) -> ImuData:
+    """Readings that are turned from a share of them on, those of the gyro otherwise."""
+    later = (np.arange(len(imu)) >= share * len(imu))[:, None]
+    return replace(
+        imu,
+        gyro=np.where(later, imu.gyro @ gyro.T, imu.gyro),
+        accel=np.where(later, imu.accel @ turn.T, imu.accel),
+    )
+
+
+@pytest.mark.parametrize("share", [0.4, 0.5, 0.6])
+def test_a_mount_that_gives_way_is_told_by_the_level(share: float) -> None:
+    """By 11 deg of tilt: heights were 2.8 sigmas off, and a scale error was told."""
+    turn = rpy_to_matrix(np.radians([[6.0, -9.0, 15.0]]))[0]
+    found = turned(_from(readings(1), share, turn, turn), fixes_of(1))
+    assert found is not None
+    assert (found.severity, found.code) == ("error", "imu_changed")
+    assert "11 deg" in found.text
+    whole = rpy_to_matrix(np.radians([[2.0, 1.5, 1.0]]))[0]
+    assert turned(_from(readings(1), share, whole, whole), fixes_of(1)) is None, "a load"
+
+
+@pytest.mark.parametrize(
+    ("accel", "gyro", "text"),
+    [
+        ([1.0, 1.0, 1.0], [1.0, 1.0, -1.0], "the gyro's z axis has the wrong sign"),
+        ([1.0, -1.0, 1.0], [1.0, 1.0, 1.0], "the accelerometer's y axis has the wrong sign"),
+    ],
+)
+@pytest.mark.parametrize("known", [True, False])
+def test_an_axis_whose_sign_changes_is_told_as_that(
+    accel: list[float], gyro: list[float], text: str, known: bool
+) -> None:
+    imu = _from(readings(1), 0.5, np.diag(accel), np.diag(gyro))
+    if not known:
+        turn = rpy_to_matrix(np.radians([[3.0, -8.0, 100.0]]))[0]
+        imu = readings(1)
+        case = replace(imu, gyro=imu.gyro @ turn.T, accel=imu.accel @ turn.T, axes_known=False)
+        assert turned(case, fixes_of(1)) is None
+        imu = _from(case, 0.5, np.diag(accel), np.diag(gyro))
+    found = turned(imu, fixes_of(1))
+    assert found is not None
+    assert found.code == "imu_changed"
+    assert text in found.text
+
+
 def test_one_mounting_is_one_whatever_the_axes() -> None:
     imu, fixes = readings(1), fixes_of(1)
     roll = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
     for turn in (np.eye(3), roll, -np.eye(3), np.diag([1.0, -1.0, 1.0])):
-        turned = replace(imu, gyro=imu.gyro @ turn.T, accel=imu.accel @ turn.T)
-        assert turned_meanwhile(turned, fixes, CLOCK) is None
-    assert turned_meanwhile(imu, fixes_of(2), CLOCK) is None
-    assert turned_meanwhile(imu, fixes, None) is None
+        assert turned(replace(imu, gyro=imu.gyro @ turn.T, accel=imu.accel @ turn.T), fixes) is None
+    assert turned(imu, fixes_of(2)) is None
+    assert turned(imu, fixes, None) is None
 
 
 def test_stamps_that_are_off_make_no_other_drive() -> None:

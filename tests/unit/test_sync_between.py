@@ -7,9 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from automap.earth import metres_per_radian
 from automap.fusion.doubts.receiver import receiver_doubts, usable_fixes
 from automap.records import Fixes, FloatArray
-from automap.sync.between_fixes import nothing_new, told_between
+from automap.sync.between_fixes import carried_on, nothing_new, told_between
 from automap.sync.velocity_consistency import velocity_consistency
 from tests.unit.fusion_motion import city_drive
 from tests.unit.fusion_receiver import Receiver, receive
@@ -78,3 +79,44 @@ def test_a_few_rows_tell_nothing() -> None:
     assert not told_between(log).any()
     none = Fixes(**{name: values[:0] for name, values in vars(log).items()})
     assert told_between(none).shape == (0,)
+
+
+def _carried_on(fixes: Fixes, times: int) -> Fixes:
+    """A log with ``times`` rows for each fix, which go on from it by its velocity."""
+    number = np.arange(len(fixes) * times)
+    row, late = number // times, (number % times) / times
+    rows = {name: values[row] for name, values in vars(fixes).items()}
+    north, east = metres_per_radian(fixes.lat_rad[row], fixes.height_m[row])
+    way = fixes.vel_ned[row] * late[:, None]
+    return _logged(
+        replace(
+            Fixes(**rows),
+            gps_s=fixes.gps_s[row] + late,
+            lat_rad=fixes.lat_rad[row] + way[:, 0] / north,
+            lon_rad=fixes.lon_rad[row] + way[:, 1] / east,
+            height_m=fixes.height_m[row] - way[:, 2],
+        )
+    )
+
+
+@pytest.mark.parametrize("times", [2, 5, 20])
+def test_rows_that_go_on_from_a_fix_by_its_velocity_are_left_out_and_told(times: int) -> None:
+    """At 20 a second of one that was measured a path was 11 m off, and its fixes by 1.6 m."""
+    fixes = _logged(receive(MOTION, Receiver(rate=1.0), 4))
+    fixes = replace(fixes, vel_ned=np.round(fixes.vel_ned, 3))
+    log = _carried_on(fixes, times)
+    own = np.arange(len(log)) % times == 0
+    assert (carried_on(log) == ~own).all()
+    lost = np.delete(np.arange(len(log)), [37, 38, 39, 211])
+    part = Fixes(**{name: values[lost] for name, values in vars(log).items()})
+    assert np.count_nonzero(carried_on(part) == ~own[lost]) > 0.98 * len(part)
+    found = velocity_consistency(log)
+    (reason,) = receiver_doubts(found, float(log.gps_s[0]))
+    assert (reason.code, reason.state) == ("fixes_interpolated", "good")
+    assert (np.isfinite(usable_fixes(log, found).lat_rad) == own).all()
+
+
+def test_a_velocity_that_is_held_beside_measured_positions_is_no_way_on() -> None:
+    log = receive(MOTION, Receiver(rate=5.0), 4)
+    held = replace(log, vel_ned=log.vel_ned[np.arange(len(log)) // 5 * 5])
+    assert not carried_on(_logged(held)).any()

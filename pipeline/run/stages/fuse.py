@@ -86,7 +86,7 @@ def _smooth_fixes(context: StageContext, clock: ClockModel, reason: str) -> None
     from automap.fusion.doubts.reason import Reason
     from automap.fusion.verdict_alone import weigh_alone
     from pipeline.check.same_drive import OTHER_CODE
-    from pipeline.run.fusion_inputs import read_usable_fixes, stated_arm
+    from pipeline.run.fusion_inputs import delay_of_arrivals, read_usable_fixes, stated_arm
     from pipeline.settings.presets import fusion_options
 
     other = _ingested(context).get("other_drive")
@@ -98,7 +98,15 @@ def _smooth_fixes(context: StageContext, clock: ClockModel, reason: str) -> None
     )
     fixes, receiver = read_usable_fixes(context.out)
     options, presets = fusion_options(context.drive, context.settings.fuse)
-    weighed = weigh_alone(fixes, clock, options, receiver, stated_arm(context.drive), told)
+    weighed = weigh_alone(
+        fixes,
+        clock,
+        options,
+        receiver,
+        stated_arm(context.drive),
+        told,
+        delay_of_arrivals(clock),
+    )
     _write_trajectory(context, weighed.trajectory, names.TRAJECTORY)
     context.verdict = weighed.verdict.as_dict()
     content = {"method": "gnss only", "epochs": weighed.rows, "verdict": context.verdict}
@@ -339,7 +347,7 @@ def _inputs(drive: Drive) -> list[Path]:
 
 STAGE = Stage(
     name="fuse",
-    version=34,
+    version=35,
     run=run,
     inputs=_inputs,
     needs=(names.IMU, names.FIXES, names.ODOMETER, names.SYNC, names.INGEST),

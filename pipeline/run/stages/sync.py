@@ -209,7 +209,7 @@ def _inputs(drive: Drive) -> list[Path]:
 
 STAGE = Stage(
     name="sync",
-    version=6,
+    version=7,
     run=run,
     inputs=_inputs,
     needs=(names.IMU, names.FIXES, names.INGEST),
