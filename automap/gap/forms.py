@@ -58,13 +58,14 @@ class About:
 
 def nearby(
     about: About, signals: Signals, terms: Terms, rivals: Sequence[str] = ()
-) -> list[tuple[Terms, int]]:
+) -> tuple[list[tuple[Terms, int]], list[Terms]]:
     """Formulas near one of a single term, or near the likeliest of its ``rivals`` on its channel,
     and out of how many each is the likeliest: those that are reached step by step, and at each step
     the likeliest. Another form pays for all that are tried, an amount that moves does not: those
-    near it say much the same."""
+    near it say much the same. With them those whose neighbours were tried."""
     ((on, text),) = terms
     found: dict[str, int] = {}
+    around = [text]
     count = 1
 
     def single(texts: Sequence[str], price: float | None = 0.0, *alike: float) -> list[str]:
@@ -78,6 +79,7 @@ def nearby(
             if nearest == text:
                 break
             text = nearest
+        around += [text, *others]
         # of two that say nearly the same the other may be on the way
         near = [form for t in (text, *others) for form in neighbours(t, signals)]
         forms = [t for t in dict.fromkeys((*others, *near)) if t != text]
@@ -94,7 +96,8 @@ def nearby(
         if every[0] == text and count > 1 + len(forms):
             break
         text, *others = every[:FORMS]
-    return [(((on, t),), choices) for t, choices in found.items() if t != terms[0][1]]
+    told = [(((on, t),), choices) for t, choices in found.items() if t != terms[0][1]]
+    return told, [((on, t),) for t in around]
 
 
 def _of_each_family(texts: Sequence[str]) -> list[str]:
@@ -201,6 +204,13 @@ def neighbours(text: str, signals: Signals) -> list[str]:
         for old, new in (pair, pair[::-1]):
             out.append(re.sub(rf"\b{old}\b", new, text))
     return _others(out, text)
+
+
+def complexity(terms: Terms) -> tuple[int, int]:
+    """How many numbers a formula has, coefficients and amounts, and of how many parts it is."""
+    texts = [text for _, text in terms]
+    parts = sum(1 for text in texts for _ in ast.walk(parse_formula(text).tree))
+    return sum(1 + len(AMOUNT.findall(text)) for text in texts), parts
 
 
 def amounts(text: str) -> list[str]:

@@ -78,7 +78,7 @@ def test_a_form_is_compared_with_the_amounts_that_suit_it(monkeypatch: pytest.Mo
         return sorted(tried, key=lambda terms: left(terms[0][1]))
 
     monkeypatch.setattr(forms, "ranked", ranked)
-    near = forms.nearby(cast("About", None), along, (("velocity_along", "tanh(speed / 5.0)"),))
+    near, _ = forms.nearby(cast("About", None), along, (("velocity_along", "tanh(speed / 5.0)"),))
     # beside a scale what counts below a speed is what counts above it
     bends = [
         float(x)
