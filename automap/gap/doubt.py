@@ -26,10 +26,10 @@ from automap.gap.candidates import follows_time, is_course
 from automap.gap.chance import p_value
 from automap.gap.evidence import by_groups, differing, shown_by
 from automap.gap.fit import Values
-from automap.gap.forms import Terms
 from automap.gap.found import Found, in_layout
 from automap.gap.linear import Part
 from automap.gap.misfit import LIKE, Misfit
+from automap.gap.neighbours import Terms
 from automap.gap.noise import INERTIAL_LEVELS, Fitted, fitted_about, noise_score
 from automap.gap.reading_steps import cut_off
 from automap.gap.result import Drift

@@ -34,7 +34,7 @@ from automap.gap.dictionary import (
     warm,
 )
 from automap.gap.fit import CONSTANTS, ORIGIN, SKEW, Fit, fit_drive
-from automap.gap.forms import About, Terms, nearby, ranked
+from automap.gap.forms import About, nearby, ranked
 from automap.gap.linear import (
     Column,
     ColumnsOf,
@@ -45,6 +45,7 @@ from automap.gap.linear import (
     node_motion,
 )
 from automap.gap.motion import motion_of
+from automap.gap.neighbours import Terms
 from automap.gap.noise import Fitted, Joint, Log, fitted_about
 from automap.gap.result import equation
 from automap.gap.selection import Chosen, Key, Selection

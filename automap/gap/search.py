@@ -22,8 +22,8 @@ from automap.gap import limits
 from automap.gap.candidates import FIX_AGE, is_course
 from automap.gap.confirm import Confirmed, Judge, confirmed
 from automap.gap.drive import OpenDrive
-from automap.gap.forms import complexity
 from automap.gap.found import Found, in_layout
+from automap.gap.neighbours import complexity
 from automap.gap.noise import Fitted, Log, fitted_about, noise_score, with_levels, with_noise
 from automap.gap.result import equation
 from automap.gap.scoring import likelier

@@ -14,7 +14,8 @@ from automap.effects.formula_text import parse_formula
 from automap.effects.signals import FIELDS, Signals
 from automap.gap import forms
 from automap.gap.dictionary import formula_terms
-from automap.gap.forms import About, Terms, amounts, neighbours
+from automap.gap.forms import About
+from automap.gap.neighbours import Terms, amounts, neighbours
 
 if TYPE_CHECKING:
     from automap.gap.linear import Conditional
