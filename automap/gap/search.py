@@ -130,6 +130,7 @@ class Search:
             fitted, layout = selection.keys(found), selection.linear.layout
             # the rows of one are as many as there is room for
             del selection
+            self.again = None
             selection = self.screening.selection(here, slow)
             selection.needed = frozenset(self.borne_out)
             chosen = in_layout(found, layout, selection)
@@ -226,6 +227,7 @@ class Search:
             return fewer
         self.log("checking on held-out data")
         self.judge.forget()
+        self.again = None
         stands = self.stands = self._confirmed(here, selection, found)
         gone = [n for n in found.names if self.screening.effects[n] not in stands.values]
         if not gone:
