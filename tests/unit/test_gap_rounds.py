@@ -358,6 +358,60 @@ def test_of_forms_that_say_much_the_same_the_filter_tells_one_step_by_step(
     )
 
 
+def test_forms_come_before_courses_of_time_and_what_is_too_brief_costs_no_round(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    done: list[str] = []
+
+    class Rounds(Asked):
+        def _kept(self, here: Any, selection: Any, chosen: Any, found: Chosen) -> Any:
+            return found, None
+
+        def _proposed(
+            self, here: Any, selection: Any, found: Chosen, louder: Any, slow: Any
+        ) -> Any:
+            return found.joined("plateau", (1,), 1.0) if slow else found
+
+        def _formed(self, *about: Any) -> None:
+            done.append("forms")
+
+        def _reconsidered(self, *about: Any) -> None:
+            done.append("rivals")
+
+        def _fit(self, here: Any, selection: Any, chosen: Chosen) -> Any:
+            done.append("fit")
+            return here
+
+        def _better_twins(self, about: Any, here: Any, selection: Any, chosen: Chosen) -> Any:
+            return here, chosen
+
+    def selected(here: Any, slow: bool, may_act: bool = True) -> Any:
+        done.append("courses of time" if slow else "linear")
+        told = dict(keys=SELECTION.keys, without_rows=lambda: None, alike=lambda out: frozenset())
+        return SimpleNamespace(linear=SimpleNamespace(layout=()), **told)
+
+    def refined(here: Any, selection: Any, chosen: Chosen) -> Any:
+        left = chosen.without("plateau")
+        return left, [("plateau", (1,))] if left != chosen else []
+
+    for name, instead in {
+        "select": lambda selection, chosen, limit: only("formula"),
+        "in_layout": lambda found, layout, selection: found,
+        "fitted_about": lambda model, estimate, fits: SimpleNamespace(joint=lambda: None),
+    }.items():
+        monkeypatch.setattr(search, name, instead)
+    asked, model = Rounds(), base_model()
+    asked.stated, asked.close, asked.spoken_against, asked.nats = {}, {}, [], {}
+    asked.stands = confirm.Confirmed({}, ())
+    asked.base = cast("Fitted", SimpleNamespace(model=model, fits=(), estimate={}))
+    told: dict[str, Any] = dict(names=(), effects={}, options=model.options)
+    told |= dict(selection=selected, refined=refined, not_borne_out=lambda *about: [])
+    asked.screening = cast("Screening", SimpleNamespace(**told))
+    asked.run()
+    rounds = ["linear", "fit", "linear", "forms", "courses of time", "rivals"]
+    assert done == [*rounds, "linear"]
+
+
 def fit_of(name: str) -> Any:
     """What stands for the fit of a set."""
     return SimpleNamespace(name=name, joint=lambda: None)
