@@ -63,8 +63,11 @@ def nearby(
     around = [text]
     count = 1
 
+    def single_term(text: str) -> Terms:
+        return ((on, text),)
+
     def single(texts: Sequence[str], price: float | None = 0.0, *alike: float) -> list[str]:
-        return [t for ((_, t),) in ranked(about, [((on, t),) for t in texts], price, *alike)]
+        return [t for ((_, t),) in ranked(about, [single_term(t) for t in texts], price, *alike)]
 
     # what was found first may only follow what another says in a form that is not yet its own
     others = single(rivals, None)[: FORMS - 1] if rivals else []
@@ -91,8 +94,8 @@ def nearby(
         if every[0] == text and count > 1 + len(forms):
             break
         text, *others = every[:FORMS]
-    told = [(((on, t),), choices) for t, choices in found.items() if t != terms[0][1]]
-    return told, [((on, t),) for t in around]
+    told = [(single_term(t), choices) for t, choices in found.items() if t != terms[0][1]]
+    return told, [single_term(t) for t in around]
 
 
 def _of_each_family(texts: Sequence[str]) -> list[str]:
