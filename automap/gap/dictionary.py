@@ -92,6 +92,9 @@ ON_FIXES = (
     ),
     # heights that are late, or are smoothed as they rise
     ("height", "climb"),
+    # an antenna's own bearing, and what stands around it in the car
+    ("height", "sin(heading)"),
+    ("height", "cos(heading)"),
     ("velocity_along", "speed^2"),
     # too high or low by as much, but from some speed on
     ("velocity_along", "tanh(speed / 5.0)"),

@@ -26,15 +26,15 @@ from automap.gap.candidates import follows_time, is_course
 from automap.gap.chance import p_value
 from automap.gap.evidence import by_groups, differing, shown_by
 from automap.gap.fit import Values
-from automap.gap.forms import Terms
 from automap.gap.found import Found, in_layout
 from automap.gap.linear import Part
 from automap.gap.misfit import LIKE, Misfit
+from automap.gap.neighbours import Terms
 from automap.gap.noise import INERTIAL_LEVELS, Fitted, fitted_about, noise_score
 from automap.gap.reading_steps import cut_off
 from automap.gap.result import Drift
 from automap.gap.screening import Screening
-from automap.gap.selection import Chosen, Selection
+from automap.gap.selection import Chosen, Move, Selection
 from automap.gates import exceeds
 from automap.records import FloatArray
 
@@ -135,7 +135,7 @@ def _nats(selection: Selection, chosen: Chosen, name: str, part: Part) -> float:
 
 
 def given_up(found: Found, maxima: FloatArray) -> tuple[Misfit, ...]:
-    """The likeliest candidate beside what was found that is as likely as a name and yet none."""
+    """The likeliest candidate beside what was found where something surely is, and has no name."""
     return _likeliest(found.selection, found.chosen, maxima)
 
 
@@ -165,14 +165,30 @@ def in_noise(
 def _likeliest(
     selection: Selection, chosen: Chosen, maxima: FloatArray, least: float = 0.0
 ) -> tuple[Misfit, ...]:
-    # all evidence lowered by what candidates say too much together: noise that is not as modelled
-    selection.inflate(chosen)
-    for move in selection.best(chosen, refused=frozenset()):
-        course = is_course(selection.candidates[move.name].terms)
-        told = move.name in chosen.names or course or move.evidence.nats < least
-        if told or not selection.holds(move):
-            continue
-        channel, size = shown_by(selection.given(chosen), move.part)
-        p = p_value(move.evidence.nats, maxima)
-        return (Misfit(CHANNELS[channel], LIKE, move.name, size, p),)
-    return ()
+    """The likeliest of what may be missing beside a choice, where it is a hundred to one that any
+    of it is: forms of one thing share what speaks for it, and none alone need be sure."""
+    # what the filter gave up may be there in another form, but courses of time follow any sway
+    courses = {c.name for c in selection.candidates.values() if follows_time(c.terms)}
+    refused = frozenset(key for key in selection.refused if key[0] in courses)
+    asked, moves = replace(selection, refused=refused, inflated={}), list[Move]()
+    for _ in range(2):
+        moves = [
+            m
+            for m in asked.best(chosen)
+            if m.name not in chosen.names
+            and m.evidence.nats >= least
+            and m.evidence.predicted_without_best > 0.0
+        ]
+        if not moves:
+            return ()
+        # all is lowered by what candidates say too much together, for noise that is not as
+        # modelled, but beside the likeliest: what is missing makes all that resemble it say more
+        first = moves[0]
+        asked.inflate(chosen.joined(first.name, first.part, first.evidence.scale))
+    if np.logaddexp.reduce([m.odds for m in moves]) < -math.log(limits.SUSPECTED):
+        return ()
+    first = moves[0]
+    channel, size = shown_by(asked.given(chosen), first.part)
+    # of many of which one is likeliest by chance
+    nats = first.evidence.nats - math.log(selection.candidates[first.name].choices)
+    return (Misfit(CHANNELS[channel], LIKE, first.name, size, p_value(nats, maxima)),)

@@ -178,17 +178,10 @@ def _formula(
         for k, (on, text) in zip(names, candidate.terms, strict=True)
         for value, sd in (joint.get(k, (0.0, 0.0)),)
     )
-    return Unexplained(
-        terms[0].channel,
-        name,
-        terms[0].coefficient,
-        terms[0].sd,
-        nats,
-        p,
-        nearest,
-        effect,
-        terms=terms,
-    )
+    first = terms[0]
+    told = first.channel, name, first.coefficient, first.sd, nats, p, nearest, effect
+    others = found.not_told_apart.get(name, ())
+    return Unexplained(*told, terms=terms, confusable_with=others)
 
 
 def verdict(

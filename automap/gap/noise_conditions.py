@@ -89,7 +89,8 @@ def conditional_noise(fits: Sequence[Fit], held_out: Sequence[Fit]) -> Ranged | 
     courses = [courses_of(fit) for fit in fits]
     conditions = _conditions(courses)
     price = math.log(len(conditions) * len(TRIED)) + limits.OCCAM_NATS
-    found = [_fitted(fits, courses, *one) for one in _shortlist(fits, courses, conditions)]
+    short = _shortlist(fits, courses, conditions, price + limits.LEAST_ODDS)
+    found = [_fitted(fits, courses, *one) for one in short]
     best = max(found, key=lambda one: one.nats, default=None)
     if best is None or best.nats - price < limits.LEAST_ODDS or best.level in VEHICLE_LEVELS:
         return None
@@ -172,9 +173,11 @@ def _conditions(courses: Sequence[Course]) -> list[Condition]:
 
 
 def _shortlist(
-    fits: Sequence[Fit], courses: Sequence[Course], conditions: Sequence[Condition]
+    fits: Sequence[Fit], courses: Sequence[Course], conditions: Sequence[Condition], least: float
 ) -> list[tuple[str, Condition]]:
-    """Of each level and quantity the range that cuts the slope most unevenly, the likeliest."""
+    """Of each level and quantity the range that cuts the slope most unevenly, the likeliest of
+    those of ``least`` nats by it: a level that is f times higher in n values has n (f^2 - 1)^2 / 4
+    by its slope, and by its likelihood n ((f^2 - 1) / 2 - log f), which is less."""
     slope = np.zeros((len(conditions), len(TRIED)))
     info = np.zeros_like(slope)
     whole = np.zeros((2, len(TRIED)))
@@ -196,7 +199,7 @@ def _shortlist(
         if value > best.get(key, (0.0,))[0]:
             best[key] = float(value), conditions[c]
     likely = sorted(best.items(), key=lambda one: -one[1][0])[: limits.RIVALS]
-    return [(level, c) for (level, _), (nats, c) in likely if nats >= limits.LEAST_ODDS]
+    return [(level, c) for (level, _), (nats, c) in likely if nats >= least]
 
 
 def _fitted(

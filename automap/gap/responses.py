@@ -21,6 +21,7 @@ from automap.fusion.layout import CHANNELS
 from automap.gap import limits
 from automap.gap.candidates import signal_column
 from automap.gap.chance import strongest_by_chance
+from automap.gap.dictionary import WARM_MOUNT
 from automap.gap.evidence import evidence, shown_by
 from automap.gap.fit import Fit
 from automap.gap.found import Beside
@@ -34,8 +35,13 @@ MANOEUVRES = {
     "pulling and braking": "acceleration",
     "bends": "lateral_acceleration",
     "turns to one side": "tanh(rate_z / 0.02)",
+    # what is odd in a quantity says nothing of what is even in it
+    "pulling or braking": "abs(acceleration)",
+    "bends to either side": "abs(lateral_acceleration)",
 }
 """What a car does, as formulas say it."""
+RESPOND = (*INERTIAL, *WARM_MOUNT, *OF_FIXES)
+"""What may follow it: of how the unit sits what the drive tells."""
 STEPS_S = (0.0, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0)
 """Edges of the steps of a response: from a filter's to what warms, each step twice as long as all
 before, so that none is longer than what it is behind."""
@@ -57,15 +63,14 @@ class Response:
 
 def responses(asked: Beside, fits: Sequence[Fit], held_out: Sequence[Fit]) -> tuple[Misfit, ...]:
     """The likeliest response beside a choice where a thousand to one speaks for it on the drives
-    that were fitted, as for any name, and twenty to one on those held out; else the one that
-    chance makes least often, where it hardly does."""
+    that were fitted, as for any name, and twenty to one more, on these or on those held out, which
+    may be short but must not speak against it; else the one that chance makes least often, where
+    it hardly does."""
     likeliest, rarest = strongest_responses(asked, fits)
-    if (
-        likeliest is not None
-        and likeliest.odds >= limits.LEAST_ODDS
-        and gain_of(likeliest, asked, held_out) >= limits.CLOSE_NATS
-    ):
-        return (_told(likeliest),)
+    if likeliest is not None and likeliest.odds >= limits.LEAST_ODDS:
+        gain = gain_of(likeliest, asked, held_out)
+        if gain > 0.0 and likeliest.odds + gain >= limits.LEAST_ODDS + limits.CLOSE_NATS:
+            return (_told(likeliest),)
     if rarest is not None and rarest.p_value <= limits.SUSPECTED:
         return (_told(rarest),)
     return ()
@@ -136,7 +141,7 @@ def response_columns(at: NodeMotion) -> list[Column]:
         if not np.ptp(signal) > 0.0:
             continue
         steps = _steps(at.along.time, signal)
-        for channel in (*INERTIAL, *OF_FIXES):
+        for channel in RESPOND:
             name = f"{channel} {AFTER} {manoeuvre}"
             out += [
                 signal_column((channel, text), step, at, name, f"k{i}")

@@ -172,7 +172,8 @@ class Refused:
 @dataclass(frozen=True)
 class Unexplained:
     """Something that no effect of the library explains: channel, formula, coefficient with sd;
-    ``terms`` all of a formula that acts in several places, that of ``channel`` first.
+    ``terms`` all of a formula that acts in several places, that of ``channel`` first;
+    ``confusable_with`` other forms, or names, that these drives do not tell from it.
 
     ``effect`` its name in the new model, None where the model does without it (an effect of the
     catalogue that was to be left out); gaps before and after it on held-out data.
@@ -189,6 +190,7 @@ class Unexplained:
     gap_before: float | None = None
     gap_after: float | None = None
     terms: tuple[Term, ...] = ()
+    confusable_with: tuple[str, ...] = ()
 
     @property
     def same_as(self) -> str:

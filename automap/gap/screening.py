@@ -34,7 +34,7 @@ from automap.gap.dictionary import (
     warm,
 )
 from automap.gap.fit import CONSTANTS, ORIGIN, SKEW, Fit, fit_drive
-from automap.gap.forms import About, Terms, nearby, ranked
+from automap.gap.forms import About, nearby, ranked
 from automap.gap.linear import (
     Column,
     ColumnsOf,
@@ -45,6 +45,7 @@ from automap.gap.linear import (
     node_motion,
 )
 from automap.gap.motion import motion_of
+from automap.gap.neighbours import Terms
 from automap.gap.noise import Fitted, Joint, Log, fitted_about
 from automap.gap.result import equation
 from automap.gap.selection import Chosen, Key, Selection
@@ -66,6 +67,7 @@ class Screening:
         self.refinements: dict[str, tuple[Column, ...]] = {}
         self._seeds: dict[str, str] = {}
         self.asked: Counter[tuple[str, str]] = Counter()
+        self._around: set[tuple[str, frozenset[str]]] = set()
         self._held_at: tuple[Fitted, list[NodeMotion], dict[str, dict[str, float]]] | None = None
         self.names = self._library()
         self.options = base.model.options
@@ -150,17 +152,21 @@ class Screening:
         is ``gone`` from it. Asked where nothing can be added any more: before, it follows what else
         is missing."""
         candidate, asked = selection.candidates[name], (self.seed(name), self.seed(gone))
-        if not self._has_forms(candidate) or self.asked[asked] >= limits.TRIALS:
+        rest = frozenset(n for n in chosen.names if n not in (name, gone))
+        known = (name, rest) in self._around or self.asked[asked] >= limits.TRIALS
+        if known or not self._has_forms(candidate):
             return []
         self.log(f"looking for the form of {name}{f' without {gone}' if gone else ''}")
         self.asked[asked] += 1
-        about = self._about(here, [n for n in chosen.names if n not in (name, gone)])
+        about, around = self._about(here, rest), [candidate.terms]
         if follows_time(candidate.terms):
             near = _switches(about, candidate.terms)
         else:
             ((channel, own),) = candidate.terms
             rivals = [text for on, text in self.dictionary if on == channel and text != own]
-            near = nearby(about, self.signals, candidate.terms, rivals)
+            near, around = nearby(about, self.signals, candidate.terms, rivals)
+        # what is near one of these was among what these are the likeliest of
+        self._around |= {(equation(terms), rest) for terms in around}
         return [
             (terms, candidate.choices * tried)
             for terms, tried in near

@@ -23,7 +23,9 @@ from automap.gap.candidates import FIX_AGE, is_course
 from automap.gap.confirm import Confirmed, Judge, confirmed
 from automap.gap.drive import OpenDrive
 from automap.gap.found import Found, in_layout
+from automap.gap.neighbours import complexity
 from automap.gap.noise import Fitted, Log, fitted_about, noise_score, with_levels, with_noise
+from automap.gap.result import equation
 from automap.gap.scoring import likelier
 from automap.gap.screening import Screening
 from automap.gap.selection import Chosen, Key, Selection
@@ -62,6 +64,8 @@ class Search:
         self.nats: dict[str, float] = {}
         self.each_drive: list[str] = []
         self.levels = {(frozenset[Key](), 0): base.model.factors}
+        self.again: tuple[Fitted, Fitted] | None = None
+        self.alike: dict[str, tuple[str, ...]] = {}
         self.before: tuple[Fitted, Selection, Chosen] | None = None
 
     def run(self) -> Found:
@@ -92,6 +96,10 @@ class Search:
             if keys != fitted:
                 found, brief = self.screening.refined(here, selection, found)
                 self._bar(brief)
+                if brief and selection.keys(found) == fitted:
+                    # nothing came that is seen as what it was taken for
+                    chosen = found
+                    continue
                 if new is None or found != kept:
                     new = self._fit(here, selection, found)
                 here, found = self._better_twins(here, new, selection, found)
@@ -105,20 +113,24 @@ class Search:
                 if idle:
                     # what is not told must not stay in the model
                     here = self._fit(here, selection, found)
-            elif slow or closing:
-                other = self._reconsidered(here, selection, found, ending)
-                if other is None:
-                    break
-                found, brief = self.screening.refined(here, selection, other)
-                self._bar(brief)
-                here = self._fit(here, selection, found)
             else:
-                slow, factors = True, here.model.factors
-                self.before = here, selection.without_rows(), found
-                louder = {**factors, **{k: limits.STEADY * factors[k] for k in WALKS}}
+                last = slow or closing
+                ask = self._reconsidered if last else self._formed
+                other = ask(here, selection, found, ending)
+                if other is not None:
+                    found, brief = self.screening.refined(here, selection, other)
+                    self._bar(brief)
+                    here = self._fit(here, selection, found)
+                elif last:
+                    break
+                else:
+                    slow, factors = True, here.model.factors
+                    self.before = here, selection.without_rows(), found
+                    louder = {**factors, **{k: limits.STEADY * factors[k] for k in WALKS}}
             fitted, layout = selection.keys(found), selection.linear.layout
             # the rows of one are as many as there is room for
             del selection
+            self.again = None
             selection = self.screening.selection(here, slow)
             selection.needed = frozenset(self.borne_out)
             chosen = in_layout(found, layout, selection)
@@ -127,7 +139,8 @@ class Search:
         full = fitted_about(free, self._with_age(here.estimate), here.fits).joint()
         nothing_else = self.screening.selection(here, slow=False, may_act=False)
         return Found(
-            *(self.base, here, full, selection, chosen, self.screening.effects, self.close),
+            *(self.base, here, full, selection, chosen, self.screening.effects),
+            {**self.alike, **self.close},
             *(self._told(self.stands).after(self.spoken_against), nothing_else),
             self.borne_out | self.nats,
         )
@@ -196,14 +209,12 @@ class Search:
             idle = Chosen(tuple(p for p in found.parts if p not in fewer.parts))
             self._bar(selection.alike(idle))
             return fewer
-        formed = rival = None
+        rival = None
         if found.names and not ending:
-            # what is compared with it is fitted about it once more, and so is it itself
-            again = self.screening.states(here, selection, found)
-            formed = self._formed(again, selection, found)
+            formed = self._formed(here, selection, found, ending)
             if formed is not None:
                 return formed
-            rival = self._decided(again, selection, found)
+            rival = self._decided(self._again(here, selection, found), selection, found)
         if rival is not None:
             pair = frozenset({frozenset(found.names), frozenset(rival.names)})
             if pair not in self.challenged:
@@ -216,6 +227,7 @@ class Search:
             return fewer
         self.log("checking on held-out data")
         self.judge.forget()
+        self.again = None
         stands = self.stands = self._confirmed(here, selection, found)
         gone = [n for n in found.names if self.screening.effects[n] not in stands.values]
         if not gone:
@@ -227,13 +239,21 @@ class Search:
             found = found.without(name)
         return found
 
-    def _formed(self, here: Fitted, selection: Selection, chosen: Chosen) -> Chosen | None:
+    def _again(self, here: Fitted, selection: Selection, chosen: Chosen) -> Fitted:
+        """The choice fitted about itself once more, as all that is compared with it is."""
+        if self.again is None or self.again[0] is not here:
+            self.again = here, self.screening.states(here, selection, chosen)
+        return self.again[1]
+
+    def _formed(
+        self, here: Fitted, selection: Selection, chosen: Chosen, ending: bool
+    ) -> Chosen | None:
         """The choice with its formulas in other forms, for as long as one is better; None where
         none is."""
         instead = None
-        while (found := self._better_form(here, selection, chosen)) is not None:
-            chosen = instead = found[0]
-            here = self.screening.states(found[1], selection, chosen)
+        while not ending and (found := self._better_form(here, selection, chosen)) is not None:
+            chosen, here = found
+            instead = chosen
         return instead
 
     def _better_form(
@@ -241,26 +261,37 @@ class Search:
     ) -> tuple[Chosen, Fitted] | None:
         """The choice with a formula in the form near it with which all drives are likeliest by the
         filter itself: where a linear model says nearly the same of two, it is off by more. Where
-        another of the choice and the formula may be one thing, also in the place of both."""
+        another of the choice and the formula may be one thing, also in the place of both. Of forms
+        that are not told apart the simplest is taken, and the others are noted."""
         known, joint = (self.screening.refinements, selection.candidates), here.joint()
         for name in chosen.names:
-            best, instead, its_fit = limits.CLOSE_NATS, None, here
+            terms = selection.candidates[name].terms
+            near = [(0.0, chosen, (terms, 0.0), here)]
             for gone in ("", *self.screening.entangled(joint, selection, chosen, name)):
                 fewer = chosen.without(gone)
                 for form in self.screening.forms(here, selection, chosen, name, gone):
+                    again = self._again(here, selection, chosen)
                     self.screening.refinements = dict(known[0])
                     selection.candidates = dict(known[1])
                     its = self.screening.in_form(here, selection, fewer, name, *form)
                     # another form of one bends a path as that did
                     fitted = self.screening.states(here, selection, its, anew=bool(gone))
                     of_vehicle = selection.of_vehicle(chosen, {name, gone})
-                    ahead, _ = self.judge.ahead(fitted, here, of_vehicle)
+                    ahead, sigmas = self.judge.ahead(fitted, again, of_vehicle)
                     ahead += selection.log_prior(its) - selection.log_prior(chosen)
-                    if ahead > best:
-                        best, instead, its_fit = ahead, (fewer, name, *form), fitted
+                    # a few wild stretches are no reason to prefer either
+                    near.append(
+                        (ahead if sigmas > limits.APART else min(ahead, 0.0), fewer, form, fitted)
+                    )
+                    least = max(one[0] for one in near) - limits.CLOSE_NATS
+                    near = [one for one in near if one[0] > least]
             self.screening.refinements, selection.candidates = known
-            if instead is not None:
-                return self.screening.in_form(here, selection, *instead), its_fit
+            near.sort(key=lambda one: (len(one[1].parts), complexity(one[2][0])))
+            _, fewer, best, its_fit = near[0]
+            if len(near) > 1:
+                self.alike[equation(best[0])] = tuple(equation(one[2][0]) for one in near[1:])
+            if best[0] != terms:
+                return self.screening.in_form(here, selection, fewer, name, *best), its_fit
         return None
 
     def _beyond_drift(self, here: Fitted, selection: Selection, found: Chosen) -> Chosen:

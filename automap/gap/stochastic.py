@@ -53,8 +53,9 @@ def stochastic_findings(
         if name in exclude or ratio < limits.WALK_FACTOR:
             continue
         as_stated = {name: stated_factors[name]}
-        nats = score(fitted) - score(_at_best(fits, fitted | as_stated, (name,)))
-        nats = min(nats, _of_no_vehicle(fits, fitted, as_stated)) - limits.OCCAM_NATS
+        nats = _worth(fits, score, fitted, as_stated)
+        if nats >= limits.NOISE_NATS:
+            nats = min(nats, _of_no_vehicle(fits, fitted, as_stated) - limits.OCCAM_NATS)
         if nats < limits.NOISE_NATS:
             continue
         value = float(getattr(fits[0].model.options, name)) * fitted[name]
@@ -92,14 +93,10 @@ def noise_claims(
             continue
         parts = FIGURES.get(level, (level,))
         as_stated = {part: fitted[part] / ratio for part in parts}
-        held = _at_best(fits, fitted | as_stated, parts)
-        nats = score(fitted) - score(held)
-        if (
-            level in SENSOR_LEVELS
-            and resting.get(level, 0.0) < limits.SCALE_FACTOR * stated_factors[level]
-        ):
-            nats = min(nats, _of_no_vehicle(fits, fitted, as_stated))
-        nats -= limits.OCCAM_NATS
+        nats = _worth(fits, score, fitted, as_stated)
+        at_rest = resting.get(level, 0.0) >= limits.SCALE_FACTOR * stated_factors.get(level, np.inf)
+        if nats >= limits.NOISE_NATS and level in SENSOR_LEVELS and not at_rest:
+            nats = min(nats, _of_no_vehicle(fits, fitted, as_stated) - limits.OCCAM_NATS)
         if nats >= limits.NOISE_NATS:
             out.append(NoiseClaim(level, ratio, nats, _p(nats)))
     ranged = conditional_noise(fits, held_out)
@@ -139,6 +136,21 @@ def noise_levels(name: str) -> tuple[str, ...]:
         return FIGURES.get(name, (name,))
     effect = CATALOGUE.get(name)
     return GNSS_LEVELS if effect is not None and effect.setting == "fuse.adapt" else ()
+
+
+def _worth(
+    fits: Sequence[Fit],
+    score: Callable[[Mapping[str, float]], float],
+    fitted: Mapping[str, float],
+    as_stated: Mapping[str, float],
+) -> float:
+    """Nats that levels are worth against ``as_stated``, all others moved to where they suit the
+    drives then, which is asked only where these as they are do not say as much already."""
+    nats = score(fitted) - score({**fitted, **as_stated}) - limits.OCCAM_NATS
+    if nats < limits.NOISE_NATS:
+        return nats
+    held = _at_best(fits, {**fitted, **as_stated}, tuple(as_stated))
+    return score(fitted) - score(held) - limits.OCCAM_NATS
 
 
 def _at_best(
@@ -196,8 +208,7 @@ def _noise_scale(
         factor < 1.0 / limits.SCALE_FACTOR**2 and high < limits.SCALE_FACTOR**-0.5
     ):
         return None
-    null = {**fitted, **{k: stated_factors[k] for k in GNSS_LEVELS}}
-    nats = score(fitted) - score(_at_best(fits, null, GNSS_LEVELS)) - limits.OCCAM_NATS
+    nats = _worth(fits, score, fitted, {k: stated_factors[k] for k in GNSS_LEVELS})
     if nats < limits.NOISE_NATS:
         return None
     open_ended = any(at_top(level, fitted[level]) for level in GNSS_LEVELS)

@@ -182,6 +182,7 @@ def _formula_json(one: Unexplained) -> dict[str, Any]:
         "p_value": one.p_value,
         "resembles": one.resembles,
         "same_as": one.same_as or None,
+        "confusable_with": list(one.confusable_with),
         "effect": one.effect,
         "gap_before": one.gap_before,
         "gap_after": one.gap_after,

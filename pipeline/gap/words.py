@@ -130,6 +130,9 @@ def formula_words(one: Unexplained, cost: Cost | None) -> Paragraph:
     ]
     if one.resembles:
         parts.append(f"Of the known effects {in_a_word(one.resembles)} is most like it.")
+    if one.confusable_with:
+        others = listed(list(one.confusable_with))
+        parts.append(f"These drives do not tell it from {others}.")
     parts += same_words(one.same_as)
     if cost is not None:
         parts.append(cost_words(cost))

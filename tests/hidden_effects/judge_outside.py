@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from itertools import chain, product
 from typing import Any
 
 import numpy as np
 
-from tests.hidden_effects.answers import Answer, misfits, noise_claims
+from tests.hidden_effects.answers import Answer, misfits, noise_claims, rows
 from tests.hidden_effects.cases import Drawn
 from tests.hidden_effects.evidence import shifts_of, whiten
 from tests.hidden_effects.extras import Extras
@@ -29,16 +30,18 @@ FLAGGED = ("formula right", "misfit right", "noise right", "flagged", "resembles
 
 
 def equivalent(drawn: Drawn, answer: Answer, found: Mapping[str, DrawnEffect]) -> float | None:
-    """Share of the disagreement of both days that the answer's formula and names take away; 1
+    """Share of the disagreement of both days that the answer's formulas and names take away; 1
     where what is left cannot be seen, None where the answer has no formula that can be computed.
 
     Both, since what happens once, late on the first day, may not happen on the shorter other one.
     """
     try:
         true = _innovations(drawn, dict(drawn.case.effects), drawn.extras())
+        # all formulas together: a sine and a cosine may be two
+        told = [_readings(odd) for odd in rows(answer, "formulas") or [answer.get("unexplained")]]
         left = min(
             float(((true - _innovations(drawn, found, told_extras(terms))) ** 2).sum())
-            for terms in _readings(answer.get("unexplained"))
+            for terms in (tuple(chain(*each)) for each in product(*told))
         )
     except ValueError:
         return None

@@ -183,6 +183,7 @@ def all_makers() -> Mapping[str, Maker]:
     """Every kind's maker, sensors, receivers and cars in turns, then those that came later: cases
     of the others stay as they are."""
     from tests.hidden_effects.outside_car import CAR
+    from tests.hidden_effects.outside_coupled import COUPLED
     from tests.hidden_effects.outside_imu import SENSOR
     from tests.hidden_effects.outside_late import LATE
     from tests.hidden_effects.outside_more import MORE
@@ -193,4 +194,4 @@ def all_makers() -> Mapping[str, Maker]:
     lists = [list(part.items()) for part in (SENSOR, RECEIVER, CAR)]
     placed = [((i + 0.5) / len(part), item) for part in lists for i, item in enumerate(part)]
     first = dict(item for _, item in sorted(placed, key=lambda p: (p[0], p[1][0])))
-    return {**first, **MORE, **SLOW, **LATE, **THRESHOLDS}
+    return {**first, **MORE, **SLOW, **LATE, **THRESHOLDS, **COUPLED}

@@ -187,6 +187,13 @@ def test_report_counts_and_lists_every_miss() -> None:
     assert "99.00 % by the drawn drive" in text
 
 
+@pytest.mark.parametrize(("nats", "counted"), [(17.0, 1), (0.0, 0)])
+def test_what_a_drive_does_not_show_at_all_counts_for_no_silence(nats: float, counted: int) -> None:
+    silent = Verdict("outside-velocity_dips-7-real", "outside", "usual", nats, "silent")
+    (line,) = (text for text in report([silent]) if "nothing said" in text)
+    assert (f"{counted}/{counted}" in line) == bool(counted)
+
+
 def test_a_second_call_goes_on_and_a_torn_line_is_left_out(tmp_path: Path) -> None:
     path = tmp_path / "results.jsonl"
     rows = [{"version": v, "verdict": {"id": i}} for v, i in (("a", "null-0"), ("b", "null-1"))]

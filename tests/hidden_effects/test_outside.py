@@ -182,6 +182,9 @@ def test_the_truth_in_other_words_is_right_and_half_of_it_is_not(settling: Drawn
     share = equivalent(settling, half, {})
     assert share == pytest.approx(0.75, abs=0.02)
     assert judge(settling, half).outcome == "flagged"
+    # what two formulas say together is what is said
+    two = answer(unexplained=half["unexplained"], formulas=[half["unexplained"]] * 2)
+    assert judge(settling, two).outcome == "formula right"
 
 
 def test_a_unit_that_turns_or_its_vehicle_is_the_vehicle_where_both_are_told() -> None:

@@ -80,6 +80,28 @@ def test_what_the_filter_gave_up_is_told_without_a_name() -> None:
     assert given_up(missing, maxima) == ()
 
 
+@pytest.mark.parametrize(("size", "told"), [(0.135, True), (0.0, False)])
+def test_forms_of_one_thing_share_what_speaks_for_it(size: float, told: bool) -> None:
+    rng = np.random.default_rng(5)
+    one, noise = rng.standard_normal((2, ROWS))
+    phi = 0.98 * one[:, None] + 0.2 * rng.standard_normal((ROWS, 12))
+    texts = [f"tanh(force_x / {i + 1}.0)" for i in range(12)]
+    terms = [("accel_x", text) for text in texts]
+    layout = [Column(t, "k", PRIOR_SD, term=at) for t, at in zip(texts, terms, strict=True)]
+    candidates = {
+        text: Candidate(text, ((i,),), math.log(4e-4), terms=(terms[i],))
+        for i, text in enumerate(texts)
+    }
+    selection = Selection(linear_of(phi, size * one + noise, layout), candidates)
+    found = replace(found_with({}), selection=selection, chosen=Chosen())
+    misfits = given_up(found, chance(found))
+    assert [m.kind for m in misfits] == ["like"] * told
+    # no form is so sure by itself, and what is missing makes all that resemble it say too much
+    assert not [m for m in selection.best(Chosen()) if m.odds > -math.log(limits.SUSPECTED)]
+    selection.inflate(Chosen())
+    assert (selection.inflated[False] > 2.0) == told
+
+
 @pytest.mark.parametrize(
     ("level", "raised", "worth", "told"),
     [

@@ -11,9 +11,9 @@ from automap.gap import base_model
 from automap.gap.candidates import library, named_columns, term_columns
 from automap.gap.drive import open_drive
 from automap.gap.fit import Fit, fit_drive
-from automap.gap.forms import Terms
 from automap.gap.linear import Column, Direct, NodeMotion, linearised, motions_of
 from automap.gap.naming import identifiability
+from automap.gap.neighbours import Terms
 from automap.gap.result import BODY, MOUNT, STRETCHED, TURNED, elsewhere
 from automap.records import FloatArray, IntArray
 from tests.unit.test_gap import simulated

@@ -14,7 +14,8 @@ from automap.effects.formula_text import parse_formula
 from automap.effects.signals import FIELDS, Signals
 from automap.gap import forms
 from automap.gap.dictionary import formula_terms
-from automap.gap.forms import About, Terms, amounts, neighbours
+from automap.gap.forms import About
+from automap.gap.neighbours import Terms, amounts, neighbours
 
 if TYPE_CHECKING:
     from automap.gap.linear import Conditional
@@ -78,7 +79,7 @@ def test_a_form_is_compared_with_the_amounts_that_suit_it(monkeypatch: pytest.Mo
         return sorted(tried, key=lambda terms: left(terms[0][1]))
 
     monkeypatch.setattr(forms, "ranked", ranked)
-    near = forms.nearby(cast("About", None), along, (("velocity_along", "tanh(speed / 5.0)"),))
+    near, _ = forms.nearby(cast("About", None), along, (("velocity_along", "tanh(speed / 5.0)"),))
     # beside a scale what counts below a speed is what counts above it
     bends = [
         float(x)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import lru_cache
+from typing import cast
 
 import numpy as np
 import pytest
@@ -15,7 +16,7 @@ from automap.gap.found import Beside
 from automap.gap.linear import node_motion
 from automap.gap.misfit import AFTER
 from automap.gap.motion import motion_of
-from automap.gap.responses import MANOEUVRES, STEPS_S, response_columns, responses
+from automap.gap.responses import MANOEUVRES, STEPS_S, Response, response_columns, responses
 from automap.gap.selection import Chosen
 from automap.records import FloatArray
 from tests.unit.gap_linear import screened
@@ -59,6 +60,34 @@ def test_steps_of_a_constant_are_that_constant_and_sum_up_what_was() -> None:
     # before the beginning it was as then
     assert last[0] == pytest.approx(speed[0])
     assert speed.min() - 1e-9 <= last.min() <= last.max() <= speed.max() + 1e-9
+
+
+def test_what_the_unit_gives_by_may_follow_whichever_way_the_car_pulls() -> None:
+    at = node_motion(plain(), motion_of(plain().last))
+    columns = response_columns(at)
+    names = {c.effect for c in columns}
+    assert {f"imu_{a} {AFTER} pulling or braking" for a in ("pitch", "yaw")} <= names
+    first = next(c for c in columns if c.effect == f"accel_x {AFTER} pulling or braking")
+    assert np.asarray(first.inertial[0].signal).min() >= 0.0
+
+
+@pytest.mark.parametrize(
+    ("odds", "gain", "there"),
+    [
+        (12.3, 1.2, True),
+        (7.0, 3.0, True),
+        (7.0, 1.2, False),
+        (6.0, 9.0, False),
+        (30.0, -0.1, False),
+    ],
+)
+def test_what_fitted_drives_say_surely_short_held_out_ones_need_not_say_too(
+    odds: float, gain: float, there: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    found = Response(f"imu_pitch {AFTER} pulling or braking", odds, 1e-5, 0, 1.2, np.zeros(8))
+    monkeypatch.setattr("automap.gap.responses.strongest_responses", lambda *of: (found, None))
+    monkeypatch.setattr("automap.gap.responses.gain_of", lambda *of: gain)
+    assert bool(responses(cast("Beside", None), (), ())) == there
 
 
 def test_nothing_follows_where_nothing_is_missing() -> None:

@@ -52,6 +52,7 @@ class Asked(Search):
         self.compared = Counter()
         self.judge, self.swallowed, self.tried = Heard(cast("Any", ["a drive"])), set(), {}
         self.sets: list[tuple[str, ...]] = []
+        self.again, self.alike = None, {}
 
     def _fit(self, here: Any, selection: Selection, chosen: Chosen) -> Any:
         self.sets.append(chosen.names)
@@ -301,20 +302,31 @@ def test_noise_is_sought_from_a_second_side_where_a_valley_lies_between(
     assert found.model.factors["accel"] == pytest.approx(math.exp(3.0) if valley else 1.0)
 
 
+CUBED, SQUARED, BENT = "rate_z^3", "rate_z^2", "max(rate_z^2 - 0.3, 0)"
+
+
 @pytest.mark.parametrize(
-    ("worth", "told"),
+    ("first", "worth", "sigmas", "told", "alike"),
     [
-        ({"cubed": -18.0, "squared": 12.0, "bent": 20.0}, "bent"),
-        ({"cubed": -18.0, "squared": 12.0, "bent": 13.0}, "squared"),
-        ({"cubed": 2.0, "squared": 1.0, "bent": 20.0}, None),
+        ((CUBED, SQUARED), {CUBED: -18.0, SQUARED: 12.0, BENT: 20.0}, 3.0, BENT, ()),
+        # of two that are not told apart the simpler, and the other beside it
+        ((CUBED, SQUARED), {CUBED: -18.0, SQUARED: 12.0, BENT: 13.0}, 3.0, SQUARED, (BENT,)),
+        ((CUBED, BENT), {CUBED: 12.0, SQUARED: 0.0, BENT: 14.0}, 3.0, CUBED, (BENT,)),
+        ((CUBED, SQUARED), {CUBED: 2.0, SQUARED: 1.0, BENT: 20.0}, 3.0, None, (CUBED, SQUARED)),
+        # a few wild stretches say nothing
+        ((CUBED, SQUARED), {CUBED: 600.0, SQUARED: -18.0, BENT: 0.0}, 0.8, None, (CUBED,)),
     ],
 )
 def test_of_forms_that_say_much_the_same_the_filter_tells_one_step_by_step(
-    worth: dict[str, float], told: str | None
+    first: tuple[str, ...],
+    worth: dict[str, float],
+    sigmas: float,
+    told: str | None,
+    alike: tuple[str, ...],
 ) -> None:
     asked = Asked()
     # the linear model has the first two the other way round
-    near = {"linear": ("cubed", "squared"), "squared": ("bent",)}
+    near = {"rate_z": first, SQUARED: (BENT,)}
     asked.screening = cast(
         "Screening",
         SimpleNamespace(
@@ -327,13 +339,77 @@ def test_of_forms_that_say_much_the_same_the_filter_tells_one_step_by_step(
             states=lambda here, selection, chosen, anew=True: fit_of(chosen.names[0]),
         ),
     )
-    of = {**worth, "linear": 0.0}
+    of = {**worth, "rate_z": 0.0}
     asked.judge = cast(
         "Judge",
-        SimpleNamespace(ahead=lambda one, other, of_vehicle: (of[one.name] - of[other.name], 1.0)),
+        SimpleNamespace(
+            ahead=lambda one, other, of_vehicle: (of[one.name] - of[other.name], sigmas)
+        ),
     )
-    formed = asked._formed(fit_of("linear"), SELECTION, only("linear"))
+    formulas: Any = SimpleNamespace(
+        candidates={f: SimpleNamespace(terms=(("gyro_z", f),)) for f in of},
+        log_prior=lambda chosen: 0.0,
+        of_vehicle=lambda chosen, names: False,
+    )
+    formed = asked._formed(fit_of("rate_z"), formulas, only("rate_z"), ending=False)
     assert (formed and formed.names[0]) == told
+    assert asked.alike.get(f"gyro_z += k * {told or 'rate_z'}", ()) == tuple(
+        f"gyro_z += k * {f}" for f in alike
+    )
+
+
+def test_forms_come_before_courses_of_time_and_what_is_too_brief_costs_no_round(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    done: list[str] = []
+
+    class Rounds(Asked):
+        def _kept(self, here: Any, selection: Any, chosen: Any, found: Chosen) -> Any:
+            return found, None
+
+        def _proposed(
+            self, here: Any, selection: Any, found: Chosen, louder: Any, slow: Any
+        ) -> Any:
+            return found.joined("plateau", (1,), 1.0) if slow else found
+
+        def _formed(self, *about: Any) -> None:
+            done.append("forms")
+
+        def _reconsidered(self, *about: Any) -> None:
+            done.append("rivals")
+
+        def _fit(self, here: Any, selection: Any, chosen: Chosen) -> Any:
+            done.append("fit")
+            return here
+
+        def _better_twins(self, about: Any, here: Any, selection: Any, chosen: Chosen) -> Any:
+            return here, chosen
+
+    def selected(here: Any, slow: bool, may_act: bool = True) -> Any:
+        done.append("courses of time" if slow else "linear")
+        told = dict(keys=SELECTION.keys, without_rows=lambda: None, alike=lambda out: frozenset())
+        return SimpleNamespace(linear=SimpleNamespace(layout=()), **told)
+
+    def refined(here: Any, selection: Any, chosen: Chosen) -> Any:
+        left = chosen.without("plateau")
+        return left, [("plateau", (1,))] if left != chosen else []
+
+    for name, instead in {
+        "select": lambda selection, chosen, limit: only("formula"),
+        "in_layout": lambda found, layout, selection: found,
+        "fitted_about": lambda model, estimate, fits: SimpleNamespace(joint=lambda: None),
+    }.items():
+        monkeypatch.setattr(search, name, instead)
+    asked, model = Rounds(), base_model()
+    asked.stated, asked.close, asked.spoken_against, asked.nats = {}, {}, [], {}
+    asked.stands = confirm.Confirmed({}, ())
+    asked.base = cast("Fitted", SimpleNamespace(model=model, fits=(), estimate={}))
+    told: dict[str, Any] = dict(names=(), effects={}, options=model.options)
+    told |= dict(selection=selected, refined=refined, not_borne_out=lambda *about: [])
+    asked.screening = cast("Screening", SimpleNamespace(**told))
+    asked.run()
+    rounds = ["linear", "fit", "linear", "forms", "courses of time", "rivals"]
+    assert done == [*rounds, "linear"]
 
 
 def fit_of(name: str) -> Any:

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from automap.gap import GapDrive, base_model, noise
+from automap.gap import GapDrive, base_model, noise, stochastic
 from automap.gap.drive import count_outliers, open_drive
 from automap.gap.fit import Fit, fit_drive
 from automap.gap.found import Found
-from automap.gap.limits import ANISOTROPY, LEVEL_RANGE
+from automap.gap.limits import ANISOTROPY, LEVEL_RANGE, OCCAM_NATS
 from automap.gap.noise import Fitted, fit_noise, with_noise
 from automap.gap.receivers import usual_finding
 from automap.gap.stochastic import _floored, noise_claims, stochastic_findings
@@ -172,3 +172,22 @@ def test_a_level_at_the_end_of_what_is_sought_has_no_interval(
     # each axis may have another than what all have together
     assert free.sd > ANISOTROPY * free.value
     assert str(held) == f"at least {free.value:.3g} rad/s/sqrt(s)"
+
+
+@pytest.mark.parametrize(("nats", "climbs"), [(12.0, 0), (40.0, 1)])
+def test_other_levels_are_moved_only_where_one_matters_as_they_are(
+    nats: float, climbs: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    moved: list[dict[str, float]] = []
+
+    def at_best(fits: object, factors: dict[str, float], held: object) -> dict[str, float]:
+        moved.append(factors)
+        return {**factors, "gyro": 1.5}
+
+    monkeypatch.setattr(stochastic, "_at_best", at_best)
+    worth = {(2.0, 1.0): 0.0, (1.0, 1.0): -nats, (1.0, 1.5): -nats + 5.0}
+    told = stochastic._worth(
+        (), lambda f: worth[f["accel"], f["gyro"]], {"accel": 2.0, "gyro": 1.0}, {"accel": 1.0}
+    )
+    assert len(moved) == climbs
+    assert told == nats - 5.0 * climbs - OCCAM_NATS
