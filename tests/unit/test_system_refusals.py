@@ -21,7 +21,7 @@ from automap.io import atomic
 from automap.io.limits import MAX_MESSAGE
 from automap.io.manifest import Manifest
 from automap.records import ImuData
-from pipeline.check.axes import _usable
+from pipeline.check.axes import usable_readings
 from pipeline.cli.root import run_command
 from pipeline.settings.load import load_settings
 from pipeline.view.command import serving
@@ -170,7 +170,7 @@ def test_readings_that_all_stay_are_judged_as_they_are() -> None:
     imu = ImuData(t_ns, np.full((n, 3), 0.1), np.tile([0.1, 0.2, 9.8], (n, 1)))
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        assert len(_usable(imu)) == n
+        assert len(usable_readings(imu)) == n
 
 
 def test_a_sigma_below_nothing_is_unknown(tmp_path: Path) -> None:
