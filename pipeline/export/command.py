@@ -15,6 +15,9 @@ from pipeline.export.trajectory_view import TrajectoryView, viewed
 from pipeline.shared.run_record import drive_of, results_of
 from pipeline.shared.targets import spare_recordings, spare_results
 
+_NAME_PICTURES = ("geojson", "gpkg", "parquet", "flatgeobuf", "csv", "shapefile")
+"""Formats that name the pictures of signs as files beside them; others hold them, or have none."""
+
 
 def export_run(
     out: Path,
@@ -69,6 +72,12 @@ def export_run(
     elif datum:
         content = in_datum(content, datum)
     write(content, path)
+    beside = path.parent / names.PICTURES
+    if content.pictures and fmt in _NAME_PICTURES and not beside.is_dir():
+        content.warnings.append(
+            f"{path} names the pictures of its signs as files of {names.PICTURES} beside it; copy "
+            f"the folder {out / names.PICTURES} to {path.parent}."
+        )
     write_dictionary(path.with_name(names.DICTIONARY))
     if fmt in TRAJECTORY_FORMATS:
         # that there are no signs concerns no trajectory

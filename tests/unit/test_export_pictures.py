@@ -13,6 +13,7 @@ from export_inputs import HOSTILE, sign, write_run
 from automap.export.pictures import choose_views, safe_name, sign_picture
 from automap.io import names
 from automap.io.review_json import action_of, append_action
+from pipeline.export.command import export_run
 from pipeline.export.content import map_content
 from pipeline.shared.pictures import (
     Picture,
@@ -212,3 +213,23 @@ def test_after_a_review_each_sign_still_has_its_street_and_names_files_that_are_
         assert named[name][0] is not None
     told = [file for pair in named.values() for file in pair if file]
     assert all((out / file).is_file() for file in told), told
+
+
+def test_a_file_that_is_written_elsewhere_is_told_to_want_the_pictures_beside_it(
+    tmp_path: Path,
+) -> None:
+    out, away = write_run(tmp_path / "out"), tmp_path / "away"
+    away.mkdir()
+    views = choose_views(observations([30.0, 60.0]), ["s0001"])
+    write_pictures(out, [Picture(view, small_picture(), None) for view in views])
+
+    def told(fmt: str, target: Path | None) -> list[str]:
+        return [text for text in export_run(out, fmt, target)[1] if "copy the folder" in text]
+
+    (text,) = told("csv", away / "signs.csv")
+    assert str(out / names.PICTURES) in text
+    # beside the pictures, with them inside, or without any
+    assert told("csv", None) == told("xlsx", away / "signs.xlsx") == []
+    assert told("tum", away / "path.tum") == []
+    (away / names.PICTURES).mkdir()
+    assert told("csv", away / "signs.csv") == []
