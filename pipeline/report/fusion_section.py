@@ -206,13 +206,16 @@ def _noise(content: dict[str, Any], section: Section) -> list[str]:
     factors = content.get("noise_factors")
     if not isinstance(factors, dict):
         return []
-    told = []
+    told: dict[str, list[str]] = {}
     for key, value in factors.items():
         factor = _number(value)
         if factor is None or abs(factor - 1.0) < 0.01:
             continue
         what, against = _NOISE.get(str(key), (str(key).replace("_", " "), "what was assumed"))
-        told.append(f"{what} {factor:.3g} times {against}")
+        told.setdefault(against, []).append(f"{what} {factor:.3g}")
     if not told:
         return ["The drive's noise is as the settings and the receiver state it."]
-    return ["What the drive shows of its noise: " + "; ".join(told) + "."]
+    return [
+        f"What the drive shows of its noise, in times {against}: {'; '.join(own)}."
+        for against, own in told.items()
+    ]

@@ -49,7 +49,7 @@ def test_a_turned_sensor_its_delay_and_noise_are_told(tmp_path: Path) -> None:
     assert "125 ms (σ 4 ms) later than the positions show" in text
     assert "turned by 17" in text
     assert "stood still 2 times" in text
-    assert "gyro noise 4 times the setting" in text
+    assert "in times the setting: gyro noise 4" in text
     assert "accelerometer" not in text
 
 
