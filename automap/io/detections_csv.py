@@ -131,7 +131,9 @@ def _once(frame: IntArray, box: FloatArray, score: FloatArray) -> BoolArray:
     """Which boxes [n] no better one of their frame covers; of equals the first stays."""
     order = np.lexsort((-score, frame))
     frame, box = frame[order], box[order]
-    area = np.prod(box[:, 2:] - box[:, :2], axis=1)
+    # of a damaged box it may be infinite
+    with np.errstate(over="ignore"):
+        area = np.prod(box[:, 2:] - box[:, :2], axis=1)
     once = np.ones(len(frame), dtype=bool)
     for step in range(1, len(frame)):
         better = np.flatnonzero(frame[step:] == frame[:-step])

@@ -335,6 +335,13 @@ def test_boxes_that_are_not_what_their_columns_say_are_refused(
         read_detections_csv(_write(tmp_path, text, "d.csv"), _times(), "front", (640, 480))
 
 
+@pytest.mark.filterwarnings("error")
+def test_a_box_without_end_is_read_without_a_word_of_numpy(tmp_path: Path) -> None:
+    text = "frame,class,x_min,y_min,x_max,y_max,score\n1,stop,1,2,1e200,1e200,0.9\n"
+    found = read_detections_csv(_write(tmp_path, text, "d.csv"), _times(), "front")
+    assert len(found.data) == 1
+
+
 def test_a_header_alone_means_that_nothing_was_detected(tmp_path: Path) -> None:
     path = _write(tmp_path, "frame,class,x_min,y_min,x_max,y_max,score\n", "d.csv")
     assert len(read_detections_csv(path, _times()).data) == 0
