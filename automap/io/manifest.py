@@ -335,7 +335,8 @@ def _beyond(key: str, kind: str, error: Any) -> str:
     looks like thousandths."""
     words, limit = _LIMITS[kind]
     unit = _UNIT_OF.get(key.rpartition("_")[2], "")
-    bound, value = error["ctx"][limit], error["input"]
+    # a number in quotes is read as one
+    bound, value = error["ctx"][limit], float(error["input"])
     message = f"must be {words} {bound:g} {unit}".rstrip()
     if unit in ("s", "m") and limit in ("le", "lt") and value * 1e-3 <= bound:
         message += f" ({value:g} m{unit} are {value * 1e-3:g} {unit})"

@@ -122,6 +122,7 @@ def test_a_lesser_file_named_wrongly_is_a_warning(tmp_path: Path) -> None:
             "[gnss]\noutput_delay_s = 120",
             "must be at most 2 s (120 ms are 0.12 s), but it is 120.",
         ),
+        ('[gnss]\noutput_delay_s = "120"', "(120 ms are 0.12 s), but it is '120'."),
         ("[gnss]\noutput_delay_s = 1e9", "must be at most 2 s, but it is 1000000000.0."),
         ('imu = "imu.csv"', "write it as [imu]"),
         ('[imu]\nfile = "../imu.csv"', "is outside the folder"),
