@@ -307,7 +307,7 @@ def test_the_least_confidence_leaves_signs_out(out: Path, tmp_path: Path) -> Non
     assert json.loads((tmp_path / "x.geojson").read_text())["features"] == []
     path, warnings = export_run(out, "geojson", tmp_path / "all.geojson", min_confidence=0.9)
     assert len(json.loads(path.read_text())["features"]) == SIGNS
-    assert warnings == []
+    assert not any("less sure" in text for text in warnings)
 
 
 def test_csv_has_the_columns_of_the_contract(out: Path) -> None:
