@@ -49,7 +49,7 @@ class Factor:
         place[self.order] = np.arange(len(self.order))
         place[-1] = -1
         wanted = np.ascontiguousarray(place[np.maximum(index, -1)])
-        weight = np.ascontiguousarray(np.broadcast_to(weight, wanted.shape))
+        weight = np.require(np.broadcast_to(weight, wanted.shape), None, "CW")
         shape, s = wanted.shape[:-1], wanted.shape[-1]
         found = _variances_of(
             self.start, self.row, self.value, self.pivot, wanted.reshape(-1, s),
@@ -63,6 +63,7 @@ def factorise(row: IntArray, column: IntArray, value: FloatArray, order: IntArra
     those of one place are added), eliminated in ``order`` [n]."""
     place = np.empty(len(order), np.int64)
     place[order] = np.arange(len(order))
+    row, column = np.ascontiguousarray(row), np.ascontiguousarray(column)
     start, rows, values, pivot = _factorise(*_upper(row, column, value, place))
     return Factor(order, start, rows, values, pivot)
 

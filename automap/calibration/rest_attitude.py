@@ -59,7 +59,7 @@ def rest_attitude(
     up = accel[:n].mean(axis=0)
     down = -up / np.linalg.norm(up)
     marks = np.unique(np.linspace(0, len(t_s) - 1, steps).astype(np.int64))
-    found = [down]
+    found, gyro = [down], np.ascontiguousarray(gyro)
     end, sensitivity = np.empty(3), np.empty((3, 3, N_SIGNALS))
     signals = np.zeros((len(t_s), N_SIGNALS))
     dt = np.diff(t_s)

@@ -159,7 +159,7 @@ def error_columns(
     """
     from automap.effects.camera_kernels import all_columns
 
-    C_cam_body = rpy_to_matrix(camera.mount_rpy).T
+    C_cam_body = np.ascontiguousarray(rpy_to_matrix(camera.mount_rpy).T)
     own = all_columns(q, height, share, rate, velocity, C_cam_body, lens_of(camera))
     return by_parameters(values, own)
 

@@ -102,7 +102,7 @@ def _noise(
 ) -> tuple[BoolArray, FloatArray, FloatArray, float, tuple[float, float], float]:
     """What kernels want to know of one axis."""
     position, velocity = (factors.get(level, 1.0) for level in _WHITE_LEVELS[axis])
-    white = at.white[axis] * [position, velocity]
+    white = np.ascontiguousarray(at.white[axis]) * [position, velocity]
     # what a receiver's own filter leaves in a velocity is as large as what it says, and lasts,
     # where no IMU has told how large
     lasting = np.maximum(white[:, 1], velocity * options.velocity_wander_sd)

@@ -127,7 +127,8 @@ def _associate(
     offset_var: FloatArray,
 ) -> None:
     taken = np.zeros(len(signs.active), np.bool_)
-    count = 0
+    # of one type from the first, for a literal what is called would be compiled once more
+    count = np.int64(0)
     for i in range(len(sign)):
         if sign[i] >= 0:
             if sign[i] >= count:

@@ -68,8 +68,9 @@ class MapSigns(NamedTuple):
 
 
 def columns_of(sightings: Sightings) -> Columns:
-    """What kernels take of some sightings."""
-    return Columns(*(getattr(sightings, name) for name in Columns._fields))
+    """What kernels take of some sightings, in one layout wherever they come from: for another the
+    kernels would be compiled once more."""
+    return Columns(*(np.require(getattr(sightings, name), None, "CW") for name in Columns._fields))
 
 
 def empty_map(room: int) -> MapSigns:

@@ -104,7 +104,7 @@ def _gains(
     for a in range(len(edges) - 1):
         of_a, founder = signs.state[a], rows[edges[a]]
         per_lat, per_lon = seen.per_lat[founder], seen.per_lon[founder]
-        for place in range(neighbours(signs.table, of_a[LAT], of_a[LON], 1, near)):
+        for place in range(neighbours(signs.table, of_a[LAT], of_a[LON], np.int64(1), near)):
             b = near[place]
             of_b = signs.state[b]
             de, dn = delta(of_b[LAT], of_b[LON], of_a[LAT], of_a[LON], per_lat, per_lon)

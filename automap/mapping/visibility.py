@@ -79,8 +79,10 @@ def opportunities(
         per_lat, per_lon = metres_per_radian(path.lat_rad, 0.0)
         views = np.array([[c.yaw_rad, limits.EDGE_SHARE * c.half_angle_rad] for c in drive.cameras])
         count, nearest = np.zeros(len(lat), np.int64), np.full((len(lat), 3), np.inf)
+        # a path that was read is not to be written to: for that it would all be compiled once more
+        way = (np.require(a, None, "W") for a in (path.lat_rad, path.lon_rad, path.yaw_rad))
         n = _look(
-            stride, path.lat_rad, path.lon_rad, path.yaw_rad, per_lat, per_lon, views, table,
+            stride, *way, per_lat, per_lon, views, table,
             lat, lon, facing, count, nearest, touched,
         )  # fmt: skip
         seen = np.sort(touched[:n])
@@ -116,7 +118,7 @@ def _look(
     for row in range(0, len(car_lat), stride):
         if not (car_lat[row] == car_lat[row] and yaw[row] == yaw[row]):
             continue
-        found = neighbours(table, car_lat[row], car_lon[row], 1, near)
+        found = neighbours(table, car_lat[row], car_lon[row], np.int64(1), near)
         for place in range(found):
             k = near[place]
             east, north = delta(

@@ -70,7 +70,7 @@ def measured(
         model.walk,
         model.kept,
         np.zeros(2),
-        np.zeros(3),
+        0.0,
         np.zeros(5),
         True,
     )

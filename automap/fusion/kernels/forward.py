@@ -99,7 +99,22 @@ def run_forward(
         row = k if relinearise else 0
         span = nodes.t[k] - t
         if k > 0 and not relinearise:
-            go(samples, model, legs, 0, 0, legs.at[0], t, nodes.t[k], pos, vel, q, c, xi)
+            # rows of type int64, as elsewhere: for literals it would all be compiled once more
+            go(
+                samples,
+                model,
+                legs,
+                np.int64(0),
+                np.int64(0),
+                legs.at[0],
+                t,
+                nodes.t[k],
+                pos,
+                vel,
+                q,
+                c,
+                xi,
+            )
         t, i, phi = nodes.t[k], legs.at[row], legs.trans[row]
         rate[:], now[:] = legs.rate[row], legs.now[row]
         mid[:], place[:] = legs.mid[row], legs.place[row]
