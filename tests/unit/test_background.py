@@ -15,6 +15,7 @@ from automap.errors import InputError
 from automap.io import tile_archives
 from automap.io.background import check_below, cut_out, open_background
 from automap.io.web_tiles import decoded, from_world, to_world, zoom_for
+from tests.slow_cases import others_slow
 
 
 def grid(half_m: float, px: int) -> tuple[np.ndarray[Any, Any], np.ndarray[Any, Any]]:
@@ -37,7 +38,7 @@ KINDS: dict[str, Callable[[Path], Path]] = {
 
 
 @pytest.mark.parametrize("name", KINDS)
-@pytest.mark.parametrize("half_m", [900.0, 120.0])
+@pytest.mark.parametrize("half_m", others_slow([900.0, 120.0]))
 def test_each_place_is_where_it_lies(tmp_path: Path, name: str, half_m: float) -> None:
     background = open_background(KINDS[name](tmp_path / name))
     check_below(background, (made.EAST, made.NORTH, made.EAST, made.NORTH), tmp_path / name)

@@ -257,7 +257,7 @@ def test_an_output_folder_that_is_a_file(
     assert "is a file, not a folder" in told.err
 
 
-@pytest.mark.parametrize("write", others_slow(range(8), 4))
+@pytest.mark.parametrize("write", others_slow(range(8)))
 def test_a_disk_that_fills_up_leaves_whole_files_and_the_next_run_goes_on(
     drive: Path,
     tmp_path: Path,
@@ -284,6 +284,7 @@ def test_a_disk_that_fills_up_leaves_whole_files_and_the_next_run_goes_on(
     assert_nothing_half_written(out)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("base", others_slow(["gps_ns", "unix_ns"]))
 def test_frames_of_another_clock_are_brought_to_that_of_the_trajectory(
     drive: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], base: str

@@ -40,6 +40,7 @@ def test_a_run_outlasts_the_reader_of_its_output(tmp_path: Path) -> None:
     assert (out / "run.json").is_file()
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full on this system")
 def test_output_that_cannot_be_written_is_told() -> None:
     with Path("/dev/full").open("w", encoding="utf-8") as full:

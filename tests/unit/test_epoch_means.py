@@ -53,6 +53,7 @@ def test_the_best_receivers_own_velocities_are_not(rate_hz: float, late_s: float
         assert own_velocities(fixes, found) is fixes
 
 
+@pytest.mark.slow
 def test_ordinary_receivers_own_velocities_are_not() -> None:
     for seed in range(20):
         assert velocity_consistency(simulated_fixes(seed)).means is None, f"seed {seed}"

@@ -24,6 +24,7 @@ from automap.io.vector_layer import to_degrees
 from pipeline.cli.root import run_command
 from pipeline.export.command import export_run
 from pipeline.export.projected import PROJECTED_FORMATS
+from tests.slow_cases import others_slow
 
 UTM = "EPSG:25832"
 
@@ -224,7 +225,7 @@ PLACES = {
 }
 
 
-@pytest.mark.parametrize("country", PLACES)
+@pytest.mark.parametrize("country", others_slow(PLACES, 6))
 def test_national_systems_work_or_say_what_is_missing(country: str) -> None:
     code, lon, lat, expected = PLACES[country]
     projection = parse_projection(code)

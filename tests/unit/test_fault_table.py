@@ -121,6 +121,7 @@ def test_a_fault_changes_the_rows_it_means_and_no_others(
             assert np.abs(new - old).max() < 2e-3, (name, column)
 
 
+@pytest.mark.slow
 def test_every_fault_changes_something_and_the_same_at_every_call(ubx_drive: Recording) -> None:
     before = _content(ubx_drive)
     for fault in FAULTS.values():

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.slow_cases import others_slow
 from tests.unit import figures
 from tests.unit.figures import FOLDER, KEPT_FOR, STAGES, differences, figures_of, kept
 from tests.unit.scenarios import SCENARIOS
@@ -23,7 +24,26 @@ SAME_RUN = 3e-3
 without the widest instructions one ended 1.1e-3 of its size away."""
 
 
-@pytest.mark.parametrize("name", sorted(SCENARIOS))
+# each of these takes some seconds
+DEAR = (
+    "calibration_fits",
+    "compare_inventories",
+    "fusion_offsets",
+    "fusion_problem",
+    "geolocation_late",
+    "geolocation_rays",
+    "runs_carriers",
+    "runs_contradicted",
+    "runs_unknown_axes",
+    "sync_clock",
+    "sync_correlation_clock",
+    "sync_held",
+    "sync_receiver",
+)
+NAMES = sorted(SCENARIOS, key=lambda name: (name in DEAR, name))
+
+
+@pytest.mark.parametrize("name", others_slow(NAMES, len(NAMES) - len(DEAR)))
 def test_figures_are_those_that_were_kept(name: str) -> None:
     same = SAME_RUN if name.startswith("runs_") else SAME
     told = differences(figures_of(SCENARIOS[name]()), kept(name), same)

@@ -156,6 +156,7 @@ def test_a_status_is_not_put_into_a_store_that_is_gone(tmp_path: Path) -> None:
     assert not (tmp_path / "store").exists()
 
 
+@pytest.mark.slow
 def test_settings_that_change_between_nights(tmp_path: Path) -> None:
     """Drives done with others wait again, and until then the map has their older results; with
     --keep-done they stay."""

@@ -134,6 +134,7 @@ def test_a_scheduler_that_is_not_there(tmp_path: Path, monkeypatch: pytest.Monke
         run(store, ORDER, "tcp://127.0.0.1:9")
 
 
+@pytest.mark.slow
 def test_damaged_drives_are_put_aside_with_their_sentence(tmp_path: Path) -> None:
     """In real processes: a log that is none, and a manifest that is none."""
     paths = [str(make_drive(tmp_path / name, "t_ns,what\n1,2\n")) for name in ("log", "toml")]
@@ -199,6 +200,7 @@ def forget_map(store: Store) -> None:
         shutil.rmtree(store.place.folder / name)
 
 
+@pytest.mark.slow
 def test_a_run_that_is_killed_goes_on_to_the_same_map(tmp_path: Path) -> None:
     store = make_store(tmp_path, range(6))
     code = f"import test_fleet_dask as t; t.run_slowly({store.place.url!r})"

@@ -62,6 +62,7 @@ def test_requests_are_answered_one_after_the_other_and_modules_stay(
         assert server.runs()
 
 
+@pytest.mark.slow
 def test_a_process_that_fails_ends_with_1_and_the_next_is_unharmed(
     server: ForkServer, tmp_path: Path
 ) -> None:
@@ -82,6 +83,7 @@ def _slow(folder: Path) -> Path:
     return own / "request.json"
 
 
+@pytest.mark.slow
 def test_a_killed_process_is_told_by_its_signal(server: ForkServer, tmp_path: Path) -> None:
     killed = server.run(_slow(tmp_path), lambda pid: os.kill(pid, signal.SIGKILL), 0.05)
     assert killed == -signal.SIGKILL

@@ -98,6 +98,7 @@ def test_drives_of_one_place_come_into_cells_together(
     assert batches == [{scene()[k].name for k in ks} for ks in ((0, 2, 4), (1, 3, 5))]
 
 
+@pytest.mark.slow
 def test_what_is_written_beside_needs_nothing_that_is_written_later(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -119,6 +120,7 @@ def test_what_is_written_beside_needs_nothing_that_is_written_later(
     assert map_bytes(store) == last
 
 
+@pytest.mark.slow
 def test_a_merge_that_is_ended_anywhere_goes_on_to_the_same_map(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -344,6 +346,7 @@ def test_no_drive_done_is_no_map(tmp_path: Path) -> None:
         merge(make_store(tmp_path, range(1)))
 
 
+@pytest.mark.slow
 def test_tracks_that_the_older_map_has_are_taken_from_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -397,6 +400,7 @@ def test_tracks_of_a_fleet_that_grows_keep_their_rows_for_long(
     assert tracks._step(rows) == step
 
 
+@pytest.mark.slow
 def test_a_map_of_very_many_drives_has_tracks_and_heights_above_the_sea(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

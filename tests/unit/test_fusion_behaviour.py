@@ -158,6 +158,7 @@ def test_half_a_minute_without_fixes(
     assert (ours[7200:7800] > ours[10000]).all()
 
 
+@pytest.mark.slow
 def test_two_seconds_of_lost_samples(
     fixes: Fixes, motion: Motion, imu: ImuData, plain_rms: float
 ) -> None:
@@ -196,12 +197,14 @@ def test_fixes_with_horizontal_velocity_only(
     assert "velocity_d" not in set(result.innovations.channel)
 
 
+@pytest.mark.slow
 def test_fixes_without_figures_of_their_own(imu: ImuData, fixes: Fixes, motion: Motion) -> None:
     unknown = np.full_like(fixes.vel_ned, np.nan)
     result = _fuse(imu, replace(fixes, sd_pos_ned=unknown, sd_vel_ned=unknown))
     assert horizontal_rms(errors(result.trajectory, motion)) < 2.0
 
 
+@pytest.mark.slow
 def test_fixes_of_type_none_are_not_used(
     imu: ImuData, fixes: Fixes, motion: Motion, plain_rms: float
 ) -> None:
@@ -226,6 +229,7 @@ def test_a_delay_of_the_samples_is_recovered(
     assert np.sqrt(np.mean(velocity**2)) < 0.06
 
 
+@pytest.mark.slow
 def test_a_delay_of_the_clock_moves_the_gps_times(motion: Motion, fixes: Fixes) -> None:
     result = fuse_imu_gnss(
         record(motion, SENSOR, 2, delay_s=0.1),
@@ -242,6 +246,7 @@ def test_a_delay_of_the_clock_moves_the_gps_times(motion: Motion, fixes: Fixes) 
     assert np.sqrt(np.mean(velocity**2)) < 0.05
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("latency", others_slow([0.12, -0.1]))
 def test_velocities_older_than_positions_are_recovered(
     latency: float, imu: ImuData, motion: Motion, plain_rms: float
@@ -272,6 +277,7 @@ def test_a_start_in_motion(plain_rms: float) -> None:
     assert _heading_rms_deg(error) < 0.3
 
 
+@pytest.mark.slow
 def test_a_start_in_reverse() -> None:
     """The car first backs out of a drive: its heading is not the course."""
     speed = [(0, 0), (5, 0), (7, -3), (14, -3), (16, 0), (18, 0), (25, 13), (80, 13), (85, 6)]
@@ -306,7 +312,14 @@ def test_an_unknown_mounting_is_found(
     assert _heading_rms_deg(error) < 0.4
 
 
-@pytest.mark.parametrize("place", [(-16.5, 179.9995, 10.0), (80.0, 10.0, 10.0), (0.0, 0.0, 0.0)])
+@pytest.mark.parametrize(
+    "place",
+    [
+        (-16.5, 179.9995, 10.0),
+        pytest.param((80.0, 10.0, 10.0), marks=pytest.mark.slow),
+        pytest.param((0.0, 0.0, 0.0), marks=pytest.mark.slow),
+    ],
+)
 def test_odd_places(place: tuple[float, float, float], plain_rms: float) -> None:
     motion = city_drive(SECONDS, SEED, origin_deg=place)
     result = _fuse(record(motion, SENSOR, 2), receive(motion, Receiver(), 3))

@@ -163,6 +163,7 @@ def errors(path: Trajectory, motion: object) -> tuple[FloatArray, FloatArray]:
     return off, path.sd_pos_ned
 
 
+@pytest.mark.slow
 def test_accuracies_that_the_velocities_contradict_are_not_believed() -> None:
     options, held = FusionOptions(), []
     for seed in (1, 2, 3):

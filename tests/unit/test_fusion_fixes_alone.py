@@ -230,6 +230,7 @@ def test_what_lasts_of_fixes_is_nowhere_averaged_away() -> None:
     assert held[10] == pytest.approx(np.maximum(lasts, path.sd_pos_ned[10]))
 
 
+@pytest.mark.slow
 def test_a_path_of_fixes_alone_is_as_unsure_as_their_instants() -> None:
     """Nothing in it tells their age or the clock's delay: a motorway's was 2.6 sigmas off by it."""
     fixes = receive(city_drive(60.0, 4), Receiver(rate=5.0), 1)

@@ -97,6 +97,7 @@ def test_a_receiver_may_be_worse_at_every_second_fix_if_it_says_so() -> None:
     assert seen(silent)[0] == pytest.approx(0.5 * np.sqrt((error**2).sum(axis=1).mean()), abs=0.1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("receiver", [PHONE, U_BLOX], ids=["phone", "u-blox"])
 def test_the_size_of_an_offset_is_found(receiver: Receiver) -> None:
     fixes = drive(receiver, 24)

@@ -14,6 +14,7 @@ from automap.fusion.options import FusionOptions
 from automap.fusion.rest_noise import least_levels, rest_density
 from automap.fusion.result import Prior
 from automap.records import ImuData
+from tests.slow_cases import others_slow
 from tests.unit.fusion_drive import CLOCK, Sensor, record
 from tests.unit.fusion_motion import city_drive
 from tests.unit.fusion_receiver import Receiver, receive
@@ -53,7 +54,7 @@ def test_levels_do_not_fall_below_the_noise_at_rest() -> None:
     assert least["gyro"] == pytest.approx(0.5, rel=0.2)
 
 
-@pytest.mark.parametrize(("lasting", "absent"), [(0.0, True), (0.2, False)])
+@pytest.mark.parametrize(("lasting", "absent"), others_slow([(0.0, True), (0.2, False)]))
 def test_a_lasting_error_is_kept_where_there_is_one(lasting: float, absent: bool) -> None:
     motion = city_drive(300.0, 3, slip=True)
     result = fuse_imu_gnss(

@@ -78,6 +78,7 @@ def test_a_bias_of_minutes_is_told(seed: int) -> None:
     assert 3.0 < drift.size < 8.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", others_slow([51, 31, 41, 61]))
 def test_readings_tell_what_fixes_once_a_second_leave_open(seed: int) -> None:
     """Between two fixes of a phone the way is the IMU's, so that velocities tell more of a bias."""

@@ -101,6 +101,7 @@ def test_an_unknown_age_of_the_fixes_is_of_velocity_and_attitude() -> None:
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("delay_sd", others_slow([0.02, 0.1]))
 def test_old_fixes_are_not_the_delay_of_the_imu(delay_sd: float) -> None:
     """Where the stamps are known the age of the fixes is estimated, else it is in the sigmas."""

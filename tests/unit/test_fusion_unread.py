@@ -102,6 +102,7 @@ def test_a_hole_is_turned_through_as_the_fixes_are() -> None:
     assert abs(turned(left) - turned(imu)) > 1.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("hole", [(2.0, 60.0), pytest.param((50.0, 178.0), marks=pytest.mark.slow)])
 def test_a_few_readings_beside_a_long_hole_spoil_nothing(hole: tuple[float, float]) -> None:
     """Two seconds of readings, at rest or not, tell no heading."""
@@ -112,6 +113,7 @@ def test_a_few_readings_beside_a_long_hole_spoil_nothing(hole: tuple[float, floa
     assert np.degrees(np.sqrt(np.mean(wrap_pi(path.rpy[:, 2] - yaw(path.gps_s)) ** 2))) < 1.0
 
 
+@pytest.mark.slow
 def test_without_an_imu_the_path_is_that_of_the_point_that_arms_count_from() -> None:
     far = (2.4, 0.6, -1.5)
     fixes = receive(city_drive(180.0, 4), Receiver(lever=far), 5)

@@ -90,6 +90,7 @@ def _arm(result: FusionResult) -> tuple[FloatArray, FloatArray]:
     return result.parameters.values[-1, rows], result.parameters.sd[-1, rows]
 
 
+@pytest.mark.slow
 def test_fixes_of_metres_tell_no_arm_and_the_path_is_less_sure_for_it() -> None:
     unknown, stated = _fused(METRES, None), _fused(METRES, LEVER)
     assert not any("gnss_lever_arm" in name for name in unknown.parameters.names)

@@ -99,6 +99,7 @@ def in_outage(result: FusionResult) -> np.ndarray:
     return errors(result.trajectory, town().motion)[(t > OUTAGE[0]) & (t < OUTAGE[1])]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rate", others_slow([1.0, 0.5, 20.0, 100.0]))
 def test_any_rate_is_used_and_helps_without_fixes(rate: float) -> None:
     result = fused(rate)
@@ -114,6 +115,7 @@ def test_any_rate_is_used_and_helps_without_fixes(rate: float) -> None:
     assert added[1] < 0.95 * added[0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rate", [1.0, pytest.param(10.0, marks=pytest.mark.slow)])
 @pytest.mark.parametrize(
     ("late", "scale"), others_slow([(0.5, 1.05), (0.5, 1.0), (0.0, 1.05), (-1.3, 0.95)])
@@ -147,6 +149,7 @@ def test_speeds_in_whole_kilometres_an_hour_are_as_sure_as_said(rate: float) -> 
     assert speeds[1] < 0.95 * speeds[0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rate", [1.0, pytest.param(10.0, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("value", others_slow(["held", "zero"]))
 def test_a_counter_that_hangs_does_not_pull_the_path(rate: float, value: str) -> None:

@@ -176,6 +176,7 @@ def users() -> Iterator[None]:
     set_user_effects([])
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("users")
 @pytest.mark.parametrize(
     "effect", ["leans", *(pytest.param(e, marks=pytest.mark.slow) for e in HIDDEN if e != "leans")]

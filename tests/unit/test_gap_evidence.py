@@ -186,6 +186,7 @@ def uneven(seed: int, theta: float = 0.0) -> Linear:
     return linear_of(phi, loud * noise[:, 0] + theta * phi[:, 1], linear.layout)
 
 
+@pytest.mark.slow
 def test_chances_by_the_drives_own_scatter_hold_where_noise_is_not_as_modelled() -> None:
     told, modelled = [], []
     for seed in range(200):

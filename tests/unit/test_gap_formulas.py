@@ -78,6 +78,7 @@ def test_the_instant_of_a_step_is_found_between_boxes() -> None:
     assert finer in search.selection(search.base, False).candidates
 
 
+@pytest.mark.slow
 def test_an_axis_that_hangs_behind_is_told_with_its_play() -> None:
     drive = simulated({})
     accel = drive.imu.accel.copy()
@@ -92,6 +93,7 @@ def test_an_axis_that_hangs_behind_is_told_with_its_play() -> None:
     assert float(width) == pytest.approx(0.8, rel=0.2)
 
 
+@pytest.mark.slow
 def test_a_course_that_hangs_behind_is_told_with_its_play() -> None:
     drive = simulated({})
     vel = drive.fixes.vel_ned.copy()

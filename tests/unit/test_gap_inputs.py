@@ -5,12 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 
 import pandas as pd
+import pytest
 
 from pipeline.gap.inputs import gap_drives
 from pipeline.settings.load import load_settings
 from tests.unit.broken_drive import write_short_drive
 
 
+@pytest.mark.slow
 def test_readings_that_end_at_their_range_are_told(tmp_path: Path) -> None:
     drive, told = tmp_path / "drive", list[str]()
     write_short_drive(drive)

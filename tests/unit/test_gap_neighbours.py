@@ -50,6 +50,7 @@ def test_a_factor_is_bent_remembered_one_sided_and_left_out(signals: Signals) ->
     assert "abs(rate_z) * speed" in neighbours("abs(rate_z)", signals)
 
 
+@pytest.mark.slow
 def test_the_formulas_near_any_of_the_dictionary_are_others_and_can_be_read(
     signals: Signals,
 ) -> None:

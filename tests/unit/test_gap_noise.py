@@ -16,6 +16,7 @@ from automap.gap.fit import Fit, fit_drive
 from automap.gap.limits import LEAST_RESTS
 from automap.gap.noise import fit_noise, noise_score, noise_slopes, rest_factors
 from automap.records import FloatArray
+from tests.slow_cases import others_slow
 from tests.unit.test_gap import simulated
 
 STEP = 1e-3
@@ -30,7 +31,7 @@ def ungated(request: pytest.FixtureRequest) -> Fit:
     return fit_drive(open_drive(simulated({}), model.options), model)
 
 
-@pytest.mark.parametrize("off", [1.0, 1.7])
+@pytest.mark.parametrize("off", others_slow([1.0, 1.7]))
 def test_slopes_are_those_of_the_likelihood(ungated: Fit, off: float) -> None:
     factors = {k: v * off for k, v in ungated.model.factors.items()}
     here = noise_slopes([ungated], factors)

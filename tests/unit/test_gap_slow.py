@@ -334,6 +334,7 @@ def test_a_car_that_never_turns_shows_no_gain() -> None:
     assert not any(c.term[1].startswith("rate_z") for c in linear.layout)
 
 
+@pytest.mark.slow
 def test_courses_have_score_and_information_of_their_rows() -> None:
     linear = with_shapes(turning(boxes("step(time - 200)", "gyro_z"), 0.0 * TIMES))
     (rows,) = linear.rows

@@ -68,6 +68,7 @@ def test_fixes_are_wild_by_what_their_noise_turned_out_to_be(claims: float, wild
     assert (after > 0) is wild
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("claims", "larger"), others_slow([(0.4, ("position_h", "position_v")), (1.0, ())])
 )
@@ -105,6 +106,7 @@ def _swaying(drive: GapDrive, sd: float, tau_s: float) -> GapDrive:
     return replace(drive, imu=replace(imu, gyro=gyro, accel=accel))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("noisy", others_slow([False, True]))
 def test_a_body_that_sways_is_no_noise_of_the_sensors_in_it(noisy: bool) -> None:
     drive = simulated({})

@@ -102,6 +102,7 @@ def test_what_is_said_about_a_sign(world) -> None:
         assert np.linalg.eigvalsh(sign.cov_enu)[0] > 0.0
 
 
+@pytest.mark.slow
 def test_what_the_detector_told_of_the_class_comes_through(world) -> None:
     path, _, found, _ = world
     n = len(found)
@@ -182,6 +183,7 @@ def test_two_signs_on_one_post_stay_two() -> None:
     assert nearest_errors(result, pair).max() < 1.0
 
 
+@pytest.mark.slow
 def test_class_noise_and_missing_boxes_do_not_break_tracks(world) -> None:
     path, _, found, owner = world
     rng = np.random.default_rng(9)
@@ -196,6 +198,7 @@ def test_class_noise_and_missing_boxes_do_not_break_tracks(world) -> None:
     assert "another" not in classes
 
 
+@pytest.mark.slow
 def test_false_boxes_do_not_pull_signs_away(world) -> None:
     path, scene, found, owner = world
     rng = np.random.default_rng(5)
@@ -230,6 +233,7 @@ def test_a_turned_camera_is_found_out() -> None:
     )
 
 
+@pytest.mark.slow
 def test_the_focal_length_of_a_camera_of_no_calibration_is_told_with_its_sigma(world) -> None:
     path, scene, found, owner = world
     believed = camera(matrix=usual_matrix(1280, 720), focal_sd=UNKNOWN_FOCAL_SD)
@@ -307,6 +311,7 @@ def test_broken_boxes_are_left_out_not_fatal(world) -> None:
     assert len(result.signs) > 5
 
 
+@pytest.mark.slow
 def test_a_front_of_a_house_as_large_as_the_picture_does_not_end_the_others() -> None:
     """A sign of its class's size with such a box would touch the lens."""
     path, wide = drive_path(), camera(matrix=np.diag([500.0, 500.0, 1.0]) + CENTRE)
@@ -352,6 +357,7 @@ def test_two_passes_of_one_street_are_one_sign() -> None:
     assert result.signs[0].cov_enu[0, 0] < once.signs[0].cov_enu[0, 0]
 
 
+@pytest.mark.slow
 def test_a_long_wait_adds_no_certainty() -> None:
     """A car that waits in sight of a sign sees the same error again and again."""
     path = drive_path(duration_s=9.0, sd_m=1e-3)

@@ -56,6 +56,7 @@ def surveyed(scene: Scene, rows: list[int], sd_m: float = 0.05) -> SignPoints:
     return SignPoints(lat, lon, names, none, np.full(len(rows), sd_m))
 
 
+@pytest.mark.slow
 def test_control_signs_take_the_common_error_off(passed) -> None:
     path, scene, found = passed
     off = moved(path, SHIFT, 3.0)

@@ -56,6 +56,7 @@ def there_and_back(names: tuple[str, str]) -> tuple[Trajectory, Detections, int]
     return whole, both, len(np.unique(shown[0]))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "back", others_slow(["information--unknown-other", "object--traffic-sign--back"])
 )

@@ -169,6 +169,7 @@ def test_the_best_explanation_of_a_mirrored_picture(winding) -> None:
     assert better_explanations(winding, found, view) == []
 
 
+@pytest.mark.slow
 def test_a_mirrored_picture_is_doubted_whatever_its_boxes_are_linked_to(winding) -> None:
     view = camera(mount_sd=np.radians(0.5), time_offset_sd=0.02)
     found, _ = boxes(winding, roadside(winding, every_s=20.0), view, np.random.default_rng(1))
@@ -179,6 +180,7 @@ def test_a_mirrored_picture_is_doubted_whatever_its_boxes_are_linked_to(winding)
     assert not contradicted(winding, found, view)
 
 
+@pytest.mark.slow
 def test_rows_counted_from_the_bottom_show_where_the_road_is_not_level(winding) -> None:
     slope = np.radians(3.0) * np.sin(np.arange(len(winding.t_ns)) / 300.0)
     rise = np.tan(slope) * np.hypot(*winding.vel_ned[:, :2].T)

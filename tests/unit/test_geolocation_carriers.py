@@ -96,6 +96,7 @@ def test_a_sign_on_a_lorry_ahead_is_left_out_and_all_that_stand_are_kept(
         assert not (result.observations.note == "moving").any()
 
 
+@pytest.mark.slow
 def test_a_lorry_that_is_followed_in_pieces_hides_no_signs_and_shows_no_false_ones() -> None:
     """From its large boxes it was concluded that signs are found when they are as large, so that
     hardly a frame should have shown any again: 9 signs were lost here, and false boxes kept."""
@@ -182,7 +183,7 @@ def jam(path: Trajectory, speed: float) -> Detections:
     return together(found, carried(path, camera(), 20.0, speed, 20.0))
 
 
-@pytest.mark.parametrize("log_scale", [-0.25, 0.15])
+@pytest.mark.parametrize("log_scale", others_slow([-0.25, 0.15]))
 def test_a_focal_length_that_nobody_knows_moves_no_sign_along(log_scale: float) -> None:
     """Half a step of those that are tried from the true one, on a bend of 240 m radius."""
     path = drive_path(40.0, SPEED, 0.05)
@@ -198,6 +199,7 @@ def test_a_focal_length_that_nobody_knows_moves_no_sign_along(log_scale: float) 
     assert not far[both.track != 999].any()
 
 
+@pytest.mark.slow
 def test_what_is_followed_further_than_signs_are_seen_is_left_out_before_anything_is_fitted() -> (
     None
 ):

@@ -69,6 +69,7 @@ def test_a_thing_that_looks_like_a_sign_does_so_in_every_pass() -> None:
     assert existence_of([[1e20, 1e20]] * 40) == pytest.approx(1.0)
 
 
+@pytest.mark.slow
 def test_a_single_box_before_many_frames_without_one_is_no_sign() -> None:
     path, found, owner = drive()
     rows = np.flatnonzero(owner == 4)
@@ -79,6 +80,7 @@ def test_a_single_box_before_many_frames_without_one_is_no_sign() -> None:
     assert "unconfirmed" in result.observations.note.tolist()
 
 
+@pytest.mark.slow
 def test_a_wall_that_is_seen_again_and_again_is_no_warning() -> None:
     path = drive_path(40.0)
     scene = roadside(path)

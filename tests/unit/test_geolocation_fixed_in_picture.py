@@ -13,6 +13,7 @@ from automap.geolocation.fixed_in_picture import fixed_boxes
 from automap.geolocation.locate import locate_signs
 from automap.geolocation.views import MeasurementNoise
 from automap.records import Detections, Trajectory
+from tests.slow_cases import others_slow
 
 NOISE = MeasurementNoise()
 
@@ -47,7 +48,7 @@ def test_a_sticker_is_told_from_the_signs_of_the_road(share: float, height_px: f
 
 
 @pytest.mark.parametrize("turn_rate", [0.0, 0.02, 0.05, 0.1])
-@pytest.mark.parametrize("every_s", [0.6, 1.0, 2.0])
+@pytest.mark.parametrize("every_s", others_slow([0.6, 1.0, 2.0]))
 def test_signs_at_even_distances_are_none(turn_rate: float, every_s: float) -> None:
     # chevrons in a bend: each comes to the same place of the picture
     path = drive_path(40.0, turn_rate=turn_rate)
@@ -89,6 +90,7 @@ def test_a_drive_whose_boxes_are_all_of_a_sticker_has_no_signs() -> None:
     assert (found.observations.note == "fixed").all()
 
 
+@pytest.mark.slow
 def test_the_signs_are_those_without_it_and_its_boxes_are_told() -> None:
     path = drive_path(30.0)
     signs, _ = boxes(path, roadside(path), camera(), np.random.default_rng(2))

@@ -89,6 +89,7 @@ def test_frames_outside_the_drive_are_the_result(context: StageContext) -> None:
     )
 
 
+@pytest.mark.slow
 def test_signs_are_unsure_along_a_road_that_is_dated_by_fixes_of_unknown_age(
     context: StageContext,
 ) -> None:
@@ -104,7 +105,7 @@ def test_signs_are_unsure_along_a_road_that_is_dated_by_fixes_of_unknown_age(
     assert variance[1] - variance[0] == pytest.approx(1.2**2, rel=0.3)
 
 
-@pytest.mark.parametrize("picture", others_slow(["mirrored", "", "upside down"], fast=2))
+@pytest.mark.parametrize("picture", others_slow(["mirrored", "", "upside down"]))
 def test_boxes_are_taken_as_the_bends_of_their_video_say(
     context: StageContext, picture: str
 ) -> None:
@@ -167,6 +168,7 @@ def test_heights_above_the_road_are_as_well_known_as_the_imus_above_it(
         assert before.sd_above_road_m**2 == pytest.approx(shown + 0.4**2)
 
 
+@pytest.mark.slow
 def test_a_cameras_place_that_is_measured_makes_heights_surer(
     context: StageContext, tmp_path: Path
 ) -> None:

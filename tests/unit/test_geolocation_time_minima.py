@@ -59,6 +59,7 @@ def test_a_steady_swing_leaves_the_offset_open() -> None:
     assert any("explain the boxes alike" in text for text in result.warnings)
 
 
+@pytest.mark.slow
 def test_a_bump_tells_the_offset() -> None:
     t = np.arange(1200) * 0.01
     bumps = sum(np.exp(-(((t - at) / 0.25) ** 2)) for at in (4.5, 8.6))

@@ -322,6 +322,7 @@ def test_an_archive_without_tables_is_one_sentence(
     assert not (tmp_path / "phone-drive").exists()
 
 
+@pytest.mark.slow
 def test_wheel_speed_of_a_cars_computer_finds_its_zone(tmp_path: Path) -> None:
     """A CAN log in local time beside a table of readings and fixes: not the receiver's, the
     wheels'."""

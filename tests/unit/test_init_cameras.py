@@ -18,6 +18,7 @@ from pipeline.check.command import check_drive
 from pipeline.init.choose import draft_of
 from pipeline.init.found import look
 from pipeline.init.settle import settle
+from tests.slow_cases import others_slow
 from tests.unit.foreign_tables import SAMPLE
 
 MATRIX = np.array([[1003.25, 0.0, 641.5], [0.0, 998.75, 355.125], [0.0, 0.0, 1.0]])
@@ -147,7 +148,7 @@ def test_a_dated_name_tells_when_a_video_began(
     assert (f"{ahead_h:+g} h" in draft.why(section, "start_ns")) == bool(ahead_h)
 
 
-@pytest.mark.parametrize("arrivals", [True, False])
+@pytest.mark.parametrize("arrivals", others_slow([True, False]))
 def test_a_dated_name_tells_it_beside_readings_whose_count_begins_anywhere(
     folder: Path, arrivals: bool
 ) -> None:

@@ -20,6 +20,7 @@ from automap.timebase import ROLLOVER_S, unix_to_gps
 from pipeline.check.command import check_drive
 from pipeline.check.judge import judge
 from pipeline.run.stages import ingest
+from tests.slow_cases import others_slow
 from tests.unit.checked_drive import edit, errors_told, ingested
 
 
@@ -106,7 +107,7 @@ def test_gravity_taken_out_is_not_mistaken_for_a_unit(drive: Path) -> None:
     assert "gravity was taken out" in errors_told(check_drive(drive))
 
 
-@pytest.mark.parametrize("axes", ["FLU", "RBD", "BLD", "DRB"])
+@pytest.mark.parametrize("axes", others_slow(["FLU", "RBD", "BLD", "DRB"]))
 def test_wrong_axes_are_found_and_stop_the_run(drive: Path, tmp_path: Path, axes: str) -> None:
     edit(drive, "[imu]\n", f'[imu]\naxes = "{axes}"\n')
     report = check_drive(drive)

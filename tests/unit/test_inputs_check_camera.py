@@ -17,6 +17,7 @@ def drive(tmp_path: Path) -> Path:
     return write_drive(tmp_path / "formula")
 
 
+@pytest.mark.slow
 def test_a_camera_that_does_not_fit_its_video(drive: Path) -> None:
     from test_inputs_video import _make
 

@@ -21,6 +21,7 @@ from automap.records import FloatArray, Sign
 from pipeline.compare.alike import moved_alike
 from pipeline.compare.doubts import doubts
 from pipeline.compare.listing import listed_signs, placeless
+from tests.slow_cases import others_slow
 
 R = 6.37e6
 
@@ -69,7 +70,7 @@ def test_a_list_in_another_datum_by_some_metres_is_moved() -> None:
     assert for_work(findings, "new") > 2
 
 
-@pytest.mark.parametrize("metres", [7.0, 200.0])
+@pytest.mark.parametrize("metres", others_slow([7.0, 200.0]))
 @pytest.mark.parametrize("part", ["rows", "place", "every second", "a quarter of the rows"])
 def test_a_part_of_a_list_that_lies_elsewhere_makes_no_work(part: str, metres: float) -> None:
     one = street()[1]

@@ -111,6 +111,7 @@ def doubled(x):
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("elsewhere", [pytest.param(False, marks=pytest.mark.slow), True])
 def test_an_edit_of_a_helper_is_run(tmp_path: Path, elsewhere: bool) -> None:
     """Be it two modules away, of the same length and with the time that the file had before."""

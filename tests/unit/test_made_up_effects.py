@@ -34,6 +34,7 @@ def no_effects_stay() -> Iterator[None]:
     set_user_effects([])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", others_slow(MADE_UP))
 def test_a_made_up_effect_is_simulated_estimated_and_named(name: str) -> None:
     table, size = MADE_UP[name]

@@ -100,6 +100,7 @@ def test_what_is_far_from_a_new_drive_is_not_touched(tmp_path: Path) -> None:
         assert np.array_equal(after.lat[names], first.lat[here])
 
 
+@pytest.mark.slow
 def test_two_processes_give_the_map_of_one(tmp_path: Path) -> None:
     drives = drives_of(5, 5)
     maps = []
@@ -166,6 +167,7 @@ def test_the_sightings_of_a_cell_are_geoparquet_for_anybody(tmp_path: Path) -> N
     assert count == sum(len(drive) for drive in drives)
 
 
+@pytest.mark.slow
 def test_many_files_of_a_cell_are_packed_and_nothing_else_changes(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -201,6 +203,7 @@ def ended(*words: object, **named: object) -> None:
     raise KeyboardInterrupt
 
 
+@pytest.mark.slow
 def test_what_a_cell_has_from_other_files_is_read_once_only(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -39,6 +39,7 @@ def _smoothed(
     return np.concatenate(error), np.concatenate(sd)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", others_slow(["u-blox", WHITE, "phone"]))
 def test_its_errors_are_as_large_as_their_sd(motions: list[Motion], name: str) -> None:
     receiver = _prompt(name)

@@ -64,6 +64,7 @@ def fused(drive: Path, capsys: pytest.CaptureFixture[str]) -> tuple[int, str]:
     return code, text
 
 
+@pytest.mark.slow
 def test_a_position_at_the_pole_is_none(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Some programs write latitude 90 where they have no fix: the path goes on without it."""
     code, text = fused(drive_at_pole(tmp_path / "drive", 2e5, {12, 13}), capsys)

@@ -80,6 +80,7 @@ def test_two_drives_of_one_name_and_a_damaged_baseline(
     assert run_command(["regress", str(a), "--baseline", str(tmp_path / "b.json")]) == 3
 
 
+@pytest.mark.slow
 def test_a_drive_that_cannot_be_run_keeps_its_figures(tmp_path: Path) -> None:
     path, baseline = drive(tmp_path / "d"), tmp_path / "b.json"
     write_baseline(baseline, {"d": record(), "e": record()})
@@ -147,6 +148,7 @@ def collected(pytester: pytest.Pytester, *arguments: str) -> list[str]:
     return [line for line in out.outlines if "regress" in line]
 
 
+@pytest.mark.slow
 def test_the_plugin_makes_a_test_of_each_drive(pytester: pytest.Pytester) -> None:
     for name in ("golf-01", "golf-02"):
         drive(pytester.path / "drives" / name)

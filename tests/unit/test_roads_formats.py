@@ -30,6 +30,7 @@ from automap.signs.on_roads import road_check
 from pipeline.cli.root import run_command
 from pipeline.view.command import serving
 from pipeline.view.snapshot import snapshot
+from tests.slow_cases import others_slow
 
 LIMIT = "regulatory--maximum-speed-limit-30--g1"
 NAMES = {field.name for field in ROAD_FIELDS}
@@ -131,7 +132,7 @@ def told(out: Path, form: str) -> list[dict[str, Any]]:
 
 
 @pytest.mark.parametrize("form", [form for form in FORMS if form != "osm"])
-@pytest.mark.parametrize("kind", ["run", "map"])
+@pytest.mark.parametrize("kind", others_slow(["run", "map"]))
 def test_every_format_has_a_signs_place_on_its_road(
     maps: dict[str, Path], kind: str, form: str
 ) -> None:

@@ -54,6 +54,7 @@ def slow(marks: Path) -> Request:
     return request([reader(), doubler(run)])
 
 
+@pytest.mark.slow
 def test_drives_at_once_give_what_drives_in_turn_do(tmp_path: Path) -> None:
     drives = [make_drive(tmp_path / name) for name in ("a", "b", "c")]
     drives.insert(1, tmp_path / "missing")
@@ -86,6 +87,7 @@ def test_a_process_that_dies_takes_no_other_with_it(tmp_path: Path) -> None:
     assert again.exit_code == 0
 
 
+@pytest.mark.slow
 def test_an_interrupt_ends_all_with_their_records(tmp_path: Path) -> None:
     drives = [make_drive(tmp_path / name) for name in ("a", "b", "c")]
     marks = tmp_path / "marks"

@@ -23,6 +23,7 @@ from pipeline.check.wheels import untied
 from pipeline.run.stage import StageContext
 from pipeline.run.stages import fuse, ingest, sync
 from pipeline.settings.load import Settings
+from tests.slow_cases import others_slow
 from tests.unit.checked_drive import edit
 from tests.unit.fusion_drive import CLOCK, Sensor, record
 from tests.unit.fusion_motion import city_drive
@@ -80,7 +81,7 @@ def test_axes_and_units_make_no_other_drive(axes: FloatArray) -> None:
         assert told(replace(turned, gyro=gyro * turned.gyro), fixes_of(1)) is None
 
 
-@pytest.mark.parametrize("share", [0.35, 0.5, 0.7])
+@pytest.mark.parametrize("share", others_slow([0.35, 0.5, 0.7]))
 def test_a_file_that_was_put_together_of_two_drives_is_told_with_when(share: float) -> None:
     imu, other = readings(1), readings(2)
     first = (np.arange(len(imu)) < share * len(imu))[:, None]
@@ -95,7 +96,7 @@ def test_a_file_that_was_put_together_of_two_drives_is_told_with_when(share: flo
     assert at == pytest.approx(share * SECONDS, abs=40.0)
 
 
-@pytest.mark.parametrize("degrees", [90.0, -120.0, 180.0])
+@pytest.mark.parametrize("degrees", others_slow([90.0, -120.0, 180.0]))
 def test_an_imu_that_was_turned_about_the_vertical_is_told(degrees: float) -> None:
     """Gravity shows nothing of it; seven reasons were given for such a path."""
     imu, fixes = readings(1), fixes_of(1)
@@ -121,7 +122,7 @@ def _from(imu: ImuData, share: float, turn: FloatArray, gyro: FloatArray) -> Imu
     )
 
 
-@pytest.mark.parametrize("share", [0.4, 0.5, 0.6])
+@pytest.mark.parametrize("share", others_slow([0.4, 0.5, 0.6]))
 def test_a_mount_that_gives_way_is_told_by_the_level(share: float) -> None:
     """By 11 deg of tilt: heights were 2.8 sigmas off, and a scale error was told."""
     turn = rpy_to_matrix(np.radians([[6.0, -9.0, 15.0]]))[0]
@@ -140,7 +141,7 @@ def test_a_mount_that_gives_way_is_told_by_the_level(share: float) -> None:
         ([1.0, -1.0, 1.0], [1.0, 1.0, 1.0], "the accelerometer's y axis has the wrong sign"),
     ],
 )
-@pytest.mark.parametrize("known", [True, False])
+@pytest.mark.parametrize("known", others_slow([True, False]))
 def test_an_axis_whose_sign_changes_is_told_as_that(
     accel: list[float], gyro: list[float], text: str, known: bool
 ) -> None:
@@ -157,6 +158,7 @@ def test_an_axis_whose_sign_changes_is_told_as_that(
     assert text in found.text
 
 
+@pytest.mark.slow
 def test_one_mounting_is_one_whatever_the_axes() -> None:
     imu, fixes = readings(1), fixes_of(1)
     roll = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
@@ -166,6 +168,7 @@ def test_one_mounting_is_one_whatever_the_axes() -> None:
     assert turned(imu, fixes, None) is None
 
 
+@pytest.mark.slow
 def test_stamps_that_are_off_make_no_other_drive() -> None:
     for off in (1.0, 30.0):
         assert told(readings(1), replace(fixes_of(1), gps_s=fixes_of(1).gps_s + off)) is None

@@ -98,6 +98,7 @@ def test_errors_need_their_sensor() -> None:
         simulated({"odometer_scale": {"relative": 0.1}})
 
 
+@pytest.mark.slow
 def test_every_effect_but_the_cameras_changes_the_recording(plain: SimulatedSensors) -> None:
     wheels = simulated({}, odometer=Odometer())
     noise = ("gnss_noise_scale", "gnss_correlated_noise")

@@ -117,6 +117,7 @@ def test_noise_has_the_stated_size(recorded: SimulatedSensors, trajectory: Traje
     assert np.std(high) == pytest.approx(0.5, rel=0.2)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "kind",
     others_slow(["wander", "velocity_wander", "multipath", "bias"]),

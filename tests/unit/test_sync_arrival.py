@@ -77,6 +77,7 @@ def test_sd_is_not_claimed_far_too_large() -> None:
     assert fit.clock.sd_drift < 3e-6
 
 
+@pytest.mark.slow
 def test_the_sd_has_a_part_that_no_number_of_epochs_takes_away() -> None:
     """Lognormal waiting has next to no edge: what arrived first is late by more than its sd, and
     the more so the longer the waiting."""

@@ -288,6 +288,7 @@ def test_values_of_few_digits_are_not_stuck() -> None:
         assert codes(replace(fixes, vel_ned=rounded * [1.0, 1.0, np.nan], **coarse)) == []
 
 
+@pytest.mark.slow
 def test_a_car_that_stands_tells_nothing() -> None:
     for seed in range(20):
         fixes = simulated_fixes(seed, fast=0.0)
