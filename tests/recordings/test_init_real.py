@@ -39,10 +39,11 @@ def made(drive: Path) -> dict[str, Any]:
             26.0,
         ),
         # deg/s and km/h that no name tells
-        (
+        pytest.param(
             "car/balzer-2014-03-26.csv",
             {"accel_unit": "m/s^2", "gyro_unit": "deg/s", "time": "unix_ns"},
             14.0,
+            marks=pytest.mark.slow,
         ),
     ],
     ids=["iphone", "car"],

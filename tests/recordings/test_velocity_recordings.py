@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
 from pathlib import Path
 
@@ -14,10 +15,9 @@ from automap.io.recording import read_recording
 from automap.records import Fixes
 from automap.sync.velocity_consistency import velocity_consistency
 from pipeline.check.velocity import check
+from tests.slow_cases import others_slow
 from tests.unit.receiver_damage import driving, held, redirected, scaled, shifted, zeroed
 
-LONG = ("balzer-car", "gsdc-mtv1-xl", "kitti-20111003-0034")
-"""Half of the fixes of all; what each damage makes of them is left to the slow tests."""
 DRIVES = (
     "balzer-car",
     "gsdc-mtv1",
@@ -35,6 +35,8 @@ DRIVES = (
     "kitti-20111003-0034",
     "rtk-car-a",
 )
+DAMAGED = ("gsdc-mtv1", "iphone-austin", "kitti-20110926-0014", "kitti-20110926-0104", "rtk-car-a")
+"""One of each receiver; what each damage makes of the others is left to the slow tests."""
 PLACE = ("lat_rad", "lon_rad", "height_m")
 
 
@@ -84,9 +86,15 @@ def test_known_lags(
             assert lag.value == pytest.approx(known, abs=late_positions_s + 2.0 * lag.sd)
 
 
+@functools.cache
+def _sound(shared_data: Path, name: str) -> set[str]:
+    """What is told of a drive without damage."""
+    return {reason.code for reason in velocity_consistency(fixes_of(shared_data, name)).reasons}
+
+
 @pytest.mark.parametrize(
     "name",
-    [pytest.param(name, marks=pytest.mark.slow) if name in LONG else name for name in DRIVES],
+    others_slow(sorted(DRIVES, key=lambda name: name not in DAMAGED), len(DAMAGED)),
 )
 @pytest.mark.parametrize(
     ("code", "damage"),
@@ -105,7 +113,7 @@ def test_damage_is_found(
     shared_data: Path, name: str, code: str, damage: Callable[[Fixes], Fixes]
 ) -> None:
     fixes = fixes_of(shared_data, name)
-    sound = {reason.code for reason in velocity_consistency(fixes).reasons}
+    sound = _sound(shared_data, name)
     found = {reason.code for reason in velocity_consistency(damage(fixes)).reasons}
     assert code in found
     assert found - sound <= {code}

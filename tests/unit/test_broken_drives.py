@@ -180,6 +180,8 @@ SURVIVED: list[tuple[str, Break, str, str]] = [
         r"line 5, column lat_deg: 'x'",
     ),
 ]
+# every second each time
+SURVIVING = [*SURVIVED[::2], *SURVIVED[1::2]]
 
 
 def week_back(fields: list[str]) -> list[str]:
@@ -214,7 +216,9 @@ def test_a_drive_that_cannot_be_used_is_one_sentence(
 
 
 @pytest.mark.parametrize(
-    ("change", "last", "said"), [case[1:] for case in SURVIVED], ids=[case[0] for case in SURVIVED]
+    ("change", "last", "said"),
+    others_slow([case[1:] for case in SURVIVING], len(SURVIVING[::2])),
+    ids=[case[0] for case in SURVIVING],
 )
 def test_a_drive_with_something_missing_gives_the_best_of_the_rest(
     drive: Path,

@@ -109,6 +109,7 @@ def test_a_turn_ends_as_unsurely_as_its_two_rests_are() -> None:
         np.testing.assert_array_equal(turn.end, directions[k + 1])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("tilt_deg", [0.0, 3.0])
 def test_angles_that_six_poses_leave_open_are_in_the_covariance(tilt_deg: float) -> None:
     """Sensors with angles as usual ones have, on their faces exactly and put down askew."""

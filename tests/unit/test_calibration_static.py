@@ -104,6 +104,7 @@ def test_several_logs_count_as_one(scene: tuple[RawImu, Errors]) -> None:
     assert split.turns in (whole.turns - 1, whole.turns)
 
 
+@pytest.mark.slow
 def test_a_turn_that_few_turns_leave_to_a_guess_is_no_other_axis() -> None:
     """Seven poses with a hand's sway: a first guess takes z for another axis, the fit does not."""
     rng = np.random.default_rng(424612)
@@ -193,6 +194,7 @@ def test_coarse_resolution_is_no_saturation(scene: tuple[RawImu, Errors]) -> Non
     assert len(calibrate_static([coarse], GRAVITY).search.rests) == 16
 
 
+@pytest.mark.slow
 def test_a_zero_that_drifts_is_told(scene: tuple[RawImu, Errors]) -> None:
     log, _ = scene
     drift = np.linspace(0.0, 1.0, len(log.accel))[:, None]

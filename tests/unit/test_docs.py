@@ -117,6 +117,7 @@ def test_the_reference_has_every_effect_setting_field_and_command(site: Path) ->
         assert f"automap {name}" in reference
 
 
+@pytest.mark.slow
 def test_the_man_page_has_every_command_and_is_roff(tmp_path: Path) -> None:
     done = subprocess.run(
         [sys.executable, str(DOCS / "site" / "manual.py"), str(tmp_path)],

@@ -42,6 +42,7 @@ def test_ways_between_positions_are_told(interval: str, rate_hz: float) -> None:
         assert reason.handled
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("late_s", [0.0, 0.3])
 @pytest.mark.parametrize("rate_hz", others_slow([4.0, 1.0, 10.0]))
 def test_the_best_receivers_own_velocities_are_not(rate_hz: float, late_s: float) -> None:

@@ -145,6 +145,7 @@ def test_a_merge_that_is_ended_anywhere_goes_on_to_the_same_map(
         assert map_bytes(store) == whole
 
 
+@pytest.mark.slow
 def test_a_map_takes_over_what_is_as_it_was_in_the_one_before(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -181,6 +182,7 @@ def test_a_map_takes_over_what_is_as_it_was_in_the_one_before(
     assert map_bytes(store) == again
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "stage",
     [(merging, "update_contents"), (publishing, "write_files")],

@@ -268,6 +268,7 @@ def test_late_velocities_beside_a_biased_accelerometer(motion: Motion) -> None:
     assert abs(result.delay.mean) < 0.02
 
 
+@pytest.mark.slow
 def test_a_start_in_motion(plain_rms: float) -> None:
     motion = city_drive(SECONDS, SEED, rest_s=0.0, start_speed=12.0)
     result = _fuse(record(motion, SENSOR, 2), receive(motion, Receiver(), 3))

@@ -22,6 +22,7 @@ GYRO_NOISE = 2e-3
 that single readings give is 0.3 m off to the front, and more than five sigmas."""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, pytest.param(3, marks=pytest.mark.slow)])
 def test_noise_of_the_gyro_draws_no_arm_towards_nothing(seed: int) -> None:
     motion = city_drive(120.0, seed)

@@ -133,6 +133,7 @@ def test_wheels_that_are_late_or_long_cost_nothing(rate: float, late: float, sca
     assert abs(found.scale.mean - scale) < 4.0 * found.scale.sd < 0.01
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rate", others_slow([1.0, 10.0]))
 def test_speeds_in_whole_kilometres_an_hour_are_as_sure_as_said(rate: float) -> None:
     result = fused(rate, step=KMH)

@@ -204,6 +204,7 @@ def test_known_effects_that_go_with_the_drive_are_taken_out_of_the_boxes() -> No
     assert gap.gap_before < 0.02
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.slow)])
 def test_a_camera_as_stated_is_silent(seed: int) -> None:
     gap = find_camera_gap("front", boxes_with({}, seed), None)

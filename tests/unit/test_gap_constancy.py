@@ -89,6 +89,7 @@ def test_another_value_on_another_drive_is_told_so() -> None:
     assert "from one drive to another" in str(drift)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("step_s", [0.15, 0.0])
 def test_a_clock_that_steps_is_none_that_runs_fast(step_s: float) -> None:
     late = np.where(T > HALF, step_s, 0.0 if step_s else 1e-3 * T)

@@ -67,6 +67,7 @@ def test_velocity_errors_that_an_effect_makes_do_not_stay_noise() -> None:
     assert found.values()["gnss_velocity_lag"]["tau"] == pytest.approx(0.25, abs=0.03)
 
 
+@pytest.mark.slow
 def test_noise_that_was_left_with_drift_is_found_anew() -> None:
     model = base_model()
     opened = open_drive(simulated({"gyro_scale": {"z": 0.01}}), model.options)

@@ -63,6 +63,7 @@ def test_the_climb_ends_where_no_level_wants_to_move(ungated: Fit) -> None:
             assert abs(slope[i]) < 2.0 + np.sqrt(max(info[i], 0.0)), level
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("tau_s", [1.5, 24.0])
 def test_how_long_velocities_err_is_the_drives_to_say(tau_s: float) -> None:
     drive = simulated({})

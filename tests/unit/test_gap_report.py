@@ -31,6 +31,7 @@ def fits() -> tuple[Fit, Fit]:
     return fit_drive(opened, replace(fitted.model, values={}), linearised_at=after), after
 
 
+@pytest.mark.slow
 def test_a_right_model_has_a_flat_spectrum_and_the_wrong_one_more_power(
     fits: tuple[Fit, Fit],
 ) -> None:

@@ -305,6 +305,7 @@ def turning(linear: Linear, swing: FloatArray) -> Linear:
     return replace(linear, layout=tuple(layout), rows=(rows,), score=rows.phi.T @ w)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("swing", "word"), [("sin(2 * pi * time / 75)", "sin"), ("step(time - 210)", "step")]
 )

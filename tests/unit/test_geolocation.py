@@ -271,6 +271,7 @@ def test_a_distant_single_box_is_counted_and_left_out(world) -> None:
     assert "1 of 1 detections" in result.warnings[0]
 
 
+@pytest.mark.slow
 def test_frames_outside_the_trajectory_are_counted(world) -> None:
     path, _, found, _ = world
     shifted = replace(found, t_ns=found.t_ns + np.int64(30e9))
@@ -299,6 +300,7 @@ def test_nothing_in_gives_nothing_out(world) -> None:
     assert result.warnings == []
 
 
+@pytest.mark.slow
 def test_broken_boxes_are_left_out_not_fatal(world) -> None:
     path, _, found, _ = world
     box = found.box.copy()

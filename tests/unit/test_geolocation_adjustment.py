@@ -76,6 +76,7 @@ def test_control_signs_take_the_common_error_off(passed) -> None:
     assert np.sqrt(np.mean(one**2)) < 1.5
 
 
+@pytest.mark.slow
 def test_without_control_or_second_pass_nothing_is_adjusted(passed) -> None:
     path, _, found = passed
     result = locate_signs(moved(path, SHIFT, 3.0), [found], {"front": camera()})

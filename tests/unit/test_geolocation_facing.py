@@ -78,6 +78,7 @@ def test_turned_signs_face_where_they_do_within_their_sigmas(seeds: tuple[int, .
     assert np.median(sd) < 6.0
 
 
+@pytest.mark.slow
 def test_signs_seen_from_afar_alone_get_the_roads_direction_with_its_sigma() -> None:
     path = drive_path(duration_s=30.0, turn_rate=0.0)
     scene = roadside(path)

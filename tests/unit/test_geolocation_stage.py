@@ -143,6 +143,7 @@ def test_what_bends_say_survives_writing_and_reading(tmp_path: Path) -> None:
         read_camera_turns(tmp_path / "t.json")
 
 
+@pytest.mark.slow
 def test_heights_above_the_road_are_as_well_known_as_the_imus_above_it(
     context: StageContext, tmp_path: Path
 ) -> None:

@@ -71,6 +71,7 @@ def test_every_value_says_why(tmp_path: Path) -> None:
         assert len(line) <= 100 or line.startswith("columns = "), line
 
 
+@pytest.mark.slow
 def test_a_manifest_is_not_written_over_unasked(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -108,6 +109,7 @@ def test_the_sample_drive_without_its_manifest(tmp_path: Path) -> None:
     assert check_drive(tmp_path / "d").usable
 
 
+@pytest.mark.slow
 def test_into_another_folder(tmp_path: Path) -> None:
     FOREIGN["bare"](tmp_path / "d")
     before = sorted((tmp_path / "d").iterdir())

@@ -13,6 +13,7 @@ from pipeline.check.command import check_drive
 from pipeline.init.choose import draft_of
 from pipeline.init.found import look
 from pipeline.init.settle import settle
+from tests.slow_cases import others_slow
 from tests.unit.foreign_tables import imu_unix_s, sample
 
 DAYS_FIRST, MONTHS_FIRST = "%d/%m/%Y %H:%M:%S.%f", "%m/%d/%Y %H:%M:%S.%f"
@@ -46,7 +47,9 @@ def _folder(folder: Path, imu: str, fixes: str) -> None:
     (folder / "gps.csv").write_text("\n".join(rows) + "\n")
 
 
-@pytest.mark.parametrize(("imu", "fixes"), [(MONTHS_FIRST, DAYS_FIRST), (DAYS_FIRST, MONTHS_FIRST)])
+@pytest.mark.parametrize(
+    ("imu", "fixes"), others_slow([(MONTHS_FIRST, DAYS_FIRST), (DAYS_FIRST, MONTHS_FIRST)])
+)
 def test_readings_and_fixes_of_one_day_are_read_so(tmp_path: Path, imu: str, fixes: str) -> None:
     """Where both may be either they meet on two days, which is doubted."""
     _folder(tmp_path / "d", imu, fixes)

@@ -68,15 +68,18 @@ def test_a_good_drive_has_no_findings(drive: Path) -> None:
 
 @pytest.mark.parametrize(
     ("gyro_factor", "accel_factor", "advice"),
-    [
-        (1.0, 1 / 9.81, 'accel_unit = "g"'),
-        (1.0, 9.81, 'accel_unit = "m/s^2"'),
-        (1.0, 1 / 50, "velocity increments"),
-        (1.0, 1000 / 9.81, "milli-g"),
-        (1.0, 3.0, "correct accel_unit"),
-        (57.3, 1.0, 'gyro_unit = "deg/s"'),
-        (1 / 57.3, 1.0, 'gyro_unit = "rad/s"'),
-    ],
+    others_slow(
+        [
+            (1.0, 1 / 9.81, 'accel_unit = "g"'),
+            (1.0, 9.81, 'accel_unit = "m/s^2"'),
+            (1.0, 1 / 50, "velocity increments"),
+            (1.0, 1000 / 9.81, "milli-g"),
+            (1.0, 3.0, "correct accel_unit"),
+            (57.3, 1.0, 'gyro_unit = "deg/s"'),
+            (1 / 57.3, 1.0, 'gyro_unit = "rad/s"'),
+        ],
+        3,
+    ),
 )
 def test_a_wrong_unit_is_found_and_stops_the_run(
     drive: Path, tmp_path: Path, gyro_factor: float, accel_factor: float, advice: str

@@ -130,6 +130,7 @@ def with_more(
     return more, compare_inventory(signs, more, drives)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("times", others_slow([3, 1], fast=1))
 def test_what_hides_no_face_of_a_post_hides_none_of_it(times: int) -> None:
     """One that stands by itself may be hidden for good; a face that is not there beside one that

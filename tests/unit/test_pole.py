@@ -87,6 +87,7 @@ def test_a_log_that_is_at_the_pole_throughout_has_no_fix(
     assert "never had a fix in 30 epochs" in text
 
 
+@pytest.mark.slow
 def test_a_drive_over_the_pole_is_a_path_or_is_called_unusable(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -64,6 +64,7 @@ def test_signs_are_dated_by_the_clock_of_the_path(tmp_path: Path) -> None:
     assert found.method == "arrival"
 
 
+@pytest.mark.slow
 def test_many_signs_of_few_drives_hold_their_names_once(tmp_path: Path) -> None:
     """Of ten million sightings the names of their drives would be half a gigabyte."""
     signs = [sign(k, drives=("monday", f"drive-{k % 2}")) for k in range(5000)]

@@ -166,6 +166,7 @@ def test_the_plugin_makes_a_test_of_each_drive(pytester: pytest.Pytester) -> Non
     assert collected(pytester, "-k", "golf-01") == both[:1]
 
 
+@pytest.mark.slow
 def test_the_plugin_tells_in_a_sentence_what_failed(pytester: pytest.Pytester) -> None:
     drive(pytester.path / "drives" / "golf-01")
     pytester.makepyprojecttoml('[tool.pytest.ini_options]\nautomap_drives = ["drives/*"]\n')

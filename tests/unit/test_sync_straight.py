@@ -12,6 +12,7 @@ from automap.fusion.doubts.receiver import receiver_doubts
 from automap.records import Fixes
 from automap.sync.velocity_consistency import velocity_consistency
 from pipeline.check.velocity import check
+from tests.slow_cases import others_slow
 from tests.unit.fusion_motion import city_drive
 from tests.unit.fusion_receiver import Receiver, receive
 
@@ -44,7 +45,7 @@ def test_positions_on_a_maps_roads_are_told(rate: float) -> None:
     assert finding.severity == "warning"
 
 
-@pytest.mark.parametrize("late", [0.0, 0.6])
+@pytest.mark.parametrize("late", others_slow([0.0, 0.6]))
 @pytest.mark.parametrize("receiver", [Receiver(), DULL, replace(DULL, lasting=0.2)])
 @pytest.mark.parametrize("rate", [1.0, 5.0])
 def test_positions_of_a_receiver_bend_with_its_velocities(

@@ -8,6 +8,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 PROJECT = Path(__file__).resolve().parents[2]
 
 
@@ -27,6 +29,7 @@ def told(tmp_path: Path, *words: str) -> str:
     return done.stdout
 
 
+@pytest.mark.slow
 def test_the_summary_counts_what_lacks_recordings(tmp_path: Path) -> None:
     for words in ((), ("-n", "2")):
         text = told(tmp_path, *words)

@@ -106,6 +106,7 @@ def test_links_inside_a_drive_are_its_own_business(tmp_path: Path) -> None:
     assert load_drive(linked).imu_file == linked / "imu.csv"
 
 
+@pytest.mark.slow
 def test_the_user_may_allow_a_folder(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

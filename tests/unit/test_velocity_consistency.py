@@ -272,6 +272,7 @@ def test_positions_that_come_less_often_than_they_are_logged() -> None:
         assert bad[~fresh & fast].mean() > 0.95
 
 
+@pytest.mark.slow
 def test_values_of_few_digits_are_not_stuck() -> None:
     for seed in SEEDS:
         fixes = simulated_fixes(seed, Receiver(rate_hz=10.0), seconds=240.0)

@@ -29,6 +29,7 @@ from pipeline.view import guard
 from pipeline.view.command import serving
 from pipeline.view.server import ViewServer
 from pipeline.view.signs import read_sign_table
+from tests.slow_cases import others_slow
 
 ROOT = Path(__file__).parents[2]
 
@@ -414,7 +415,7 @@ def test_links_within_the_folder_are_followed_only_inside(tmp_path: Path) -> Non
         guard.inside(tmp_path / "a", "../a/../b")
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", others_slow([signal.SIGINT, signal.SIGTERM]))
 def test_the_command_serves_until_it_is_told_to_end(out: Path, number: signal.Signals) -> None:
     code = "from pipeline.cli import main; main()"
     child = subprocess.Popen(

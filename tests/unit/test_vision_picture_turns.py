@@ -106,6 +106,7 @@ def test_bends_add_nothing_to_a_manifest_that_knows_better() -> None:
     assert told(0.0, camera=replace(CAMERA, time_offset_sd=0.02)) == PictureTurns(4)
 
 
+@pytest.mark.slow
 def test_a_picture_that_may_follow_slowly_is_not_moved() -> None:
     """A gimbal's low pass in noise looks like a lag that the manifest allows."""
     found = told(follows_s=0.15, noise=0.006, camera=replace(CAMERA, time_offset_sd=1.0))
@@ -114,6 +115,7 @@ def test_a_picture_that_may_follow_slowly_is_not_moved() -> None:
     assert 0.1 < found.offset_sd_s < 0.3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("late_s", [-1.5, 0.7])
 def test_late_frames_are_told_and_by_how_much(late_s: float) -> None:
     found = told(late_s)
@@ -132,7 +134,7 @@ def test_quick_stamps_are_told_and_set_right() -> None:
 
 
 @pytest.mark.parametrize(
-    ("looks", "name"), [((-1, 1, -1), "mirrored"), ((1, -1, -1), "upside down")]
+    ("looks", "name"), others_slow([((-1, 1, -1), "mirrored"), ((1, -1, -1), "upside down")])
 )
 def test_a_turned_picture_is_told(looks: tuple[float, ...], name: str) -> None:
     found = told(looks=looks)
@@ -161,6 +163,7 @@ def test_a_straight_road_has_nothing_to_follow() -> None:
     assert frames_to_follow(camera_path(drive, CAMERA, stamps), stamps) == []
 
 
+@pytest.mark.slow
 def test_a_picture_that_follows_slowly_is_not_late() -> None:
     """A gimbal's low pass of 0.6 s looks half a second late: then that is how unsure it is."""
     found = told(follows_s=0.6)

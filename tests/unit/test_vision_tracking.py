@@ -133,6 +133,7 @@ def test_one_track_a_sign_wherever_the_car_goes(
     assert_one_to_one(tracks, len(tracks))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("known", [True, False])
 def test_missed_views_seldom_mix_signs(known: bool) -> None:
     rng = np.random.default_rng(7)

@@ -208,6 +208,7 @@ def test_pictures_are_foreign_to_a_group_by_what_they_show() -> None:
     }  # fmt: skip
 
 
+@pytest.mark.slow
 def test_a_training_without_a_picture_of_a_class_is_refused() -> None:
     circle = np.zeros((96, 96, 4), np.uint8)
     cv2.circle(circle, (48, 48), 46, (30, 30, 200, 255), -1)
