@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -75,8 +76,12 @@ def test_levels_of_the_height_are_its_own() -> None:
 
 
 def test_heights_err_with_the_ranges_that_positions_show() -> None:
-    down = unseen_errors(STATED, OPTIONS, _factors(wander=4.0, wander_v=0.2))
-    assert down == pytest.approx(OPTIONS.bias_share * STATED * 4.0)
+    """Four times those of minutes and of hours; what motion does not show of them lasts."""
+    unseen = unseen_errors(STATED, OPTIONS, _factors(wander=4.0, wander_v=0.2))
+    assert unseen[:, :2] == pytest.approx(OPTIONS.bias_share * STATED[:, :2] * 4.0)
+    seen = 0.2 * OPTIONS.wander_share * STATED[:, 2]
+    lasting = math.hypot(OPTIONS.wander_share, OPTIONS.bias_share)
+    assert np.hypot(unseen[:, 2], seen) == pytest.approx(4.0 * lasting * STATED[:, 2])
 
 
 def _fused(receiver: Receiver, arm: FloatArray | None) -> FusionResult:

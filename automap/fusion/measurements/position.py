@@ -92,22 +92,22 @@ def unseen_errors(
     """Sigma NED [n, 3] m of the part of positions' errors that outlasts what motion can tell.
 
     A constant, or what changes over an hour, moves fixes and path alike: no innovation shows it,
-    so nothing here may take it away. It is ``bias_share`` of the ``stated_sd`` [n, 3], grown by
-    the ``factors`` on what does show, for errors of minutes and of hours have one cause; and never
-    less than what of all shares does not show: an error that is as large as was stated, and shows
-    less, lasts. White and quick errors beyond their shares are no part of what was stated, and
-    leave as much. Heights are of the ranges that positions are of: where those err by more than
-    was stated, heights err with them, however smooth they are. Positions need not err as heights
-    do, which the air delays.
+    so nothing here may take it away. It is ``bias_share`` of the ``stated_sd`` [n, 3], and what of
+    the other shares does not show: an error that is as large as was stated, and shows less, lasts.
+    Errors of minutes and of hours have one cause, and grow together by the ``factors`` on what
+    does show. White and quick errors beyond their shares are no part of what was stated, and leave
+    as much. Heights are of the ranges that positions are of: where those err by more than was
+    stated, heights err with them, however smooth they are. Positions need not err as heights do,
+    which the air delays.
     """
     slow, quick = _lasting(options, factors)
     level, down = (min(factors.get(name, 1.0), 1.0) for name in ("position_h", "position_v"))
     white = options.white_share * np.array([level, level, down])
     shown = slow**2 + min(quick, options.multipath_share) ** 2 + white**2
-    shares = options.wander_share, options.multipath_share, options.white_share, options.bias_share
-    left = math.fsum(share**2 for share in shares) - shown
-    grown = options.bias_share * np.maximum.accumulate(slow) / options.wander_share
-    return stated_sd * np.sqrt(np.maximum(left, grown**2))
+    grown = np.maximum(np.maximum.accumulate(slow) / options.wander_share, 1.0)
+    lasts = grown * math.hypot(options.wander_share, options.bias_share)
+    left = lasts**2 + options.multipath_share**2 + options.white_share**2 - shown
+    return stated_sd * np.sqrt(left)
 
 
 def common_errors(fixes: Fixes, options: FusionOptions) -> FloatArray:
