@@ -251,31 +251,30 @@ def _direct(effect: str, at: NodeMotion) -> dict[str, FloatArray]:
         for number, measured in enumerate(MEASURED):
             by_channel[:, _CHANNELS[measured]] = rows[:, number, :, first + i]
         out[state] = by_channel
-    change = at.late
+    change, its = at.late, _CHANNELS[VELOCITY]
     for term in CATALOGUE[effect].terms:
-        of_velocity = term.on == VELOCITY and not CATALOGUE[effect].acts_on(POSITION)
-        if term.kind in (Kind.TIME, Kind.LAG) and of_velocity:
-            out[term.parameter][:, _CHANNELS[VELOCITY]] = _beyond_first_order(
-                term.kind, term.weight, motion, at.t
-            )
-        elif term.on == VELOCITY and term.kind in (Kind.TIME, Kind.COURSE) and change is not None:
+        if term.on != VELOCITY or term.kind not in (Kind.TIME, Kind.LAG, Kind.COURSE):
+            continue
+        if change is not None:
             # as the filter does: what is late changes by what happened then
             by = change.course if term.kind == Kind.COURSE else change.whole
-            more = term.weight * at_times(motion, by, at.t)
+            more = (-1.0 if term.kind == Kind.LAG else term.weight) * at_times(motion, by, at.t)
             if term.signal == ELAPSED:
                 more *= at.t[:, None]
-            out[term.parameter][:, _CHANNELS[VELOCITY]] += more
+            out[term.parameter][:, its] += more
+        if term.kind == Kind.LAG:
+            out[term.parameter][:, its] += _beyond_latency(at)
     return out
 
 
-def _beyond_first_order(kind: Kind, weight: float, motion: Motion, t: FloatArray) -> FloatArray:
-    """What a delay or a lag of ``REFERENCE_TAU_S`` makes of velocities [k, 3], per second of it."""
-    tau = REFERENCE_TAU_S
-    if kind == Kind.LAG:
-        seen = at_times(motion, lagged(motion, motion.vel, tau), t)
-    else:
-        seen = at_times(motion, motion.vel, t + weight * tau)
-    return (seen - at_times(motion, motion.vel, t)) / tau
+def _beyond_latency(at: NodeMotion) -> FloatArray:
+    """What a low-pass of ``REFERENCE_TAU_S`` makes of velocities [k, 3] beyond what a delay of as
+    much does, at the instants that these are of, per second of it: to first order the two are one.
+    """
+    motion, delays, tau = at.motion, at.fit.delays, REFERENCE_TAU_S
+    told = (1.0 - delays.skew) * at.t - delays.all_s - delays.velocity_s
+    slow = at_times(motion, lagged(motion, motion.vel, tau), told)
+    return (slow - at_times(motion, motion.vel, told - tau)) / tau
 
 
 def size_of(channel: str) -> float:

@@ -10,10 +10,13 @@ from scipy.ndimage import minimum_filter1d
 
 from automap.earth import metres_per_radian
 from automap.effects.measured_kernels import course_changes
+from automap.fusion.layout import CH_VEL
 from automap.fusion.steady_rate import steady_rate
 from automap.gap import base_model
+from automap.gap.candidates import named_columns
 from automap.gap.drive import open_drive
 from automap.gap.fit import Fit, fit_drive
+from automap.gap.linear import Given, conditional, linearised, motions_of
 from automap.gap.motion import (
     Delays,
     Motion,
@@ -24,6 +27,7 @@ from automap.gap.motion import (
     linear_in_delays,
     motion_of,
 )
+from automap.gap.noise import Fitted, fitted_about
 from automap.records import FloatArray
 from tests.unit.test_gap import simulated
 
@@ -282,3 +286,26 @@ def test_late_velocities_change_by_what_happened_then(plain: Fit, late: Delays) 
         off = [float(np.std((a - numeric)[inner])) for a in (now + more, now)]
         assert off[0] < 0.2 * np.std(numeric[inner])
         assert off[0] < 0.5 * off[1]
+
+
+def test_velocities_that_are_late_are_no_evidence_about_when_positions_were() -> None:
+    """Early fixes with velocities that are late all the more: where late velocities alone have been
+    fitted, the linear model still says by how much all is early, by the positions."""
+    hidden = {"imu_time_offset": {"s": 0.12}, "gnss_velocity_latency": {"s": 0.8}}
+    opened = open_drive(simulated(hidden), MODEL.options)
+    late = Fitted(MODEL, {}, (fit_drive(opened, MODEL),))
+    late = fitted_about(MODEL, {"gnss_velocity_latency": 5.0}, late.fits)
+    values = late.values()
+    held = fit_drive(opened, replace(MODEL, values=values), linearised_at=late.fits[0])
+    names = ["imu_time_offset", "gnss_velocity_latency"]
+    linear = linearised(motions_of([held]), lambda at: named_columns(names, at), values)
+    both = conditional(linear, Given((0, 1), (0.2, 2.0)))
+    sd = 1.0 / np.sqrt(conditional(linear, Given((1,), (2.0,))).diagonal[0])
+    assert both.value[0] == pytest.approx(0.12, abs=0.02)
+    # velocities say the sum of both, and of one alone nothing
+    known = Given((1,), (1e3,))
+    (rows,) = linear.rows
+    alone = rows.phi[:, 0] - rows.phi[:, 1] * conditional(linear, known).weights[0, 0]
+    told = np.isin(rows.channel, range(CH_VEL, CH_VEL + 3))
+    assert np.sum(alone[told] ** 2) < 0.1 * np.sum(alone**2)
+    assert 0.001 < sd < 0.02
