@@ -309,3 +309,28 @@ def test_velocities_that_are_late_are_no_evidence_about_when_positions_were() ->
     told = np.isin(rows.channel, range(CH_VEL, CH_VEL + 3))
     assert np.sum(alone[told] ** 2) < 0.1 * np.sum(alone**2)
     assert 0.001 < sd < 0.02
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+def test_an_antenna_swings_as_late_velocities_saw_it(axis: int) -> None:
+    """What an arm adds to late velocities, as they are told with it and without it."""
+    late = {"gnss_velocity_latency": {"s": 0.8}, "gnss_course_latency": {"s": -0.3}}
+    opened = open_drive(simulated(late), MODEL.options)
+    model = replace(MODEL, values=late)
+    (at,) = motions_of([fit_drive(opened, model)])
+    column = named_columns(["gnss_lever_arm"], at)[axis]
+    assert column.direct is not None
+    told = column.direct.by_channel[:, CH_VEL : CH_VEL + 2]
+    motion = at.motion
+    arm = 0.1 * np.eye(3)[axis]
+    numeric = []
+    for one in (arm, -arm):
+        vel, _ = moving_antenna(motion, one)
+        seen = at_times(motion, vel, motion.t - 0.8)
+        numeric.append(_turned(seen, at_times(motion, vel, motion.t - 0.5)))
+    expected = at_times(motion, (numeric[0] - numeric[1]) / 0.2, at.t)[:, :2]
+    moving = np.hypot(*at_times(motion, motion.vel, at.t)[:, :2].T) > 4.0
+    moving &= np.hypot(*at_times(motion, motion.vel, at.t - 0.8)[:, :2].T) > 4.0
+    off = np.std((told - expected)[moving]) / np.std(expected[moving])
+    assert np.std(expected[moving]) > 0.02
+    assert off < 0.1
