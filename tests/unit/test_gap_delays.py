@@ -29,6 +29,7 @@ from automap.gap.motion import (
 )
 from automap.gap.noise import Fitted, fitted_about
 from automap.records import FloatArray
+from tests.unit.gap_values import estimates, value_of
 from tests.unit.test_gap import simulated
 
 BASE = base_model()
@@ -93,7 +94,7 @@ def test_large_delays_are_found_without_bias(monkeypatch: pytest.MonkeyPatch) ->
     estimate = {"gnss_latency": 2.0, "gnss_velocity_latency": 2.0}
     fit = fit_drive(opened, MODEL, estimate)
     for effect, true in hidden.items():
-        value, sd = fit.value_of(effect)["s"], fit.sd_of(effect)["s"]
+        value, sd = estimates(fit, effect)["s"]
         assert sd < 0.012
         assert abs(value - true["s"]) < 3.0 * sd
     # velocities alone tell the sum, far better than either
@@ -108,7 +109,7 @@ def test_a_clock_that_runs_fast_is_found_wherever_the_two_agree(offset: float) -
     hidden = {"imu_clock_skew": {"skew": 5e-4}, "imu_time_offset": {"s": offset}}
     opened = open_drive(simulated(hidden), MODEL.options)
     fit = fit_drive(opened, MODEL, {"imu_clock_skew": 1.0})
-    assert fit.value_of("imu_clock_skew")["skew"] == pytest.approx(5e-4, abs=1e-4)
+    assert value_of(fit, "imu_clock_skew")["skew"] == pytest.approx(5e-4, abs=1e-4)
 
 
 def test_a_clock_that_runs_fast_is_found_beside_velocities_of_long_ago() -> None:
@@ -116,10 +117,10 @@ def test_a_clock_that_runs_fast_is_found_beside_velocities_of_long_ago() -> None
     opened = open_drive(simulated(hidden), MODEL.options)
     fit = fit_drive(opened, MODEL, {"imu_clock_skew": 1.0, "gnss_velocity_latency": 5.0})
     # a delay that grows changes velocities by what happened then, as one that does not
-    value, sd = fit.value_of("imu_clock_skew")["skew"], fit.sd_of("imu_clock_skew")["skew"]
+    value, sd = estimates(fit, "imu_clock_skew")["skew"]
     assert sd < 1e-4
     assert abs(value - 1e-3) < 2.0 * sd
-    assert fit.value_of("gnss_velocity_latency")["s"] == pytest.approx(0.8, abs=0.02)
+    assert value_of(fit, "gnss_velocity_latency")["s"] == pytest.approx(0.8, abs=0.02)
 
 
 def test_metres_a_second_are_longer_on_a_clock_that_runs_fast(plain: Fit) -> None:
