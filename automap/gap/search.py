@@ -451,6 +451,9 @@ class Search:
             if instead is not None:
                 if winner:
                     self.outdone.add((winner, name))
+                    if name in self.swallowed:
+                        # what does much the same drift had swallowed too
+                        self.swallowed.add(winner)
                 return instead
         return None
 
