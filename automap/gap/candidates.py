@@ -21,7 +21,7 @@ from automap.effects.formula_text import parse_formula
 from automap.effects.imu import BASIS_EXTRA, BASIS_FORCE, BASIS_ONE, imu_terms
 from automap.effects.measured import MEASURED, measured_terms
 from automap.effects.measured_kernels import rows_along
-from automap.effects.terms import ELAPSED, POSITION, VEHICLE, VELOCITY, Kind
+from automap.effects.terms import ELAPSED, POSITION, VEHICLE, VELOCITY, Kind, Term
 from automap.effects.terms import INERTIAL as SENSORS
 from automap.effects.user import (
     INSTALLED,
@@ -33,12 +33,13 @@ from automap.effects.user import (
     user_signal,
 )
 from automap.fusion.layout import CH_NHC, CH_ODOMETER, CH_POS, CH_VEL, MAX_SCALARS, N_NAV
-from automap.fusion.problem import node_signals
+from automap.fusion.problem import LateChange, node_signals
+from automap.fusion.steady_rate import steady_rate
 from automap.gap import limits
 from automap.gap.fit import ORIGIN, prior_sd
 from automap.gap.limits import REFERENCE_TAU_S
 from automap.gap.linear import Column, Direct, Inertial, NodeMotion
-from automap.gap.motion import Motion, at_times, lagged
+from automap.gap.motion import Motion, as_told, at_times, lagged, swings
 from automap.gap.result import coefficient_names, equation
 from automap.records import FloatArray
 
@@ -251,31 +252,44 @@ def _direct(effect: str, at: NodeMotion) -> dict[str, FloatArray]:
         for number, measured in enumerate(MEASURED):
             by_channel[:, _CHANNELS[measured]] = rows[:, number, :, first + i]
         out[state] = by_channel
-    change = at.late
+    change, its = at.late, _CHANNELS[VELOCITY]
     for term in CATALOGUE[effect].terms:
-        of_velocity = term.on == VELOCITY and not CATALOGUE[effect].acts_on(POSITION)
-        if term.kind in (Kind.TIME, Kind.LAG) and of_velocity:
-            out[term.parameter][:, _CHANNELS[VELOCITY]] = _beyond_first_order(
-                term.kind, term.weight, motion, at.t
-            )
-        elif term.on == VELOCITY and term.kind in (Kind.TIME, Kind.COURSE) and change is not None:
+        if term.on != VELOCITY:
+            continue
+        if change is not None and (by := _then(term, effect, at, change)) is not None:
             # as the filter does: what is late changes by what happened then
-            by = change.course if term.kind == Kind.COURSE else change.whole
-            more = term.weight * at_times(motion, by, at.t)
+            more = (-1.0 if term.kind == Kind.LAG else term.weight) * at_times(motion, by, at.t)
             if term.signal == ELAPSED:
                 more *= at.t[:, None]
-            out[term.parameter][:, _CHANNELS[VELOCITY]] += more
+            out[term.parameter][:, its] += more
+        if term.kind == Kind.LAG:
+            out[term.parameter][:, its] += _beyond_latency(at)
     return out
 
 
-def _beyond_first_order(kind: Kind, weight: float, motion: Motion, t: FloatArray) -> FloatArray:
-    """What a delay or a lag of ``REFERENCE_TAU_S`` makes of velocities [k, 3], per second of it."""
-    tau = REFERENCE_TAU_S
-    if kind == Kind.LAG:
-        seen = at_times(motion, lagged(motion, motion.vel, tau), t)
-    else:
-        seen = at_times(motion, motion.vel, t + weight * tau)
-    return (seen - at_times(motion, motion.vel, t)) / tau
+def _then(term: Term, effect: str, at: NodeMotion, change: LateChange) -> FloatArray | None:
+    """By how much a term changes late velocities [n, 3] otherwise than those at their tag."""
+    if term.kind in (Kind.TIME, Kind.LAG):
+        return change.whole
+    if term.kind == Kind.COURSE:
+        return change.course
+    if term.kind != Kind.POINT:
+        return None
+    if not CATALOGUE[effect].acts_on(POSITION):
+        return change.behind
+    # an antenna swung as the car turned then
+    swing = swings(at.motion, steady_rate(at.motion.t, at.motion.rate), term.axis)
+    return as_told(at.motion, swing, at.fit.delays) - swing
+
+
+def _beyond_latency(at: NodeMotion) -> FloatArray:
+    """What a low-pass of ``REFERENCE_TAU_S`` makes of velocities [k, 3] beyond what a delay of as
+    much does, at the instants that these are of, per second of it: to first order the two are one.
+    """
+    motion, delays, tau = at.motion, at.fit.delays, REFERENCE_TAU_S
+    told = delays.told(at.t)
+    slow = at_times(motion, lagged(motion, motion.vel, tau), told)
+    return (slow - at_times(motion, motion.vel, told - tau)) / tau
 
 
 def size_of(channel: str) -> float:

@@ -24,10 +24,9 @@ from automap.fusion.levels import RECEIVER_LEVELS
 from automap.gap import limits
 from automap.gap.candidates import follows_time, is_course
 from automap.gap.chance import p_value
-from automap.gap.evidence import by_groups, differing, shown_by
+from automap.gap.evidence import shown_by
 from automap.gap.fit import Values
 from automap.gap.found import Found, in_layout
-from automap.gap.linear import Part
 from automap.gap.misfit import LIKE, Misfit
 from automap.gap.neighbours import Terms
 from automap.gap.noise import INERTIAL_LEVELS, Fitted, fitted_about, noise_score
@@ -35,7 +34,6 @@ from automap.gap.reading_steps import cut_off
 from automap.gap.result import Drift
 from automap.gap.screening import Screening
 from automap.gap.selection import Chosen, Move, Selection
-from automap.gates import exceeds
 from automap.records import FloatArray
 
 SWALLOW = ((tuple(bias_walks()), True), (INERTIAL_LEVELS, True), (RECEIVER_LEVELS, False))
@@ -60,9 +58,6 @@ def doubts(found: Found, values: Values, drifting: Mapping[str, Drift]) -> dict[
 def doubt(selection: Selection, chosen: Chosen, name: str, gain: float) -> str:
     """What speaks for something like a named effect, but not for it, in words; nothing mostly.
     ``gain`` nats by which held-out data are likelier with it."""
-    share = uneven(selection, chosen, name)
-    if share > 0.0:
-        return f"something of another form, for its size differs by {share:.0%} along the drive"
     if gain <= 0.0:
         return "something else, for held-out data are no likelier with it"
     return formula_in_place(selection, chosen, name)
@@ -101,37 +96,6 @@ def doubt_of_usual(found: Found, screening: Screening, bare: Fitted, effect: str
 def _of_a_constant(terms: Terms) -> bool:
     """Whether a course of time is one of a gain, or of how unit and antenna sit."""
     return not is_course(terms) or terms[0][0] in INSTALLED
-
-
-def uneven(selection: Selection, chosen: Chosen, name: str) -> float:
-    """Share of its size by which a chosen effect differs from stretch to stretch (one sigma);
-    nothing where that may be chance, or little.
-
-    Between-stretch variance by moments (DerSimonian and Laird, Controlled Clinical Trials 7 (1986),
-    177-188), of the part that explains most.
-    """
-    part = max(
-        (p for n, p, _ in chosen.parts if n == name),
-        key=lambda p: _nats(selection, chosen, name, p),
-    )
-    rest = Chosen(tuple(p for p in chosen.parts if p[:2] != (name, part)))
-    known = selection.given(rest)
-    if not known.shows(part):
-        return 0.0
-    scores, sizes = by_groups(known, part, channels=False)
-    noise = selection.inflated.get(False, 1.0)
-    total, count = float(sizes.sum()), len(sizes)
-    slope, q = differing(scores, sizes)
-    between = (q - noise * (count - 1)) / (total - float(np.sum(sizes**2)) / total)
-    if slope <= 0.0 or between <= limits.CHALLENGE * slope**2:
-        return 0.0
-    sure = exceeds(q / noise, count - 1) < math.exp(-limits.LEAST_ODDS)
-    return math.sqrt(between) / slope if sure else 0.0
-
-
-def _nats(selection: Selection, chosen: Chosen, name: str, part: Part) -> float:
-    rest = Chosen(tuple(p for p in chosen.parts if p[:2] != (name, part)))
-    return selection.evidence(selection.given(rest), name, part).nats
 
 
 def given_up(found: Found, maxima: FloatArray) -> tuple[Misfit, ...]:

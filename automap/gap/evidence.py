@@ -183,34 +183,16 @@ def shown_by(known: Conditional, part: Part) -> tuple[int, float]:
     return int(np.argmax(gain)), float(weight @ rows.w[at] ** 2 / max(float(weight.sum()), 1e-300))
 
 
-def by_groups(known: Conditional, part: Part, channels: bool) -> tuple[FloatArray, FloatArray]:
-    """Scores [b] along a part's estimate from short stretches of the drives, or from ``channels``,
-    and what each should be and vary by [b], where the estimate is right; of those that show
-    something of it."""
-    rows, along = _along(known, part)
-    each = np.stack([along * rows.w, along**2])
-    if channels:
-        sums = np.stack([np.bincount(rows.frame.channel, one) for one in each])
-    else:
-        sums = np.add.reduceat(each, rows.frame.starts[limits.BLOCKS_S[0]], axis=1)
-    scores, sizes = sums[:, sums[1] > limits.LEAST_OWN * float(sums[1].max())]
-    return np.asarray(scores, np.float64), np.asarray(sizes, np.float64)
-
-
-def differing(scores: FloatArray, sizes: FloatArray) -> tuple[float, float]:
-    """The value that scores [b] show together, in units of the estimate, and by how many squared
-    sigmas they are off it (Cochran's Q, of b - 1 degrees of freedom)."""
-    slope = float(scores.sum() / sizes.sum())
-    return slope, float(np.sum((scores - slope * sizes) ** 2 / sizes))
-
-
 def between_channels(known: Conditional, part: Part, ratio: float) -> float:
     """By how much the channels contradict one another about a part's estimate, as a factor on its
     variance (Birge, Physical Review 40 (1932), 207-227): ``ratio``, by which scores scatter
     anyhow, where chance makes as much once in a hundred."""
-    scores, sizes = by_groups(known, part, channels=True)
-    _, q = differing(scores, sizes)
-    left = len(sizes) - 1
+    rows, along = _along(known, part)
+    scores, sizes = (np.bincount(rows.frame.channel, each) for each in (along * rows.w, along**2))
+    shown = sizes > limits.LEAST_OWN * float(sizes.max())
+    scores, sizes, left = scores[shown], sizes[shown], int(shown.sum()) - 1
+    # squared sigmas off the value that all show together (Cochran's Q)
+    q = float(np.sum((scores - scores.sum() / sizes.sum() * sizes) ** 2 / sizes))
     return max(ratio, q / left) if left and exceeds(q / ratio, left) < limits.SUSPECTED else ratio
 
 

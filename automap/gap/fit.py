@@ -127,17 +127,6 @@ class Fit:
     score: float
     delays: Delays = field(default_factory=Delays)
 
-    def value_of(self, effect: str) -> dict[str, float]:
-        """Estimated parameters of an effect."""
-        return {
-            p: float(v) for (e, p), v in zip(self.names, self.values, strict=True) if e == effect
-        }
-
-    def sd_of(self, effect: str) -> dict[str, float]:
-        """One sigma of an effect's parameters."""
-        sd = np.sqrt(np.maximum(np.diag(self.cov), 0.0))
-        return {p: float(v) for (e, p), v in zip(self.names, sd, strict=True) if e == effect}
-
 
 def fit_drive(
     opened: OpenDrive,

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -36,6 +37,8 @@ from automap.fusion.steady_rate import steady_rate
 from automap.records import FloatArray
 
 LEAST_S = 5e-4
+LEAST_M = 0.02
+"""An arm that much longer moves velocities by some millimetres a second in a bend."""
 STREET_SPEED = 10.0
 """At which a distance is so many seconds, m/s."""
 CHANGE = 5e-4
@@ -107,7 +110,7 @@ class Delays:
     """By how much fixes are older than their tags in s: ``all_s`` of them at the start of the
     drive, growing by ``skew`` s/s; velocities by ``velocity_s`` more, and by a low-pass of time
     constant ``lag_s``, their courses by ``course_s`` and by the time for ``course_m`` more than
-    their sizes."""
+    their sizes; ``arm`` m to an antenna, where fixes are older than their tags: it swung then."""
 
     all_s: float = 0.0
     skew: float = 0.0
@@ -115,12 +118,19 @@ class Delays:
     lag_s: float = 0.0
     course_s: float = 0.0
     course_m: float = 0.0
+    arm: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+    def told(self, t: FloatArray) -> FloatArray:
+        """Instants [n] that velocities with tags ``t`` [n] are of."""
+        return t - self.all_s - self.skew * t - self.velocity_s
 
     def close_to(self, other: Delays, length_s: float) -> bool:
         """Whether two differ by no more than matters over a drive of ``length_s``."""
         mine, others = self._in_s(length_s), other._in_s(length_s)
-        return all(
-            abs(a - b) <= max(LEAST_S, CHANGE * abs(a)) for a, b in zip(mine, others, strict=True)
+        pairs = zip(mine, others, strict=True)
+        moved = max(abs(a - b) for a, b in zip(self.arm, other.arm, strict=True))
+        return moved <= LEAST_M and all(
+            abs(a - b) <= max(LEAST_S, CHANGE * abs(a)) for a, b in pairs
         )
 
     def _in_s(self, length_s: float) -> tuple[float, ...]:
@@ -146,7 +156,16 @@ def delays_of(last: Pass, where: Mapping[str, Mapping[str, tuple[str, float]]]) 
     late, skew = found.get(LATENCY_STATE, 0.0), -found.get(SKEW_STATE, 0.0)
     # negative ones are none, but what a first order takes up for something else
     behind = max(found.get(COURSE_DISTANCE_STATE, 0.0), 0.0)
-    return Delays(late, skew, age, max(lag, 0.0), course, behind)
+    delays = Delays(late, skew, age, max(lag, 0.0), course, behind)
+    return (
+        delays if delays.close_to(Delays(), last.nodes.t[-1]) else replace(delays, arm=_arm(last))
+    )
+
+
+def _arm(last: Pass) -> tuple[float, float, float]:
+    """Where a pass has the antenna, m."""
+    x, y, z = (last.totals().get(f"gnss_lever_arm_{a}", 0.0) for a in "xyz")
+    return x, y, z
 
 
 def linear_in_delays(
@@ -158,8 +177,7 @@ def linear_in_delays(
     A velocity that is late by a time constant or more changes by what happened then: the
     acceleration at its tag may have the other sign, and would lead away from the right delay.
     """
-    found = last.totals()
-    arm = np.array([found.get(f"gnss_lever_arm_{a}", 0.0) for a in "xyz"])
+    arm = np.array(_arm(last))
     # not the noise of single readings: on rough roads an arm would turn it into velocities
     rate = steady_rate(motion.t, motion.rate)
     turning = np.cross(rate, arm)
@@ -176,7 +194,7 @@ def linear_in_delays(
     values[:, 1] -= moved[:, 1] / east
     values[:, 2] += moved[:, 2]
     passed = lagged(motion, antenna.vel, delays.lag_s) if delays.lag_s > 0.0 else antenna.vel
-    told = t - late - delays.velocity_s
+    told = delays.told(t)
     seen = at_times(motion, passed, told)
     # metres a second of a clock that runs fast
     seen *= 1.0 - delays.skew
@@ -190,12 +208,11 @@ def linear_in_delays(
         first_order -= delays.course_s * at_times(motion, change.course, t)
         first_order -= delays.course_m * at_times(motion, change.behind, t)
     if delays.course_s != 0.0 or delays.course_m != 0.0:
-        speed = np.maximum(np.hypot(seen[:, 0], seen[:, 1]), COURSE_SPEED)
-        behind = delays.course_s + delays.course_m / speed
+        behind = delays.course_s + delays.course_m / _speed(seen)
         seen = _turned(seen, at_times(motion, passed, told - behind))
         turns = _turning(vel, acc)
         first_order -= delays.course_s * turns
-        first_order -= delays.course_m * at_times(motion, _nose_swings(motion, rate), t)
+        first_order -= delays.course_m * at_times(motion, swings(motion, rate), t)
     values[:, 3:6] -= seen - first_order
     return replace(fixes, values=values), change
 
@@ -212,34 +229,59 @@ def late_change(
     grown = abs(delays.skew) * float(motion.t[-1])
     if max(abs(late), delays.lag_s, grown, abs(delays.course_s), abs(delays.course_m)) < LEAST_S:
         return None
-    passed, once, then = motion.vel, acc, acc
-    if delays.lag_s > 0.0:
-        passed, once = (lagged(motion, each, delays.lag_s) for each in (passed, once))
-        then = lagged(motion, once, delays.lag_s)
-    told = motion.t - late - delays.skew * motion.t
-    seen, change = at_times(motion, passed, told), at_times(motion, then, told)
-    size = np.maximum(np.hypot(seen[:, 0], seen[:, 1]), COURSE_SPEED)
-    before = told - delays.course_s - delays.course_m / size
-    course = at_times(motion, passed, before)
-    its_size = np.maximum(np.hypot(course[:, 0], course[:, 1]), COURSE_SPEED)
-    longer = (size / its_size)[:, None]
-    turned = longer * _turning(course, at_times(motion, then, before))
-    turned_once = longer * _turning(course, at_times(motion, once, before))
-    as_seen, at_tag = _turning(seen, change), _turning(motion.vel, acc)
-    # what makes it faster points where the course does
-    faster = np.sum(change[:, :2] * seen[:, :2], axis=1) / size
-    change[:, :2] += faster[:, None] * (
-        course[:, :2] / its_size[:, None] - seen[:, :2] / size[:, None]
-    )
-    swings = _nose_swings(motion, steady_rate(motion.t, motion.rate) if rate is None else rate)
+    once = lagged(motion, acc, delays.lag_s) if delays.lag_s > 0.0 else acc
+    then = _then(motion, delays)
+    size, its_size = _speed(then.seen), _speed(then.course)
+    turned = (size / its_size)[:, None] * _turning(then.course, at_times(motion, once, then.before))
+    rate = steady_rate(motion.t, motion.rate) if rate is None else rate
     return LateChange(
-        change + turned - as_seen - acc, turned_once - at_tag, turned_once / size[:, None] - swings
+        as_told(motion, once, delays) - acc,
+        turned - _turning(motion.vel, acc),
+        turned / size[:, None] - swings(motion, rate),
     )
 
 
-def _nose_swings(motion: Motion, rate: FloatArray) -> FloatArray:
-    """What a metre ahead moves by NED [n, 3] at turn ``rate`` [n, 3] of the body, 1/s."""
-    return np.asarray(np.einsum("nij,nj->ni", motion.dcm, np.cross(rate, [1.0, 0.0, 0.0])))
+def as_told(motion: Motion, change: FloatArray, delays: Delays) -> FloatArray:
+    """What a ``change`` [n, 3] NED of the velocities along a drive makes of those that are told
+    [n, 3]: their sizes and their courses are each of an instant of its own."""
+    then = _then(motion, delays)
+    if delays.lag_s > 0.0:
+        change = lagged(motion, change, delays.lag_s)
+    out, before = (at_times(motion, change, t) for t in (then.told, then.before))
+    size, its_size = _speed(then.seen)[:, None], _speed(then.course)[:, None]
+    turned = size / its_size * _turning(then.course, before) - _turning(then.seen, out)
+    # what makes it faster points where the course does
+    faster = np.sum(out[:, :2] * then.seen[:, :2], axis=1)[:, None] / size
+    out[:, :2] += faster * (then.course[:, :2] / its_size - then.seen[:, :2] / size)
+    return out + turned
+
+
+class _Then(NamedTuple):
+    """The instants that sizes, ``told`` [n], and courses, ``before`` [n], of velocities are of that
+    have a tag at each epoch, and the velocities [n, 3] then, ``seen`` and ``course``."""
+
+    told: FloatArray
+    before: FloatArray
+    seen: FloatArray
+    course: FloatArray
+
+
+def _then(motion: Motion, delays: Delays) -> _Then:
+    passed = lagged(motion, motion.vel, delays.lag_s) if delays.lag_s > 0.0 else motion.vel
+    told = delays.told(motion.t)
+    seen = at_times(motion, passed, told)
+    before = told - delays.course_s - delays.course_m / _speed(seen)
+    return _Then(told, before, seen, at_times(motion, passed, before))
+
+
+def _speed(vel: FloatArray) -> FloatArray:
+    """Speeds [k], those that a course has something to say of."""
+    return np.asarray(np.maximum(np.hypot(vel[:, 0], vel[:, 1]), COURSE_SPEED))
+
+
+def swings(motion: Motion, rate: FloatArray, axis: int = 0) -> FloatArray:
+    """What a metre along a vehicle axis swings NED [n, 3] at a turn ``rate`` [n, 3], m/s."""
+    return np.asarray(np.einsum("nij,nj->ni", motion.dcm, np.cross(rate, np.eye(3)[axis])))
 
 
 def _turning(vel: FloatArray, acc: FloatArray) -> FloatArray:

@@ -30,7 +30,7 @@ from automap.gap.result import (
     advice,
     coefficient_names,
 )
-from automap.gap.selection import Chosen, Move, Rival, Selection, twins_of
+from automap.gap.selection import Chosen, Rival, Selection, twins_of
 from automap.records import FloatArray, IntArray
 
 
@@ -69,7 +69,7 @@ def describe(
         p = p_value(nats - np.log(selection.candidates[name].choices), maxima)
         if selection.candidates[name].terms:
             nearest = rivals[0][0].name if rivals else None
-            told.append((sure, _formula(found, name, moves, nats, p, nearest)))
+            told.append((sure, _formula(found, name, nats, p, nearest)))
             continue
         twins = [t for t in sorted(twins_of((name,))) if t in selection.candidates]
         confusable = tuple(dict.fromkeys([*close, *twins]))
@@ -166,9 +166,7 @@ def suspected(refused: Sequence[Refused]) -> tuple[Misfit, ...]:
     )
 
 
-def _formula(
-    found: Found, name: str, moves: Sequence[Move], nats: float, p: float, nearest: str | None
-) -> Unexplained:
+def _formula(found: Found, name: str, nats: float, p: float, nearest: str | None) -> Unexplained:
     candidate = found.selection.candidates[name]
     effect = found.effects[name]
     joint = found.fitted.joint().of(effect)

@@ -19,7 +19,7 @@ Terms = tuple[tuple[str, str], ...]
 AMOUNT = re.compile(r"\d+(\.\d+)?e-?\d+|\d+\.\d+")
 WIDER = 4.0
 """Factor by which that may be off what was tried: of a play of that width half is left."""
-FINER = 21
+WIDTHS = 21
 """Steps of that: each is an eighth more than the one before."""
 MEMORIES_S = (0.3, 1.0, 4.0, 16.0, 60.0)
 """Times for which something may be remembered: from a spring's to what warms through."""
@@ -150,7 +150,7 @@ def _moved(factor: ast.expr) -> list[str]:
     return [
         _with_instead(factor, f"{value}", f"{float(f'{value * by:.3g}')}")
         for value in sorted(values)
-        for by in np.geomspace(1.0 / WIDER, WIDER, FINER)
+        for by in np.geomspace(1.0 / WIDER, WIDER, WIDTHS)
     ]
 
 

@@ -90,7 +90,7 @@ class Finding:
     strongest of all candidates reaches as much where nothing is missing; gaps before and after
     it was added, nats an epoch on held-out data; ``confusable_with`` effects that this data
     cannot tell from it; ``advice`` the manoeuvre that would; ``resembles`` what speaks for
-    something like it, but not for it: a formula that explains more, or how uneven it is;
+    something like it, but not for it: a formula that explains more;
     ``drift`` how it changes where it is not constant.
     """
 

@@ -270,11 +270,8 @@ class Screening:
             out[self.effects[name]] = chosen.scale_of(name)
         return out
 
-    def states(
-        self, here: Fitted, selection: Selection, chosen: Chosen, anew: bool = True
-    ) -> Fitted:
-        """The chosen set as states under the noise as it is, begun about the path as it is, and,
-        where something is gone from the set and ``anew``, about the first, the likelier of the two.
+    def states(self, here: Fitted, selection: Selection, chosen: Chosen) -> Fitted:
+        """The chosen set as states under the noise as it is, begun about the path as it is.
         Parameters of its effects that do not act are held at nothing."""
         estimate = self.estimate(selection, chosen)
         held: dict[str, dict[str, float]] = {}
@@ -292,11 +289,7 @@ class Screening:
         options = self.options
         options = replace(options, prior_sd=_joined(options.prior_sd, held))
         model = replace(here.model, options=options)
-        # about a path that was bent by what is no more in the set a fit may stay where that was
-        bent = anew and not set(here.estimate) <= set(estimate)
-        begun = (here.fits, self.base.fits) if bent else (here.fits,)
-        fitted = [fitted_about(model, estimate, fits) for fits in begun]
-        return max(fitted, key=lambda each: sum(fit.score for fit in each.fits))
+        return fitted_about(model, estimate, here.fits)
 
     def not_borne_out(self, here: Fitted, selection: Selection, chosen: Chosen) -> list[str]:
         """Candidates whose values as the filter finds them are worth less than a name, or larger

@@ -64,7 +64,6 @@ class Search:
         self.nats: dict[str, float] = {}
         self.each_drive: list[str] = []
         self.levels = {(frozenset[Key](), 0): base.model.factors}
-        self.again: tuple[Fitted, Fitted] | None = None
         self.alike: dict[str, tuple[str, ...]] = {}
         self.before: tuple[Fitted, Selection, Chosen] | None = None
 
@@ -130,7 +129,6 @@ class Search:
             fitted, layout = selection.keys(found), selection.linear.layout
             # the rows of one are as many as there is room for
             del selection
-            self.again = None
             selection = self.screening.selection(here, slow)
             selection.needed = frozenset(self.borne_out)
             chosen = in_layout(found, layout, selection)
@@ -214,7 +212,7 @@ class Search:
             formed = self._formed(here, selection, found, ending)
             if formed is not None:
                 return formed
-            rival = self._decided(self._again(here, selection, found), selection, found)
+            rival = self._decided(here, selection, found)
         if rival is not None:
             pair = frozenset({frozenset(found.names), frozenset(rival.names)})
             if pair not in self.challenged:
@@ -227,7 +225,6 @@ class Search:
             return fewer
         self.log("checking on held-out data")
         self.judge.forget()
-        self.again = None
         stands = self.stands = self._confirmed(here, selection, found)
         gone = [n for n in found.names if self.screening.effects[n] not in stands.values]
         if not gone:
@@ -238,12 +235,6 @@ class Search:
             self._bar(selection.key(name, part) for part in selection.candidates[name].parts)
             found = found.without(name)
         return found
-
-    def _again(self, here: Fitted, selection: Selection, chosen: Chosen) -> Fitted:
-        """The choice fitted about itself once more, as all that is compared with it is."""
-        if self.again is None or self.again[0] is not here:
-            self.again = here, self.screening.states(here, selection, chosen)
-        return self.again[1]
 
     def _formed(
         self, here: Fitted, selection: Selection, chosen: Chosen, ending: bool
@@ -270,14 +261,12 @@ class Search:
             for gone in ("", *self.screening.entangled(joint, selection, chosen, name)):
                 fewer = chosen.without(gone)
                 for form in self.screening.forms(here, selection, chosen, name, gone):
-                    again = self._again(here, selection, chosen)
                     self.screening.refinements = dict(known[0])
                     selection.candidates = dict(known[1])
                     its = self.screening.in_form(here, selection, fewer, name, *form)
-                    # another form of one bends a path as that did
-                    fitted = self.screening.states(here, selection, its, anew=bool(gone))
+                    fitted = self.screening.states(here, selection, its)
                     of_vehicle = selection.of_vehicle(chosen, {name, gone})
-                    ahead, sigmas = self.judge.ahead(fitted, again, of_vehicle)
+                    ahead, sigmas = self.judge.ahead(fitted, here, of_vehicle)
                     ahead += selection.log_prior(its) - selection.log_prior(chosen)
                     # a few wild stretches are no reason to prefer either
                     near.append(
@@ -414,11 +403,8 @@ class Search:
             nats = self.screening.nats(joint, selection, chosen, name)
             for rival in selection.close_rivals(chosen, name):
                 other = rival.name
-                together = selection.beside(rival, chosen, name)
-                its, brief = self.screening.refined(here, selection, together or rival.chosen)
+                its, brief = self.screening.refined(here, selection, rival.chosen)
                 same = frozenset(its.names) == frozenset(chosen.names)
-                pair = frozenset({frozenset(chosen.names), frozenset(its.names)})
-                same |= together is not None and pair in self.challenged
                 own = self.screening.seed(other) == self.screening.seed(name)
                 if same or own or brief or self.screening.effects.get(other, other) in against:
                     continue
@@ -431,11 +417,6 @@ class Search:
                 of_vehicle |= selection.of_vehicle(its, {other})
                 ahead, sigmas = self.judge.ahead(fitted, here, of_vehicle)
                 ahead += self._log_prior(selection, its) - self._log_prior(selection, chosen)
-                if together is not None:
-                    # what explains something else is no rival, and is added as any name is
-                    if ahead >= limits.LEAST_ODDS and sigmas >= limits.APART and ahead > best:
-                        best, instead, winner = ahead, its, ""
-                    continue
                 rival_formula = bool(selection.candidates[other].terms)
                 if abs(sigmas) < limits.APART and not rival_formula:
                     self.close[name] = (*self.close.get(name, ()), other)
@@ -449,8 +430,10 @@ class Search:
                 if wins and (instead is None or ahead > best):
                     best, instead, winner = ahead, its, other
             if instead is not None:
-                if winner:
-                    self.outdone.add((winner, name))
+                self.outdone.add((winner, name))
+                if name in self.swallowed:
+                    # what does much the same drift had swallowed too
+                    self.swallowed.add(winner)
                 return instead
         return None
 

@@ -326,20 +326,6 @@ class Selection:
         own = tuple(i for _, p, _ in mine for i in p)
         return apart(self.given(rest), own, its) > limits.APART
 
-    def beside(self, rival: Rival, chosen: Chosen, name: str) -> Chosen | None:
-        """The choice with a rival of a candidate beside it where each is needed beside the other,
-        as any name is: the two explain different things. None where one may stand for the other."""
-        rest = chosen.without(name)
-        own, its = (
-            tuple(p for p in c.parts if p not in rest.parts) for c in (chosen, rival.chosen)
-        )
-        mine, other = self.given(rival.chosen), self.given(chosen)
-        if not all([*(mine.shows(p) for _, p, _ in own), *(other.shows(p) for _, p, _ in its)]):
-            return None
-        together = Chosen((*chosen.parts, *its))
-        found = [self.odds_of(together, n) for n in (name, rival.name)]
-        return together if min(odds for odds, _ in found) >= limits.LEAST_ODDS else None
-
     def close_rivals(
         self, chosen: Chosen, name: str, barred: frozenset[Key] = frozenset()
     ) -> list[Rival]:

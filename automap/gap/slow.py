@@ -44,7 +44,7 @@ GAIN_PERIODS = 32
 """So many periods of a gain or a seat a drive at most, and steps: these show in bends and changes
 of speed alone, and between two of them nobody sees them."""
 GAIN_DECAYS = 4
-FINER = 21
+REFINED = 21
 """Steps of a refinement: a tenth of the distance of those first tried."""
 NUMBER = re.compile(r"(?<=[-/] )[\d.e+-]+(?=[,)])")
 """The instants, the time constant or the period of a course of time in its text."""
@@ -298,14 +298,14 @@ def variants(
     ends = [float(n) for n in NUMBER.findall(text)]
     value = ends[-1]
     if len(ends) == 2:
-        around = width * np.linspace(-1.0, 1.0, FINER // 2)
+        around = width * np.linspace(-1.0, 1.0, REFINED // 2)
         pairs = [(ends[0] + x, ends[1] + y) for x in around for y in around]
         return [((on, PLATEAU.format(*pair)),) for pair in pairs]
     if text.startswith(("step", "max")):
-        moved = value + width * np.linspace(-1.0, 1.0, FINER)
+        moved = value + width * np.linspace(-1.0, 1.0, REFINED)
     elif text.startswith("exp"):
         ratio = (0.25 * length_s / width) ** (1.0 / (decays - 1))
-        moved = value * np.geomspace(1.0 / ratio, ratio, FINER)
+        moved = value * np.geomspace(1.0 / ratio, ratio, REFINED)
     else:
-        moved = 1.0 / (1.0 / value + np.linspace(-1.0, 1.0, FINER) / (OVERSAMPLED * length_s))
+        moved = 1.0 / (1.0 / value + np.linspace(-1.0, 1.0, REFINED) / (OVERSAMPLED * length_s))
     return [tuple((on, NUMBER.sub(f"{v:.5g}", t)) for on, t in terms) for v in moved if v > 0.0]

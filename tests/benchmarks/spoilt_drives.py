@@ -178,6 +178,7 @@ def same_effects(drive: GapDrive, result: GapResult, names: Sequence[str]) -> li
     from automap.gap.fit import fit_drive
     from automap.gap.limits import FIT_SHARE
     from automap.gap.noise import fit_noise
+    from tests.unit.gap_values import estimates
 
     base = result.base
     opened = open_drive(drive.part(0.0, FIT_SHARE * drive.length_s, drive.name), base.options)
@@ -190,7 +191,7 @@ def same_effects(drive: GapDrive, result: GapResult, names: Sequence[str]) -> li
     return [
         {
             "effect": e,
-            "values": {p: [v, fit.sd_of(e)[p]] for p, v in fit.value_of(e).items()},
+            "values": {p: list(each) for p, each in estimates(fit, e).items()},
         }
         for e in names
     ]

@@ -12,6 +12,7 @@ from automap.gap.drive import in_vehicle_axes, open_drive
 from automap.gap.fit import fit_drive
 from automap.gap.noise import Fitted, with_noise
 from pipeline.gap.inputs import gap_drives, gap_model
+from tests.unit.gap_values import value_of
 
 LAG = "gnss_velocity_lag"
 
@@ -29,4 +30,4 @@ def test_a_lag_is_found_from_far_beyond_it(shared_data: Path, tmp_path: Path, st
     far = with_noise(Fitted(wrong, {}, (fit_drive(opened, wrong),)), model.factors)
     noisy = replace(model, factors=far.model.factors)
     found = fit_drive(opened, noisy, {LAG: 1.0}, linearised_at=far.fits[0])
-    assert found.value_of(LAG)["tau"] == pytest.approx(0.131, abs=0.05)
+    assert value_of(found, LAG)["tau"] == pytest.approx(0.131, abs=0.05)

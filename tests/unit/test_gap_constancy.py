@@ -18,6 +18,7 @@ from automap.gap.result import Drift
 from automap.gap.selection import Chosen
 from automap.records import FloatArray
 from tests.unit.gap_linear import screened
+from tests.unit.gap_values import value_of
 from tests.unit.test_gap import simulated
 
 EFFECT, SIZE = "gyro_scale", 0.03
@@ -96,7 +97,7 @@ def test_a_clock_that_steps_is_none_that_runs_fast(step_s: float) -> None:
     imu = replace(DRIVE.imu, t_ns=DRIVE.imu.t_ns + np.rint(late * 1e9).astype(np.int64))
     drive, model = replace(DRIVE, imu=imu), base_model()
     fit = fit_drive(open_drive(drive, model.options), model, {SKEW: 1.0})
-    found = beside({SKEW: fit.value_of(SKEW)}, "skew", drive)
+    found = beside({SKEW: value_of(fit, SKEW)}, "skew", drive)
     assert (SKEW in found) is (step_s > 0.0)
     if step_s:
         assert (found[SKEW].parameter, found[SKEW].kind, found[SKEW].unit) == (ORIGIN, "step", "s")

@@ -10,10 +10,13 @@ from scipy.ndimage import minimum_filter1d
 
 from automap.earth import metres_per_radian
 from automap.effects.measured_kernels import course_changes
+from automap.fusion.layout import CH_VEL
 from automap.fusion.steady_rate import steady_rate
 from automap.gap import base_model
+from automap.gap.candidates import named_columns
 from automap.gap.drive import open_drive
 from automap.gap.fit import Fit, fit_drive
+from automap.gap.linear import Given, conditional, linearised, motions_of
 from automap.gap.motion import (
     Delays,
     Motion,
@@ -24,7 +27,9 @@ from automap.gap.motion import (
     linear_in_delays,
     motion_of,
 )
+from automap.gap.noise import Fitted, fitted_about
 from automap.records import FloatArray
+from tests.unit.gap_values import estimates, value_of
 from tests.unit.test_gap import simulated
 
 BASE = base_model()
@@ -89,7 +94,7 @@ def test_large_delays_are_found_without_bias(monkeypatch: pytest.MonkeyPatch) ->
     estimate = {"gnss_latency": 2.0, "gnss_velocity_latency": 2.0}
     fit = fit_drive(opened, MODEL, estimate)
     for effect, true in hidden.items():
-        value, sd = fit.value_of(effect)["s"], fit.sd_of(effect)["s"]
+        value, sd = estimates(fit, effect)["s"]
         assert sd < 0.012
         assert abs(value - true["s"]) < 3.0 * sd
     # velocities alone tell the sum, far better than either
@@ -104,7 +109,7 @@ def test_a_clock_that_runs_fast_is_found_wherever_the_two_agree(offset: float) -
     hidden = {"imu_clock_skew": {"skew": 5e-4}, "imu_time_offset": {"s": offset}}
     opened = open_drive(simulated(hidden), MODEL.options)
     fit = fit_drive(opened, MODEL, {"imu_clock_skew": 1.0})
-    assert fit.value_of("imu_clock_skew")["skew"] == pytest.approx(5e-4, abs=1e-4)
+    assert value_of(fit, "imu_clock_skew")["skew"] == pytest.approx(5e-4, abs=1e-4)
 
 
 def test_a_clock_that_runs_fast_is_found_beside_velocities_of_long_ago() -> None:
@@ -112,10 +117,10 @@ def test_a_clock_that_runs_fast_is_found_beside_velocities_of_long_ago() -> None
     opened = open_drive(simulated(hidden), MODEL.options)
     fit = fit_drive(opened, MODEL, {"imu_clock_skew": 1.0, "gnss_velocity_latency": 5.0})
     # a delay that grows changes velocities by what happened then, as one that does not
-    value, sd = fit.value_of("imu_clock_skew")["skew"], fit.sd_of("imu_clock_skew")["skew"]
+    value, sd = estimates(fit, "imu_clock_skew")["skew"]
     assert sd < 1e-4
     assert abs(value - 1e-3) < 2.0 * sd
-    assert fit.value_of("gnss_velocity_latency")["s"] == pytest.approx(0.8, abs=0.02)
+    assert value_of(fit, "gnss_velocity_latency")["s"] == pytest.approx(0.8, abs=0.02)
 
 
 def test_metres_a_second_are_longer_on_a_clock_that_runs_fast(plain: Fit) -> None:
@@ -282,3 +287,51 @@ def test_late_velocities_change_by_what_happened_then(plain: Fit, late: Delays) 
         off = [float(np.std((a - numeric)[inner])) for a in (now + more, now)]
         assert off[0] < 0.2 * np.std(numeric[inner])
         assert off[0] < 0.5 * off[1]
+
+
+def test_velocities_that_are_late_are_no_evidence_about_when_positions_were() -> None:
+    """Early fixes with velocities that are late all the more: where late velocities alone have been
+    fitted, the linear model still says by how much all is early, by the positions."""
+    hidden = {"imu_time_offset": {"s": 0.12}, "gnss_velocity_latency": {"s": 0.8}}
+    opened = open_drive(simulated(hidden), MODEL.options)
+    late = Fitted(MODEL, {}, (fit_drive(opened, MODEL),))
+    late = fitted_about(MODEL, {"gnss_velocity_latency": 5.0}, late.fits)
+    values = late.values()
+    held = fit_drive(opened, replace(MODEL, values=values), linearised_at=late.fits[0])
+    names = ["imu_time_offset", "gnss_velocity_latency"]
+    linear = linearised(motions_of([held]), lambda at: named_columns(names, at), values)
+    both = conditional(linear, Given((0, 1), (0.2, 2.0)))
+    sd = 1.0 / np.sqrt(conditional(linear, Given((1,), (2.0,))).diagonal[0])
+    assert both.value[0] == pytest.approx(0.12, abs=0.02)
+    # velocities say the sum of both, and of one alone nothing
+    known = Given((1,), (1e3,))
+    (rows,) = linear.rows
+    alone = rows.phi[:, 0] - rows.phi[:, 1] * conditional(linear, known).weights[0, 0]
+    told = np.isin(rows.channel, range(CH_VEL, CH_VEL + 3))
+    assert np.sum(alone[told] ** 2) < 0.1 * np.sum(alone**2)
+    assert 0.001 < sd < 0.02
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+def test_an_antenna_swings_as_late_velocities_saw_it(axis: int) -> None:
+    """What an arm adds to late velocities, as they are told with it and without it."""
+    late = {"gnss_velocity_latency": {"s": 0.8}, "gnss_course_latency": {"s": -0.3}}
+    opened = open_drive(simulated(late), MODEL.options)
+    model = replace(MODEL, values=late)
+    (at,) = motions_of([fit_drive(opened, model)])
+    column = named_columns(["gnss_lever_arm"], at)[axis]
+    assert column.direct is not None
+    told = column.direct.by_channel[:, CH_VEL : CH_VEL + 2]
+    motion = at.motion
+    arm = 0.1 * np.eye(3)[axis]
+    numeric = []
+    for one in (arm, -arm):
+        vel, _ = moving_antenna(motion, one)
+        seen = at_times(motion, vel, motion.t - 0.8)
+        numeric.append(_turned(seen, at_times(motion, vel, motion.t - 0.5)))
+    expected = at_times(motion, (numeric[0] - numeric[1]) / 0.2, at.t)[:, :2]
+    moving = np.hypot(*at_times(motion, motion.vel, at.t)[:, :2].T) > 4.0
+    moving &= np.hypot(*at_times(motion, motion.vel, at.t - 0.8)[:, :2].T) > 4.0
+    off = np.std((told - expected)[moving]) / np.std(expected[moving])
+    assert np.std(expected[moving]) > 0.02
+    assert off < 0.1

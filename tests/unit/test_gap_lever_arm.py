@@ -13,6 +13,7 @@ from automap.gap.fit import fit_drive
 from automap.gap.noise import fitted_about, with_noise
 from automap.gap.selection import Chosen
 from tests.unit.gap_linear import screened
+from tests.unit.gap_values import estimates, value_of
 from tests.unit.test_gap import ARM, simulated
 
 NOISE = 0.015
@@ -31,7 +32,7 @@ def test_noise_of_the_gyro_draws_no_arm_towards_nothing() -> None:
         began = fit_drive(open_drive(drive, model.options), model)
         estimate = {"gnss_lever_arm": 3.0}
         (fit,) = with_noise(fitted_about(model, estimate, [began]), model.factors).fits
-        value, sd = fit.value_of("gnss_lever_arm")["z"], fit.sd_of("gnss_lever_arm")["z"]
+        value, sd = estimates(fit, "gnss_lever_arm")["z"]
         pulls.append(value / sd)
         sizes.append(sd)
     assert max(sizes) < 0.5 * abs(ARM[2])
@@ -47,7 +48,7 @@ def test_an_arm_to_the_side_is_no_roll_of_the_mounting() -> None:
     moves = selection.best(Chosen())
     assert {m.name for m in moves if selection.holds(m)} == {"gnss_lever_arm"}
     (leaning,) = fitted_about(model, {"imu_mounting": 5.0}, [fit]).fits
-    assert abs(leaning.value_of("imu_mounting")["roll"]) < 0.06
+    assert abs(value_of(leaning, "imu_mounting")["roll"]) < 0.06
 
 
 def test_a_sensor_that_leans_is_told_by_its_weight() -> None:
@@ -59,5 +60,5 @@ def test_a_sensor_that_leans_is_told_by_its_weight() -> None:
     (move, *_) = selection.best(Chosen())
     assert selection.holds(move)
     (leaning,) = fitted_about(model, {"imu_mounting": 5.0}, [fit]).fits
-    value, sd = leaning.value_of("imu_mounting")["roll"], leaning.sd_of("imu_mounting")["roll"]
+    value, sd = estimates(leaning, "imu_mounting")["roll"]
     assert abs(value - 0.15) < 2.0 * sd < 0.06

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from automap.fusion.level_climb import Maximum
-from automap.gap import base_model, confirm, finder, noise, screening, search
+from automap.gap import base_model, confirm, finder, noise, search
 from automap.gap.candidates import Candidate
 from automap.gap.confirm import Judge
 from automap.gap.linear import Column
@@ -52,7 +52,7 @@ class Asked(Search):
         self.compared = Counter()
         self.judge, self.swallowed, self.tried = Heard(cast("Any", ["a drive"])), set(), {}
         self.sets: list[tuple[str, ...]] = []
-        self.again, self.alike = None, {}
+        self.alike = {}
 
     def _fit(self, here: Any, selection: Selection, chosen: Chosen) -> Any:
         self.sets.append(chosen.names)
@@ -173,33 +173,6 @@ def test_where_constraint_and_receiver_differ_no_sensor_is_told_apart(
     assert Asked().judge.ahead(HERE, HERE, of_vehicle)[1] == (4.0 if of_vehicle else 0.0)
     says(monkeypatch, 4.0, 0.5)
     assert Asked().judge.ahead(HERE, HERE, of_vehicle)[1] == 4.0
-
-
-@pytest.mark.parametrize(
-    ("first", "bent", "set_before", "taken"),
-    [
-        (12345.0, 11654.0, LATE, 0),
-        (11654.0, 12345.0, LATE, 1),
-        # nothing is gone that could have bent the path
-        (12345.0, 11654.0, "", 1),
-    ],
-)
-def test_a_fit_does_not_stay_where_the_set_before_has_bent_the_path(
-    monkeypatch: pytest.MonkeyPatch, first: float, bent: float, set_before: str, taken: int
-) -> None:
-    scores = {"first": first, "bent": bent}
-
-    def about(model: Any, estimate: Any, fits: tuple[str, ...]) -> Any:
-        return SimpleNamespace(fits=tuple(SimpleNamespace(score=scores[f]) for f in fits))
-
-    monkeypatch.setattr(screening, "fitted_about", about)
-    asked = object.__new__(Screening)
-    asked.effects, asked.options = {}, base_model().options
-    asked.base = cast("Fitted", SimpleNamespace(fits=("first",)))
-    estimate = {set_before: 1.0} if set_before else {}
-    here: Any = SimpleNamespace(model=base_model(), fits=("bent",), estimate=estimate)
-    (fit,) = asked.states(here, SELECTION, Chosen()).fits
-    assert fit.score == (first, bent)[taken]
 
 
 @pytest.mark.parametrize("strength", [8.0, 1.0])
@@ -336,7 +309,7 @@ def test_of_forms_that_say_much_the_same_the_filter_tells_one_step_by_step(
                 ((("gyro_z", f),), 1.0) for f in near.get(name, ())
             ],
             in_form=lambda here, selection, chosen, name, terms, choices: only(terms[0][1]),
-            states=lambda here, selection, chosen, anew=True: fit_of(chosen.names[0]),
+            states=lambda here, selection, chosen: fit_of(chosen.names[0]),
         ),
     )
     of = {**worth, "rate_z": 0.0}
@@ -506,3 +479,35 @@ def test_velocities_are_as_much_older_than_positions_as_the_age_of_these_lets_be
     asked.screening = cast("Screening", SimpleNamespace(names=list(names)))
     told = asked._with_age(dict.fromkeys(estimate, 1.0))
     assert set(told) == {*estimate, *(["gnss_latency"] if free else [])}
+
+
+@pytest.mark.parametrize("steady", [True, False])
+def test_what_takes_the_place_of_one_from_swallowed_biases_is_asked_as_that(
+    steady: bool,
+) -> None:
+    warm, warms_up = "gyro_temperature", "gyro_warm_up"
+    asked = Asked()
+    asked.swallowed = {warm} if steady else set()
+    asked.spoken_against = []
+    asked.screening = cast(
+        "Screening",
+        SimpleNamespace(
+            effects={},
+            nats=lambda joint, selection, chosen, name: 9.0,
+            refined=lambda here, selection, chosen: (chosen, []),
+            seed=lambda name: name,
+            states=lambda here, selection, chosen: fit_of(chosen.names[0]),
+            not_borne_out=lambda fitted, selection, chosen: [],
+        ),
+    )
+    asked.judge = cast("Judge", SimpleNamespace(ahead=lambda one, other, of_vehicle: (2.0, 1.0)))
+    selection: Any = SimpleNamespace(
+        candidates={name: SimpleNamespace(terms=()) for name in (warm, warms_up)},
+        close_rivals=lambda chosen, name: [SimpleNamespace(name=warms_up, chosen=only(warms_up))],
+        of_vehicle=lambda chosen, names: False,
+        log_prior=lambda chosen: 0.0,
+    )
+    instead = asked._decided(fit_of(warm), selection, only(warm))
+    assert instead is not None
+    assert instead.names == (warms_up,)
+    assert (warms_up in asked.swallowed) == steady

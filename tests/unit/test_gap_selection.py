@@ -327,19 +327,6 @@ def test_what_was_not_needed_beside_others_may_still_stand_in_a_place() -> None:
     assert [r.name for r in selection.close_rivals(chosen, "e0")] == ["e1"]
 
 
-def test_what_explains_something_else_stands_beside_and_in_no_place() -> None:
-    phi, w = noise(21)
-    phi[:, 1] = phi[:, 0] + 0.1 * phi[:, 1]
-    selection = alone(linear_with(phi, w + 0.3 * phi[:, 0] + 0.3 * phi[:, 2]))
-    chosen = of(selection, "e0")
-    places = {r.name: r for r in selection.rivals(chosen, "e0", ["e1", "e2"])}
-    # without the first it would be the strongest, and with it it is as strong
-    together = selection.beside(places["e2"], chosen, "e0")
-    assert together is not None
-    assert together.names == ("e0", "e2")
-    assert selection.beside(places["e1"], chosen, "e0") is None
-
-
 def test_courses_of_time_that_show_much_the_same_are_barred_together() -> None:
     phi, w = noise(23)
     phi[:, 1], phi[:, 2] = phi[:, 0] + 0.3 * phi[:, 1], phi[:, 0] + 0.8 * phi[:, 2]

@@ -30,6 +30,7 @@ from pipeline.settings.user_effects import activate, effects_of_python
 from pipeline.simulate.command import simulate
 from tests.docs_commands import DOCS, files
 from tests.unit.gap_linear import changes
+from tests.unit.gap_values import estimates
 from tests.unit.test_gap import ARM, scenario_with, simulated
 
 PULL = {"k": {"on": "accel_x", "formula": "sin(heading)", "prior_sd": 0.05, "unit": "m/s^2"}}
@@ -242,7 +243,7 @@ def test_an_effect_of_the_user_is_estimated_by_the_filter_and_shows_in_the_scree
     opened = open_drive(simulated({"pull": {"k": 0.15}}), model.options)
     plain = fit_drive(opened, model)
     found = fit_drive(opened, model, {"pull": 1.0}, plain)
-    value, sd = found.value_of("pull")["k"], found.sd_of("pull")["k"]
+    value, sd = estimates(found, "pull")["k"]
     assert abs(value - 0.15) < 4.0 * sd
     assert sd < 0.02
     # the effect at its value, as a later run takes it from the settings
@@ -261,7 +262,7 @@ def test_an_effect_on_the_fixes_is_found_and_taken_out() -> None:
     opened = open_drive(simulated({"stretch": {"k": 0.8}}), model.options)
     plain = fit_drive(opened, model)
     found = fit_drive(opened, model, {"stretch": 1.0, "gyro_scale": 1.0}, plain)
-    value, sd = found.value_of("stretch")["k"], found.sd_of("stretch")["k"]
+    value, sd = estimates(found, "stretch")["k"]
     assert abs(value - 0.8) < 4.0 * sd
     assert sd < 0.2
     known = fit_drive(opened, replace(model, values={"stretch": {"k": 0.8}}), linearised_at=plain)
@@ -293,7 +294,7 @@ def test_a_unit_that_slips_in_its_mount_or_its_time_is_found(
     # beside an angle or an offset that stays
     same = {"imu_time": "imu_time_offset", "imu_yaw": "imu_mounting"}.get(on, "gnss_lever_arm")
     found = fit_drive(opened, model, {"slips": 1.0, same: 1.0}, plain)
-    value, sd = found.value_of("slips")["k"], found.sd_of("slips")["k"]
+    value, sd = estimates(found, "slips")["k"]
     assert abs(value - 0.5 * size) < 4.0 * sd
     assert sd < 0.1 * size
     at = node_motion(plain, motion_of(plain.last))
