@@ -250,6 +250,9 @@ PASS_S = 30.0
 """Longer without a view of a sign is another pass: no block is driven round sooner."""
 APART_PROBABILITY = 1e-3
 """A sign that is seen twice at a time is taken for two so rarely."""
+TWICE_REACH_M = 3.0
+"""Two tracks of one sign are placed no further apart. Chosen: a sign is seen to half a metre or so,
+and posts are no nearer than half of that."""
 FACE_SD_M = 0.1
 """Places of one sign agree to no better than this: the extent of its face."""
 BACK_REACH_M = 5.0

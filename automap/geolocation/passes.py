@@ -13,6 +13,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial import cKDTree
 from scipy.special import pdtr
 
 from automap.earth import from_local_ned, metres_per_radian
@@ -84,18 +85,12 @@ def join_passes(
 
 
 def group_sightings(views: Views, sightings: Sequence[Sighting]) -> list[list[int]]:
-    """Numbers of the sightings of each sign, in the order of first sight. Sightings that share
-    frames as two signs would are of two."""
+    """Numbers of the sightings of each sign, in the order of first sight."""
     if not sightings:
         return []
-    columns = of_stretches(sightings, views.origin)
-    frames = [np.unique(views.frame[sightings[k].landmark.rows]) for k in columns.row]
-
-    def two(own: IntArray, others: IntArray) -> bool:
-        return any(seen_beside(frames[a], frames[b]) for a in own for b in others)
-
-    sign = joined_signs(columns, two)
-    members = Members(sign)
+    frames = [np.unique(views.frame[sighting.landmark.rows]) for sighting in sightings]
+    columns = of_stretches(sightings, frames, views.origin)
+    members = Members(joined_signs(columns))
     rows = np.split(columns.row[members.order], members.edges[1:-1])
     groups = [sorted(own.tolist()) for own in rows]
     return sorted(groups, key=lambda own: min(int(sightings[m].landmark.rows[0]) for m in own))
@@ -117,16 +112,29 @@ def seen_beside(a: IntArray, b: IntArray) -> bool:
     return bool(pdtr(together, n_a * n_b / float(high - low + 1)) >= limits.APART_PROBABILITY)
 
 
-def of_stretches(sightings: Sequence[Sighting], origin: tuple[float, float, float]) -> Sightings:
+def of_stretches(
+    sightings: Sequence[Sighting],
+    frames: Sequence[IntArray],
+    origin: tuple[float, float, float],
+) -> Sightings:
     """The sightings [n], at least one, as those of drives of ``PASS_S`` and one camera each, which
-    sees a sign once; ``row`` are their numbers. What only a map's signs inherit is not told."""
+    sees a sign once: of two near one another that are not seen beside one another in their
+    ``frames`` [n], as two tracks of one sign, the second is another drive's. ``row`` are their
+    numbers. What only a map's signs inherit is not told."""
     time_s, camera = np.array([(s.time_s, s.camera) for s in sightings]).T
     stretch = np.floor((time_s - time_s.min()) / limits.PASS_S)
-    drive = np.unique(np.column_stack([stretch, camera]), axis=0, return_inverse=True)[1].ravel()
+    turn, place = np.zeros(len(sightings)), np.array([s.position for s in sightings])
+    pairs = cKDTree(place).query_pairs(limits.TWICE_REACH_M, output_type="ndarray")
+    for a, b in pairs[np.lexsort(pairs.T)].tolist():
+        together = stretch[a] == stretch[b] and camera[a] == camera[b]
+        if together and turn[a] == turn[b] and not seen_beside(frames[a], frames[b]):
+            turn[b] += 1.0
+    looks = np.column_stack([stretch, camera, turn])
+    drive = np.unique(looks, axis=0, return_inverse=True)[1].ravel()
     order = np.lexsort([time_s, drive])
     seen, time_s, drive = [sightings[k] for k in order], time_s[order], drive[order]
     n = len(seen)
-    lat, lon, height = from_local_ned(np.array([s.position for s in seen]), origin)
+    lat, lon, height = from_local_ned(place[order], origin)
     per_lat, per_lon = metres_per_radian(lat, height)
     # places of one sign agree to no better than the extent of its face
     own = np.array([s.covariance - np.diag(s.path_sd**2) for s in seen])

@@ -64,7 +64,6 @@ def _drives(length_m: float = 230.0) -> list[Any]:
 @scenario
 def mapping_association() -> Any:
     """Sightings stacked, associated, joined, and what joins them."""
-    from automap.mapping import duplicates as of
     from automap.mapping import sightings as seen
     from automap.mapping.association import associate, renumbered
     from automap.mapping.by_cells import associate_by_cells
@@ -88,10 +87,9 @@ def mapping_association() -> Any:
                 drives[0].cov_enu, 0.7 * seen.shared_sd(drives[0], rows)
             ),
             "found": found,
-            "again": associate(stacked, found),
+            "again": [associate(stacked, each) for each in (found, cut)],
             "by cells": associate_by_cells(stacked),
             "evidence": class_evidence(stacked.classes),
-            "joined": of.join_duplicates(stacked, cut),
         }
     )
 
