@@ -19,35 +19,36 @@ from scipy.special import pdtr
 from automap.earth import from_local_ned, metres_per_radian
 from automap.geolocation import limits
 from automap.geolocation.control import match_control
-from automap.geolocation.merging import find_backs
-from automap.geolocation.sightings import Sighting
+from automap.geolocation.sightings import Sighting, class_of
 from automap.geolocation.trajectory_adjustment import (
     Adjustment,
-    adjust_trajectory,
+    Placed,
+    place_signs,
     shift_sighting,
 )
 from automap.geolocation.views import Views
 from automap.mapping.association import Members
+from automap.mapping.backs import backs
 from automap.mapping.by_cells import joined_signs
 from automap.mapping.sightings import Sightings
 from automap.records import FloatArray, IntArray, SignPoints, Trajectory
-from automap.signs.backs import BACK_OF_NONE, NO_BACK
+from automap.signs.backs import NO_BACK
 
 _ROUNDS = 4
-"""At most, in which backs and surveyed signs are looked for with the adjusted trajectory."""
+"""At most, in which surveyed signs are looked for with the adjusted trajectory."""
 
 
 @dataclass(frozen=True)
 class Passes:
-    """Sightings as the adjusted trajectory gives them; ``groups`` of their numbers, one a sign;
-    ``backs`` numbers of the sightings that show the backs of signs, by the number of the sign's
-    group (-1: of one that nobody saw from in front); ``controlled`` surveyed
-    place [3] and covariance [3, 3] by the number of a group; ``adjustment`` None where nothing
-    tells the trajectory's error."""
+    """``groups`` of numbers of sightings, one a sign, and how these are ``placed``; ``sightings``
+    as the adjusted trajectory gives them; ``fronts`` of which sign each is the back, as
+    ``fronts_of_backs`` tells; ``controlled`` surveyed place [3] and covariance [3, 3] by the number
+    of a sign; ``adjustment`` None where nothing tells the trajectory's error."""
 
     sightings: list[Sighting]
     groups: list[list[int]]
-    backs: Mapping[int, list[int]]
+    placed: Placed
+    fronts: IntArray
     controlled: Mapping[int, tuple[FloatArray, FloatArray]]
     adjustment: Adjustment | None
 
@@ -59,29 +60,29 @@ def join_passes(
     control: SignPoints | None,
     adjust: bool,
 ) -> Passes:
-    """Group the sightings, and adjust the trajectory by them when ``adjust``."""
-    seen, adjustment = list(sightings), None
-    together = group_sightings(views, sightings)
-    before: list[list[int]] | None = None
+    """Group the sightings and place the signs; ``adjust`` the trajectory by them."""
+    groups = group_sightings(views, sightings)
+    members = [[sightings[m] for m in group] for group in groups]
+    names = [class_of(own) for own in members]
+    towards = np.array([np.sum([s.facing for s in own], axis=0) for own in members]).reshape(-1, 2)
+    frames = [views.frame[np.concatenate([s.landmark.rows for s in own])] for own in members]
+
+    def beside(a: int, b: int) -> bool:
+        """A camera sees one side of a sign."""
+        return bool(np.isin(frames[a], frames[b]).any())
+
+    controlled: dict[int, tuple[FloatArray, FloatArray]] = {}
     for _ in range(_ROUNDS):
-        fronts = find_backs(views, seen, together).tolist()
-        kept = [number for number, front in enumerate(fronts) if front == NO_BACK]
-        backs: dict[int, list[int]] = {}
-        for number, front in enumerate(fronts):
-            if front != NO_BACK:
-                place = -1 if front == BACK_OF_NONE else kept.index(front)
-                backs.setdefault(place, []).extend(together[number])
-        groups = [together[number] for number in kept]
-        controlled = match_control(control, seen, groups, views.origin) if control else {}
-        if not adjust or groups == before:
+        placed, adjustment = place_signs(trajectory, sightings, groups, controlled, adjust)
+        plan, covariance = placed.place[:, :2], placed.covariance[:, :2, :2]
+        fronts = backs(names, plan, covariance, np.arctan2(towards[:, 1], towards[:, 0]), beside)
+        faces = {k: names[k] for k in np.flatnonzero(fronts == NO_BACK).tolist()}
+        before = controlled
+        controlled = match_control(control, faces, placed, views.origin) if control else {}
+        if not adjust or controlled.keys() == before.keys():
             break
-        adjustment = adjust_trajectory(trajectory, sightings, groups, controlled)
-        if adjustment is None:
-            seen = list(sightings)
-            break
-        seen = [shift_sighting(sighting, adjustment) for sighting in sightings]
-        before = groups
-    return Passes(seen, groups, backs, controlled, adjustment)
+    seen = [s if adjustment is None else shift_sighting(s, adjustment) for s in sightings]
+    return Passes(seen, groups, placed, fronts, controlled, adjustment)
 
 
 def group_sightings(views: Views, sightings: Sequence[Sighting]) -> list[list[int]]:

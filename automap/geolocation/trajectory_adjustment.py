@@ -1,4 +1,4 @@
-"""The trajectory, adjusted weakly by signs seen again and by surveyed ones.
+"""Where signs stand by all passes, and the trajectory, adjusted weakly by those seen again.
 
 A sign seen in two passes says how the trajectory's errors of the two differ, a control sign
 what they are (``path_errors.py``). What no sign tells keeps its prior, so that parts of a drive
@@ -15,13 +15,12 @@ import numpy as np
 from automap.earth import metres_per_radian, tangent_rotation
 from automap.frames import wrap_pi
 from automap.geolocation import limits
-from automap.geolocation.sightings import Sighting
+from automap.geolocation.sightings import Sighting, common_effects
+from automap.mapping.adjustment import stray_weights
 from automap.mapping.path_errors import Equations, Network, path_nodes
+from automap.mapping.size_errors import split_common
 from automap.records import FloatArray, Trajectory
-from automap.robust import cauchy_weight
 
-_ROUNDS = 3
-"""Of the weights."""
 _ROWS = 1 << 16
 """Of a long trajectory that are moved at once; to move each takes 300 bytes."""
 
@@ -44,24 +43,54 @@ class Adjustment:
         return columns[0], columns[1]
 
 
-def adjust_trajectory(
+@dataclass(frozen=True)
+class Placed:
+    """Signs [m] of a drive in the local frame (NED), m: ``place`` [m, 3], ``covariance`` [m, 3, 3],
+    and ``by_size`` [m, 3] how far a sigma of the sizes that they were taken for moves them."""
+
+    place: FloatArray
+    covariance: FloatArray
+    by_size: FloatArray
+
+    def of(self, number: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """One of the signs."""
+        return self.place[number], self.covariance[number], self.by_size[number]
+
+
+def place_signs(
     trajectory: Trajectory,
     sightings: Sequence[Sighting],
     groups: Sequence[Sequence[int]],
     control: Mapping[int, tuple[FloatArray, FloatArray]],
-) -> Adjustment | None:
-    """The trajectory's error from ``groups`` of sightings, each of one sign.
+    adjust: bool = True,
+) -> tuple[Placed, Adjustment | None]:
+    """The signs of ``groups`` of sightings, and, to ``adjust`` the trajectory, its error as these
+    tell it.
 
     ``control`` gives for the number of a group its surveyed place [3] in the local frame and
-    the covariance [3, 3] of that (a coordinate not surveyed has a large variance). None where
-    no sign was seen twice or surveyed, or where that tells next to nothing.
+    the covariance [3, 3] of that (a coordinate not surveyed has a large variance). No error
+    where no sign was seen twice or surveyed, or where that tells next to nothing. What is wrong of
+    a camera or of the size that a sign was taken for is common to its sightings
+    (``size_errors.py``).
     """
+    firsts = [sightings[group[0]] for group in groups]
+    placed = Placed(
+        np.array([s.position for s in firsts]).reshape(-1, 3),
+        np.array([s.covariance for s in firsts]).reshape(-1, 3, 3),
+        np.array([s.size_effect for s in firsts]).reshape(-1, 3),
+    )
     telling = [k for k, group in enumerate(groups) if len(group) > 1 or k in control]
     if not telling or len(trajectory) < 2:
-        return None
-    members = [(sightings[m], number) for number, k in enumerate(telling) for m in groups[k]]
-    seen, sign = [sighting for sighting, _ in members], np.array([n for _, n in members])
-    surveyed = [(number, *control[k]) for number, k in enumerate(telling) if k in control]
+        return placed, None
+    number = np.repeat(np.arange(len(telling)), [len(groups[k]) for k in telling])
+    seen = [sightings[m] for k in telling for m in groups[k]]
+    surveyed = [(n, *control[k]) for n, k in enumerate(telling) if k in control]
+    own, common = split_common(
+        np.array([m.covariance - np.diag(m.path_sd**2) for m in seen])
+        + limits.FACE_SD_M**2 * np.eye(3),
+        common_effects(seen),
+        number,
+    )
     seen_s, t = np.array([m.time_s for m in seen]), trajectory.t_ns * 1e-9
     ends = np.array([np.floor(t[0] / limits.NODE_S), np.ceil(t[-1] / limits.NODE_S)])
     time = np.union1d(np.arange(ends[0], ends[1] + 1.0) * limits.NODE_S, seen_s)
@@ -70,30 +99,34 @@ def adjust_trajectory(
     sd = np.column_stack([np.interp(time, t, column) for column in known])
     lasting = limits.LASTING_ERROR
     between = between * np.sqrt([1.0 - lasting, 1.0 - lasting, lasting])
-    start = np.array([sightings[groups[k][0]].position for k in telling])
-    own = [m.covariance - np.diag(m.path_sd**2) + limits.FACE_SD_M**2 * np.eye(3) for m in seen] + [
-        covariance for _, _, covariance in surveyed
-    ]
-    sign = np.concatenate([sign, [number for number, _, _ in surveyed]]).astype(np.int64)
-    place = np.array([m.position for m in seen] + [place for _, place, _ in surveyed])
     # a surveyed place is a sighting without the path's errors
+    sign = np.append(number, [n for n, _, _ in surveyed]).astype(np.int64)
     at = np.append(np.searchsorted(time, seen_s), np.zeros(len(surveyed), np.int64))
     certain = np.arange(len(sign)) >= len(seen)
     shared = np.where(certain[:, None], 0.0, sd[at])[:, None] * between[at][:, :, None]
-    information = np.linalg.inv(np.array(own))
-    network = Network(alike, node[at], sign, shared, place - start[sign], information)
-    equations = Equations(network)
-
-    def weigh(square: FloatArray) -> FloatArray:
-        return np.where(certain, 1.0, cauchy_weight(square, limits.HALF_WEIGHT_SIGMAS))
-
-    found = equations.solve(equations.weights(weigh, _ROUNDS))
+    start = placed.place[telling]
+    place = np.array([m.position for m in seen] + [place for _, place, _ in surveyed])
+    information = np.linalg.inv([*own, *(covariance for _, _, covariance in surveyed)])
+    equations = Equations(
+        Network(alike, node[at], sign, shared, place - start[sign], np.asarray(information))
+    )
+    found = equations.solve(stray_weights(equations))
+    placed.place[telling] = start + found.place
+    placed.covariance[telling] = found.place_variances(len(telling)) + (
+        common @ common.swapaxes(1, 2)
+    )
+    placed.by_size[telling] = common[:, :, 0]
     unknown = 3 * node[:, None] + np.arange(3)[:, None]
     posterior = np.sqrt(found.factor.variances_of(unknown, between[:, None]))
-    if posterior.min() > 1.0 - limits.LEAST_ADJUSTMENT:
-        return None
-    error = np.einsum("kp,kpa->ka", between, found.error[node])
-    return Adjustment(time, error * sd, posterior * sd)
+    if not adjust or posterior.min() > 1.0 - limits.LEAST_ADJUSTMENT:
+        return placed, None
+    adjustment = Adjustment(
+        time, np.einsum("kp,kpa->ka", between, found.error[node]) * sd, posterior * sd
+    )
+    for k in set(range(len(groups))) - set(telling):
+        alone = shift_sighting(firsts[k], adjustment)
+        placed.place[k], placed.covariance[k] = alone.position, alone.covariance
+    return placed, adjustment
 
 
 def shift_sighting(sighting: Sighting, adjustment: Adjustment) -> Sighting:

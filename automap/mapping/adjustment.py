@@ -139,7 +139,7 @@ def own_variance(sightings: Sightings, sign: IntArray) -> FloatArray:
 def stray_weights(
     equations: Equations, usual: float = 1.0, square: FloatArray | None = None
 ) -> FloatArray:
-    """Weight [n] of a tile's sightings in plan: less for those that lie too far from their sign.
+    """Weight [n] of a network's sightings: less for those that lie too far from their sign.
 
     Beyond ``STRAY_PROBABILITY``, with the drive's offset taken off, the variance grows with the
     square of the distance in sigmas, ``usual`` times as large as stated as a rule: a stray sighting
@@ -147,7 +147,7 @@ def stray_weights(
     """
     sign = equations.network.sign
     alone = np.bincount(sign)[sign] < limits.STRAY_MEMBERS
-    most = usual * gate(limits.STRAY_PROBABILITY, 2)
+    most = usual * gate(limits.STRAY_PROBABILITY, equations.network.measured.shape[1])
 
     def weigh(square: FloatArray) -> FloatArray:
         return np.where(alone, 1.0, np.minimum(1.0, most / np.maximum(square, 1e-12)))

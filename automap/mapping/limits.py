@@ -182,12 +182,9 @@ AWAY_COSINE = -0.5
 """Faces further turned from one another than 120 deg look the other way."""
 THICKNESS_M = 0.2
 """Face and back of a sign, and the middles of boxes about them, are no further apart."""
-HEIGHT_SLACK_M = 1.0
-"""Heights of a trajectory drift between passes, and no two signs of a class hang one above the
-other."""
 BACK_REACH_M = 3.0
-"""Backs lie no further from their faces, whatever the sigmas. Chosen: merged places are better than
-those of one drive."""
+"""Backs lie no further from their faces, whatever the sigmas. Chosen: less misses backs where a
+trajectory wandered, more takes a grey face across the road for the back."""
 POST_REACH_M = 0.5
 """Signs on one post are no further apart in plan than half a face."""
 POST_LIMIT_M = 1.2

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 
@@ -81,14 +82,14 @@ class Solution:
     factor: Factor
 
     def place_variances(self, count: int) -> FloatArray:
-        """Covariance [count, a, a] of the first places (a at most two), m^2."""
+        """Covariance [count, a, a] of the first places, m^2."""
         axes = self.place.shape[1]
         at = self.error.size + axes * np.arange(count)[:, None] + np.arange(axes)
         own = self.factor.variances_of(at[:, :, None], np.ones(1))
         result = own[:, :, None] * np.eye(axes)
-        if axes == 2:
-            both = self.factor.variances_of(at, np.ones(2))
-            result[:, 0, 1] = result[:, 1, 0] = 0.5 * (both - own.sum(axis=1))
+        for i, j in combinations(range(axes), 2):
+            both = self.factor.variances_of(at[:, [i, j]], np.ones(2))
+            result[:, i, j] = result[:, j, i] = 0.5 * (both - own[:, [i, j]].sum(axis=1))
         return result
 
 

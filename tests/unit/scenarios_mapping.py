@@ -101,10 +101,11 @@ def mapping_places() -> Any:
     from automap.mapping import sureness
     from automap.mapping.association import Members
     from automap.mapping.attributes import combine_attributes
-    from automap.mapping.backs import map_backs, with_backs
+    from automap.mapping.backs import backs, with_backs
     from automap.mapping.by_cells import joined_signs
     from automap.mapping.cells import cell_of
     from automap.mapping.drive_levels import drive_squares, error_levels
+    from automap.mapping.grid import east_north
     from automap.mapping.identity import name_signs, sighting_key
     from automap.mapping.path_errors import Equations
     from automap.mapping.sightings import stack_sightings
@@ -148,14 +149,11 @@ def mapping_places() -> Any:
             ),
             "tiles": [table(list(cut_tiles(lat, lon, n, m))) for n, m in ((5, 20.0), (3, 1.0))],
             "names": name_signs(keys, {2: "s7", 4: "s9"}, {"s7", "s9"}),
-            "backs": map_backs(
-                {
-                    "class_name": names,
-                    "lat": near[0] - 0.6,
-                    "lon": near[1] + 2.6,
-                    "facing_rad": rng.uniform(0.0, 6.0, 12),
-                    "cov_enu": 0.05 * np.broadcast_to(np.eye(3), (12, 3, 3)),
-                }
+            "backs": backs(
+                names,
+                east_north(*near, *near[:, :1]),
+                0.05 * np.broadcast_to(np.eye(2), (12, 2, 2)),
+                rng.uniform(0.0, 6.0, 12),
             ),
             "with": with_backs(np.arange(6), np.arange(3, 9), np.array([-1, 0, 0, -2, -1, 4])),
         }
