@@ -17,7 +17,7 @@ from automap.frames import wrap_pi
 from automap.geolocation import limits
 from automap.geolocation.sightings import Sighting, common_effects
 from automap.mapping.adjustment import stray_weights
-from automap.mapping.path_errors import Equations, Network, path_nodes
+from automap.mapping.path_errors import Equations, network, path_nodes
 from automap.mapping.size_errors import split_common
 from automap.records import FloatArray, Trajectory
 
@@ -82,41 +82,40 @@ def place_signs(
     telling = [k for k, group in enumerate(groups) if len(group) > 1 or k in control]
     if not telling or len(trajectory) < 2:
         return placed, None
-    number = np.repeat(np.arange(len(telling)), [len(groups[k]) for k in telling])
     seen = [sightings[m] for k in telling for m in groups[k]]
-    surveyed = [(n, *control[k]) for n, k in enumerate(telling) if k in control]
+    surveyed = [(number, *control[k]) for number, k in enumerate(telling) if k in control]
+    sign = np.repeat(np.arange(len(telling)), [len(groups[k]) for k in telling])
+    sign = np.append(sign, [number for number, _, _ in surveyed]).astype(np.int64)
+    start = placed.place[telling]
+    place = np.array([m.position for m in seen] + [place for _, place, _ in surveyed])
+    alone = [m.covariance - np.diag(m.path_sd**2) + limits.FACE_SD_M**2 * np.eye(3) for m in seen]
+    # a surveyed place is a sighting without the errors of path, camera and size
+    none = ((0, len(surveyed)), (0, 0))
     own, common = split_common(
-        np.array([m.covariance - np.diag(m.path_sd**2) for m in seen])
-        + limits.FACE_SD_M**2 * np.eye(3),
-        common_effects(seen),
-        number,
+        np.array(alone + [covariance for _, _, covariance in surveyed]),
+        np.pad(common_effects(seen), (*none, (0, 0))),
+        sign,
     )
-    seen_s, t = np.array([m.time_s for m in seen]), trajectory.t_ns * 1e-9
+    t = trajectory.t_ns * 1e-9
     ends = np.array([np.floor(t[0] / limits.NODE_S), np.ceil(t[-1] / limits.NODE_S)])
+    seen_s = np.array([m.time_s for m in seen])
     time = np.union1d(np.arange(ends[0], ends[1] + 1.0) * limits.NODE_S, seen_s)
     alike, node, between = path_nodes(time, np.array([0, len(time)]))
     known = (np.maximum(np.nan_to_num(column), 1e-6) for column in trajectory.sd_pos_ned.T)
     sd = np.column_stack([np.interp(time, t, column) for column in known])
-    lasting = limits.LASTING_ERROR
-    between = between * np.sqrt([1.0 - lasting, 1.0 - lasting, lasting])
-    # a surveyed place is a sighting without the path's errors
-    sign = np.append(number, [n for n, _, _ in surveyed]).astype(np.int64)
-    at = np.append(np.searchsorted(time, seen_s), np.zeros(len(surveyed), np.int64))
-    certain = np.arange(len(sign)) >= len(seen)
-    shared = np.where(certain[:, None], 0.0, sd[at])[:, None] * between[at][:, :, None]
-    start = placed.place[telling]
-    place = np.array([m.position for m in seen] + [place for _, place, _ in surveyed])
-    information = np.linalg.inv([*own, *(covariance for _, _, covariance in surveyed)])
+    at = np.searchsorted(time, seen_s)
+    nodes = alike, node[np.pad(at, none[0])], between[np.pad(at, none[0])]
+    parts = np.sqrt([1.0 - limits.LASTING_ERROR, limits.LASTING_ERROR])
+    shared = np.pad(sd[at], none)
     equations = Equations(
-        Network(alike, node[at], sign, shared, place - start[sign], np.asarray(information))
+        network(nodes, sign, np.tile(parts, (len(sign), 1)), shared, place - start[sign], own)
     )
     found = equations.solve(stray_weights(equations))
     placed.place[telling] = start + found.place
-    placed.covariance[telling] = found.place_variances(len(telling)) + (
-        common @ common.swapaxes(1, 2)
-    )
+    placed.covariance[telling] = found.place_variances(len(telling))
+    placed.covariance[telling] += common @ common.swapaxes(1, 2)
     placed.by_size[telling] = common[:, :, 0]
-    unknown = 3 * node[:, None] + np.arange(3)[:, None]
+    unknown, between = 3 * node[:, None] + np.arange(3)[:, None], between * parts[[0, 0, 1]]
     posterior = np.sqrt(found.factor.variances_of(unknown, between[:, None]))
     if not adjust or posterior.min() > 1.0 - limits.LEAST_ADJUSTMENT:
         return placed, None

@@ -69,6 +69,23 @@ class Network:
     information: FloatArray
 
 
+def network(
+    nodes: tuple[FloatArray, IntArray, FloatArray],
+    sign: IntArray,
+    parts: FloatArray,
+    shared_sd: FloatArray,
+    measured: FloatArray,
+    own: FloatArray,
+) -> Network:
+    """The network of sightings [n] at the ``nodes`` of ``path_nodes``, with the covariance ``own``
+    [n, a, a] of each; ``parts`` [n, 2] of the sd ``shared_sd`` [n, a] of its path that what wanders
+    and what lasts have."""
+    alike, node, between = nodes
+    # what wanders is between two nodes
+    sd = (parts[:, :, None] * shared_sd[:, None])[:, [0, 0, 1]] * between[:, :, None]
+    return Network(alike, node, sign, sd, measured, np.asarray(np.linalg.inv(own), np.float64))
+
+
 @dataclass(frozen=True)
 class Solution:
     """``place`` [m, a] of the signs in m and ``error`` [k, a] of the paths in sigmas, which is

@@ -20,19 +20,15 @@ from automap.records.signs import BY_SIZE
 
 def own_parts(
     sightings: Sightings, rows: IntArray, sign: IntArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Own errors [n, 3] (ee, en, nn) and [n] up, m^2, of some ``rows`` [n] without the common part,
-    and that: [m, 3] east, north, up of every sign, one sigma in m. ``sign`` [n] whose each is."""
+) -> tuple[FloatArray, FloatArray]:
+    """Own errors [n, 3, 3] east, north, up, m^2, of some ``rows`` [n] without the common part, and
+    that: [m, 3] of every sign, one sigma in m. ``sign`` [n] whose each is."""
     effect = np.nan_to_num(np.column_stack([getattr(sightings, name)[rows] for name in BY_SIZE]))
-    plan = sightings.own[rows][:, [0, 1, 1, 2]].reshape(-1, 2, 2)
-    up = sightings.own_u[rows][:, None, None]
-    own_plan, common = split_common(plan, effect[:, :2, None], sign)
-    own_up, common_up = split_common(up, effect[:, 2:, None], sign)
-    return (
-        own_plan.reshape(-1, 4)[:, [0, 1, 3]],
-        own_up[:, 0, 0],
-        np.concatenate([common, common_up], axis=1)[:, :, 0],
-    )
+    own = np.zeros((len(rows), 3, 3))
+    own[:, :2, :2] = sightings.own[rows][:, [0, 1, 1, 2]].reshape(-1, 2, 2)
+    own[:, 2, 2] = sightings.own_u[rows]
+    alone, common = split_common(own, effect[:, :, None], sign)
+    return alone, common[:, :, 0]
 
 
 def split_common(

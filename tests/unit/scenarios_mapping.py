@@ -119,7 +119,7 @@ def mapping_places() -> Any:
     levels = np.sqrt([1.728, 1.152, 0.81])
     tile = Tile(np.arange(3, 9), np.arange(1, 12))
     data = of.tile_data(stacked, members, tile, lat, lon)
-    networks = [of.network_of(stacked, data, levels, axes) for axes in (1, 2)]
+    networks = [of.network_of(stacked, data, levels, axes) for axes in (of.HEIGHT, of.PLAN)]
     homes = np.unique(cell_of(lat, lon)).tolist()
     told = [drive_squares(stacked, sign, home) for home in homes]
     common, factors = error_levels(told, len(drives))
