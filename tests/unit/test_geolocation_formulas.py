@@ -13,7 +13,7 @@ from scipy.optimize import minimize
 from automap.earth import from_local_ned, local_ned
 from automap.frames import rpy_to_matrix
 from automap.gates import gate, sigmas
-from automap.geolocation import control, limits, splitting, tracking
+from automap.geolocation import control, limits, tracking
 from automap.geolocation.bearing_rays import (
     BearingRules,
     Rays,
@@ -369,35 +369,3 @@ def test_a_box_of_a_tracks_number_is_nearer_and_one_of_another_farther(
     if number >= 0 and known:
         wanted += -limits.LINK_OTHER if number in known else limits.LINK_OTHER
     assert cost == pytest.approx(wanted)
-
-
-@pytest.mark.parametrize(
-    ("distances", "adopted"),
-    [
-        ([1.0, 2.0, 3.0, 4.0], 2),  # the first has a box in this frame, the second is of old
-        ([1.0, 1.0, 9.0, 2.0], 3),  # of another class, but nearer by more than that costs
-        ([1.0, 1.0, 8.5, 3.0], 2),
-        ([1.0, 1.0, 99.0, 98.0], -1),
-    ],
-)
-def test_a_loose_box_goes_to_the_nearest_that_may_have_it(
-    distances: list[float], adopted: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    assert 8.5 < 3.0 + limits.LINK_OTHER < 9.5
-    assert 9.0 < limits.LINK_GATE < 98.0
-    views: Any = SimpleNamespace(
-        t_ns=np.array([50, 50, 10, 49, 48]) * 10**9,
-        frame=np.array([7, 7, 1, 6, 5]),
-        class_name=np.array(["a", "a", "a", "a", "b"], object),
-    )
-    marks: Any = [SimpleNamespace(rows=np.array([k])) for k in (1, 2, 3, 4)]
-    span = np.array([[50, 50], [10, 40], [49, 49], [48, 48]]) * 10**9
-    # the second's boxes are of old, though its time reaches near
-    monkeypatch.setattr(
-        splitting, "distances_to", lambda v, some, rows, slack: np.array([distances])
-    )
-    grown: Any = SimpleNamespace(weight=np.ones(2))
-    monkeypatch.setattr(splitting, "fit_landmark", lambda v, rows, prior: grown)
-    found = splitting._adopt(views, 0, marks, span, Any, 20.0)  # type: ignore[arg-type]
-    assert found == adopted
-    assert [m is grown for m in marks] == [k == adopted for k in range(4)]
