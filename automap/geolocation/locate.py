@@ -40,7 +40,7 @@ from automap.geolocation.tracking import link_views
 from automap.geolocation.trajectory_adjustment import AdjustedTrajectory
 from automap.geolocation.views import CameraCorrection, Views, build_views
 from automap.mapping.backs import with_backs
-from automap.mapping.supports import support_numbers
+from automap.mapping.posts import with_supports
 from automap.records import Camera, Detections, IntArray, Sign, SignPoints, Trajectory
 from automap.signs.backs import NO_BACK
 
@@ -190,16 +190,8 @@ def _located(
             record_sign(observations, views, member.landmark, k, sign.id, focal)
     shown = [[(sightings[k], patterns[kept[k]]) for k in group] for group in groups]
     signs = with_conditions(signs, views, shown, detections)
-    if signs:
-        overhead = [sign.side == "overhead" for sign in signs]
-        own = np.array(
-            [min((m.own_cov for m in one), key=lambda c: float(np.trace(c))) for one in joined]
-        )
-        supports = support_numbers(passes.placed.place[numbers], own, overhead)
-        signs = [
-            replace(sign, support=f"p{number + 1:04d}")
-            for sign, number in zip(signs, supports, strict=True)
-        ]
+    own = [min(float(np.trace(m.own_cov[:2, :2])) for m in one) for one in joined]
+    signs = list(with_supports(signs, 0.5 * np.array(own)))
     sentences = warnings_of(
         *(observations, notes == "", signs, corrections),
         *(stated.cameras, stated.rules.focal_sd),

@@ -187,7 +187,7 @@ def geolocation_sightings() -> Any:
     from automap.geolocation.passes import group_sightings, join_passes, of_stretches
     from automap.geolocation.path_relation import make_path
     from automap.geolocation.rules import GeolocationRules
-    from automap.mapping.supports import support_numbers
+    from automap.mapping.posts import support_numbers
     from automap.records import SignPoints
 
     drive, rng = rich_drive(), np.random.default_rng(4)
@@ -274,7 +274,7 @@ def geolocation_sightings() -> Any:
             ],
             "supports": support_numbers(
                 rng.uniform(0.0, 30.0, (25, 3)),
-                rng.uniform(0.01, 0.5, 25)[:, None, None] * np.eye(3),
+                rng.uniform(0.01, 0.5, 25),
                 (rng.random(25) < 0.4).tolist(),
             ),
         }
