@@ -36,11 +36,12 @@ class Adjustment:
 
     def at(self, time_s: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Error and sigma [n, 3] at other times [n]; at the ends the last ones hold."""
-        columns = [
-            np.column_stack([np.interp(time_s, self.time_s, values[:, k]) for k in range(3)])
-            for values in (self.error, self.sd)
-        ]
-        return columns[0], columns[1]
+        return _at(time_s, self.time_s, self.error), _at(time_s, self.time_s, self.sd)
+
+
+def _at(time_s: FloatArray, known_s: FloatArray, values: FloatArray) -> FloatArray:
+    """Values [n, a] at times [n] between those known [k, a]."""
+    return np.column_stack([np.interp(time_s, known_s, column) for column in values.T])
 
 
 @dataclass(frozen=True)
@@ -101,8 +102,7 @@ def place_signs(
     seen_s = np.array([m.time_s for m in seen])
     time = np.union1d(np.arange(ends[0], ends[1] + 1.0) * limits.NODE_S, seen_s)
     alike, node, between = path_nodes(time, np.array([0, len(time)]))
-    known = (np.maximum(np.nan_to_num(column), 1e-6) for column in trajectory.sd_pos_ned.T)
-    sd = np.column_stack([np.interp(time, t, column) for column in known])
+    sd = _at(time, t, np.maximum(np.nan_to_num(trajectory.sd_pos_ned), 1e-6))
     at = np.searchsorted(time, seen_s)
     nodes = alike, node[np.pad(at, none[0])], between[np.pad(at, none[0])]
     parts = np.sqrt([1.0 - limits.LASTING_ERROR, limits.LASTING_ERROR])
@@ -162,7 +162,7 @@ def shifted(
     slope = np.gradient(adjustment.error, adjustment.time_s, axis=0)
     time = np.asarray(trajectory.t_ns * 1e-9, np.float64)
     error, sd = adjustment.at(time)
-    drift = np.column_stack([np.interp(time, adjustment.time_s, slope[:, k]) for k in range(3)])
+    drift = _at(time, adjustment.time_s, slope)
     lat, height = trajectory.lat_rad, trajectory.height_m
     C_here_origin = np.swapaxes(tangent_rotation(lat, trajectory.lon_rad, origin), 1, 2)
     error, drift = (np.einsum("nij,nj->ni", C_here_origin, v) for v in (error, drift))

@@ -9,7 +9,6 @@ their halo only what those before them left, so that every sighting is in one si
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 
@@ -29,16 +28,14 @@ def joined_signs(near: Sightings) -> IntArray:
     by all drives together, until hardly a sign is of other sightings than before. Of signs that
     were founded twice one is left then.
     """
-    found = associate(near)
+    sign = associate(near)
     for _ in range(ROUNDS):
-        before = found.sign
-        found = associate(near, replace(found, offset=offsets_of(near, before)))
+        before, sign = sign, associate(near, sign, offsets_of(near, sign))
         # where a sign is of several of before, or one of before is several now, pairs are more
-        pairs = len(np.unique(np.column_stack([before, found.sign]), axis=0))
-        count = 1 + min(before.max(initial=-1), found.sign.max(initial=-1))
-        if pairs <= (1.0 + SETTLED_SHARE) * count:
+        pairs = len(np.unique(np.column_stack([before, sign]), axis=0))
+        if pairs <= (1.0 + SETTLED_SHARE) * (1 + min(before.max(initial=-1), sign.max(initial=-1))):
             break
-    return found.sign
+    return sign
 
 
 def group_cell(near: Sightings, own: BoolArray, free: BoolArray) -> IntArray:

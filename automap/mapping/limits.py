@@ -182,7 +182,7 @@ AWAY_COSINE = -0.5
 """Faces further turned from one another than 120 deg look the other way."""
 THICKNESS_M = 0.2
 """Face and back of a sign, and the middles of boxes about them, are no further apart."""
-BACK_REACH_M = 3.0
+BACK_REACH_M = 5.0
 """Backs lie no further from their faces, whatever the sigmas. Chosen: less misses backs where a
 trajectory wandered, more takes a grey face across the road for the back."""
 POST_REACH_M = 0.5

@@ -65,6 +65,7 @@ def _drives(length_m: float = 230.0) -> list[Any]:
 def mapping_association() -> Any:
     """Sightings stacked, associated, joined, and what joins them."""
     from automap.mapping import sightings as seen
+    from automap.mapping.adjustment import offsets_of
     from automap.mapping.association import associate, renumbered
     from automap.mapping.by_cells import associate_by_cells
     from automap.mapping.classes import class_evidence
@@ -73,9 +74,9 @@ def mapping_association() -> Any:
     rows = np.arange(len(drives[0]))
     stacked = seen.stack_sightings(drives)
     found = associate(stacked)
-    split = found.sign.copy()
+    split = found.copy()
     split[1::5] += int(split.max()) + 1
-    cut = replace(found, sign=renumbered(split))
+    cut = renumbered(split)
     return levelled(
         {
             "stacked": stacked,
@@ -87,7 +88,7 @@ def mapping_association() -> Any:
                 drives[0].cov_enu, 0.7 * seen.shared_sd(drives[0], rows)
             ),
             "found": found,
-            "again": [associate(stacked, each) for each in (found, cut)],
+            "again": [associate(stacked, each, offsets_of(stacked, each)) for each in (found, cut)],
             "by cells": associate_by_cells(stacked),
             "evidence": class_evidence(stacked.classes),
         }

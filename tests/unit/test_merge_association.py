@@ -132,7 +132,7 @@ def test_neighbours_a_metre_and_a_half_apart_stay_two(same_class: bool) -> None:
 def test_one_drive_never_gives_two_sightings_to_one_sign_in_passing() -> None:
     scene = street_scene(2, 5)
     sightings = stack_sightings(scene.drives)
-    sign = associate(sightings).sign
+    sign = associate(sightings)
     pairs = sightings.drive * (int(sign.max()) + 2) + sign
     assert len(np.unique(pairs)) == len(pairs)
 
@@ -196,7 +196,7 @@ def test_the_order_of_the_drives_is_by_time_and_name() -> None:
 
 def test_no_sightings_make_an_empty_association() -> None:
     sightings = stack_sightings([])
-    assert len(associate(sightings).sign) == 0
+    assert len(associate(sightings)) == 0
 
 
 def test_classes_of_one_group_are_easier_taken_for_one_another() -> None:
