@@ -97,12 +97,12 @@ def place_signs(
         np.pad(common_effects(seen), (*none, (0, 0))),
         sign,
     )
-    t = trajectory.t_ns * 1e-9
+    t = np.asarray(trajectory.t_ns * 1e-9, np.float64)
     ends = np.array([np.floor(t[0] / limits.NODE_S), np.ceil(t[-1] / limits.NODE_S)])
     seen_s = np.array([m.time_s for m in seen])
     time = np.union1d(np.arange(ends[0], ends[1] + 1.0) * limits.NODE_S, seen_s)
     alike, node, between = path_nodes(time, np.array([0, len(time)]))
-    sd = _at(time, t, np.maximum(np.nan_to_num(trajectory.sd_pos_ned), 1e-6))
+    sd = np.maximum(_at(time, t, np.nan_to_num(trajectory.sd_pos_ned)), 1e-6)
     at = np.searchsorted(time, seen_s)
     nodes = alike, node[np.pad(at, none[0])], between[np.pad(at, none[0])]
     parts = np.sqrt([1.0 - limits.LASTING_ERROR, limits.LASTING_ERROR])
@@ -123,8 +123,8 @@ def place_signs(
         time, np.einsum("kp,kpa->ka", between, found.error[node]) * sd, posterior * sd
     )
     for k in set(range(len(groups))) - set(telling):
-        alone = shift_sighting(firsts[k], adjustment)
-        placed.place[k], placed.covariance[k] = alone.position, alone.covariance
+        single = shift_sighting(firsts[k], adjustment)
+        placed.place[k], placed.covariance[k] = single.position, single.covariance
     return placed, adjustment
 
 
