@@ -278,6 +278,15 @@ def test_cameras_do_not_share_their_errors(passes: list[Sighting]) -> None:
     assert np.trace(other) < np.trace(one)
 
 
+def test_a_surveyed_sign_stands_where_the_survey_says(passes: list[Sighting]) -> None:
+    """Camera and size err by decimetres; the survey does not."""
+    surveyed = np.array([0.3, -0.2, 0.1]), np.diag([0.05**2, 0.05**2, 1e6])
+    placed, adjustment = place_signs(drive_path(130.0), passes, [[0, 1, 2]], {0: surveyed})
+    assert adjustment is not None
+    assert placed.place[0, :2] == pytest.approx(surveyed[0][:2], abs=0.05)
+    assert np.sqrt(np.diag(placed.covariance[0]))[:2].max() < 0.06
+
+
 def test_a_sign_of_one_pass_is_as_that_says(passes: list[Sighting]) -> None:
     placed, adjustment = place_signs(drive_path(130.0), passes, [[0], [1], [2]], {})
     assert adjustment is None
