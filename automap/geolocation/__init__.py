@@ -2,6 +2,6 @@
 
 ``views`` turns boxes into rays in one local frame, ``tracking`` links the boxes of one sign
 over the frames, ``landmark`` estimates position and size of a sign from its rays,
-``merging`` joins passes, ``boresight`` estimates what all rays of a camera have
+``passes`` joins passes, ``boresight`` estimates what all rays of a camera have
 in common, ``assembly`` makes the signs, ``locate`` runs it all.
 """

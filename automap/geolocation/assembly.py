@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Sequence
 
 import numpy as np
@@ -10,10 +9,9 @@ import numpy as np
 from automap.earth import from_local_ned, tangent_rotation
 from automap.geolocation import limits
 from automap.geolocation.facing import Facing
-from automap.geolocation.merging import size_effect
 from automap.geolocation.path_relation import Path, roads_at, side_of_path
 from automap.geolocation.rules import GeolocationRules
-from automap.geolocation.sightings import Sighting, class_weights
+from automap.geolocation.sightings import Sighting, class_of, class_weights
 from automap.geolocation.views import Views
 from automap.records import FloatArray, IntArray, Sign
 from automap.signs.vocabulary import load_vocabulary
@@ -24,7 +22,7 @@ C_ENU_NED: FloatArray = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -
 def assemble_sign(
     views: Views,
     sightings: Sequence[Sighting],
-    combined: tuple[FloatArray, FloatArray],
+    combined: tuple[FloatArray, FloatArray, FloatArray],
     path: Path,
     facing: Facing,
     number: int,
@@ -33,7 +31,8 @@ def assemble_sign(
 ) -> Sign:
     """One sign from its sightings (at least one), seen from the views.
 
-    ``combined`` their mean position [3] and its covariance [3, 3] in the local frame.
+    ``combined`` its place [3] by them, the covariance [3, 3] of that and how far a sigma of its
+    size moves it [3], in the local frame.
     The height above the road is the height above the path of the IMU at the point nearest in
     plan plus the given height of the IMU above the road; its sigma is that of the best pass, and
     of the IMU's height. ``facing`` as ``facing.find_facings`` found it; ``existence`` the
@@ -41,13 +40,13 @@ def assemble_sign(
     class; where the detector tells none, times the probability that at least one of the boxes is
     right, a box of score s being right with s / 2: 1 - prod(1 - s_i / 2).
     """
-    position, cov_ned = combined
+    position, cov_ned, moved = combined
     rows = np.sort(np.concatenate([s.landmark.rows for s in sightings]))
     lat, lon, height = (float(v) for v in from_local_ned(position, views.origin))
     to_ned_here = tangent_rotation(np.array([lat]), np.array([lon]), views.origin)[0].T
     C = C_ENU_NED @ to_ned_here
     cov_enu = C @ cov_ned @ C.T
-    by_size = C @ size_effect(sightings)
+    by_size = C @ moved
 
     best = min(sightings, key=lambda s: float(np.trace(s.covariance)))
     seen = views.t_ns[best.landmark.rows]
@@ -61,9 +60,8 @@ def assemble_sign(
     log_sizes = np.array([s.landmark.parameters[3] for s in sightings])
     size = float(np.exp(np.sum(size_weights * log_sizes) / size_weights.sum()))
 
-    scores: Counter[str] = sum((Counter(s.class_score) for s in sightings), Counter())
     status = _status(sightings, size, above_road, len(rows))
-    class_name = max(sorted(scores), key=scores.__getitem__)
+    class_name = class_of(sightings)
     of_class, of_group = class_beliefs(views, rows, class_name)
     wrong = 1.0 - limits.VIEW_EVIDENCE * np.clip(views.score[rows], 0.0, 1.0)
     believed = of_class if np.isfinite(of_class) else float(1.0 - np.prod(wrong))

@@ -18,11 +18,11 @@ from automap.geolocation.boresight import camera_covariances
 from automap.geolocation.class_sizes import usual_sizes
 from automap.geolocation.facing import find_facings
 from automap.geolocation.landmark import SizePrior, fit_landmark
-from automap.geolocation.merging import combine
 from automap.geolocation.pass_errors import solve_with_pass_errors
 from automap.geolocation.path_relation import make_path
 from automap.geolocation.rules import GeolocationRules
 from automap.geolocation.sightings import Sighting, make_sighting
+from automap.geolocation.trajectory_adjustment import place_signs
 from automap.geolocation.views import CameraCorrection, Views, build_views
 from automap.records import BoolArray, Camera, Detections, IntArray, Sign, Trajectory
 
@@ -59,7 +59,8 @@ def locate_chosen(
     path = make_path(trajectory, views.origin)
     facings, _ = find_facings(views, [seen], path)
     # a person says that it is there
-    return assemble_sign(views, seen, combine(seen), path, facings[0], 1, rules, 1.0)
+    placed, _ = place_signs(trajectory, seen, [range(len(seen))], {}, adjust=False)
+    return assemble_sign(views, seen, placed.of(0), path, facings[0], 1, rules, 1.0)
 
 
 def _passes(views: Views) -> list[IntArray]:

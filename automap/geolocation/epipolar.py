@@ -19,6 +19,7 @@ from automap.effects.lens import normalise
 from automap.frames import rpy_to_matrix
 from automap.gates import gate
 from automap.geolocation import limits
+from automap.geolocation.fixed_in_picture import driven_m
 from automap.interpolation import poses_at
 from automap.records import BoolArray, Camera, Detections, FloatArray, IntArray, Trajectory
 
@@ -86,13 +87,9 @@ def pair_geometry(
 def _places_apart(trajectory: Trajectory, t_ns: IntArray) -> BoolArray:
     """Which boxes at ``t_ns`` [n], ascending, are of the first frame from its place, or of the
     first in a while."""
-    since = (trajectory.t_ns - trajectory.t_ns[0]) * 1e-9
-    speed = np.nan_to_num(np.linalg.norm(trajectory.vel_ned, axis=1))
-    way = np.append(0.0, np.cumsum(speed[1:] * np.diff(since)))
     frame, of_box = np.unique(t_ns, return_inverse=True)
-    seconds = (frame - trajectory.t_ns[0]) * 1e-9
-    place = np.floor(np.interp(seconds, since, way) / limits.SAME_PLACE_M)
-    while_ = np.floor(seconds / limits.PAIR_IDLE_S)
+    place = np.floor(driven_m(trajectory, frame) / limits.SAME_PLACE_M)
+    while_ = np.floor((frame - trajectory.t_ns[0]) * 1e-9 / limits.PAIR_IDLE_S)
     first = (np.diff(place, prepend=-1.0) != 0.0) | (np.diff(while_, prepend=np.inf) != 0.0)
     return np.asarray(first[of_box])
 

@@ -9,18 +9,11 @@ from __future__ import annotations
 import math
 
 from automap.gates import gate
-from automap.mapping.limits import AWAY_COSINE as AWAY_COSINE
-from automap.mapping.limits import BACK_PROBABILITY as BACK_PROBABILITY
-from automap.mapping.limits import GANTRY_REACH_M as GANTRY_REACH_M
-from automap.mapping.limits import HEIGHT_SLACK_M as HEIGHT_SLACK_M
 from automap.mapping.limits import LASTING_ERROR as LASTING_ERROR
 from automap.mapping.limits import NODE_S as NODE_S
-from automap.mapping.limits import PATH_CORRELATION_S as PATH_CORRELATION_S
-from automap.mapping.limits import POST_LIMIT_M as POST_LIMIT_M
 from automap.mapping.limits import POST_REACH_M as POST_REACH_M
 from automap.mapping.limits import RATE_SPREAD as RATE_SPREAD
 from automap.mapping.limits import SEEN_FROM_M as SEEN_FROM_M
-from automap.mapping.limits import THICKNESS_M as THICKNESS_M
 
 # a sign and its views
 
@@ -250,17 +243,14 @@ PASS_S = 30.0
 """Longer without a view of a sign is another pass: no block is driven round sooner."""
 APART_PROBABILITY = 1e-3
 """A sign that is seen twice at a time is taken for two so rarely."""
+TWICE_REACH_M = 3.0
+"""Two tracks of one sign are placed no further apart. Chosen: a sign is seen to half a metre or so,
+and posts are no nearer than half of that."""
 FACE_SD_M = 0.1
 """Places of one sign agree to no better than this: the extent of its face."""
-BACK_REACH_M = 5.0
-"""Of backs from their faces, whatever the sigmas. Chosen: less misses backs where the trajectory
-wandered, more takes a grey face across the road for the back."""
 
 # the trajectory, adjusted
 
-HALF_WEIGHT_SIGMAS = 3.0
-"""At which a sighting counts half. Chosen further off than ``robust.CAUCHY``: it has three
-coordinates, which together are 1.7 sigmas long (root mean square)."""
 LEAST_ADJUSTMENT = 0.02
 """Of the trajectory's sigma, what signs must remove somewhere. Chosen: less is no adjustment worth
 a file of its own."""

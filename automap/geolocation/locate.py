@@ -23,7 +23,6 @@ from automap.geolocation.face_sizes import face_odds
 from automap.geolocation.facing import find_facings, narrowest
 from automap.geolocation.landmark import Landmark, SizePrior, fit_landmark
 from automap.geolocation.left_out import no_signs, without
-from automap.geolocation.merging import combine
 from automap.geolocation.pass_errors import solve_with_pass_errors
 from automap.geolocation.passes import join_passes
 from automap.geolocation.path_relation import make_path
@@ -40,8 +39,10 @@ from automap.geolocation.stamp_scatter import stamp_scatter, told, tracked_or_li
 from automap.geolocation.tracking import link_views
 from automap.geolocation.trajectory_adjustment import AdjustedTrajectory
 from automap.geolocation.views import CameraCorrection, Views, build_views
-from automap.mapping.supports import support_numbers
+from automap.mapping.backs import with_backs
+from automap.mapping.posts import with_supports
 from automap.records import Camera, Detections, IntArray, Sign, SignPoints, Trajectory
+from automap.signs.backs import NO_BACK
 
 
 def locate_signs(
@@ -159,39 +160,38 @@ def _located(
     ]
     focal = np.array([focal_length(cameras[name]) for name in views.camera_names])
     passes = join_passes(views, sightings, trajectory, control, rules.adjust_trajectory)
-    sightings, groups = passes.sightings, passes.groups
-    behind: dict[int, int] = {}
-    for number, members_behind in passes.backs.items():
-        rows = np.concatenate([views.row[sightings[k].landmark.rows] for k in members_behind])
-        observations.note[rows] = "back"
-        behind[number] = len(rows)
+    sightings = passes.sightings
+    rows_of = [
+        np.concatenate([views.row[sightings[k].landmark.rows] for k in group])
+        for group in passes.groups
+    ]
+    for rows, front in zip(rows_of, passes.fronts.tolist(), strict=True):
+        if front != NO_BACK:
+            observations.note[rows] = "back"
+    count = np.array([len(rows) for rows in rows_of], np.int64)
+    behind = with_backs(np.zeros_like(count), count, passes.fronts)
     adjusted = None
     if passes.adjustment is not None:
         adjusted = AdjustedTrajectory(trajectory, passes.adjustment, views.origin)
     path = make_path(trajectory, views.origin, passes.adjustment)
+    numbers = np.flatnonzero(passes.fronts == NO_BACK).tolist()
+    groups = [passes.groups[number] for number in numbers]
     joined = [[sightings[k] for k in group] for group in groups]
     facings, faces = find_facings(views, joined, path, narrowest(views))
     signs: list[Sign] = []
-    places, own = [], []
-    for number, (group, members) in enumerate(zip(groups, joined, strict=True), start=1):
-        combined = combine(members, adjusted is not None)
-        facing = facings[number - 1]
+    for number, group, members, facing in zip(numbers, groups, joined, facings, strict=True):
         existence = existence_of([odds[kept[k]] for k in group])
-        sign = assemble_sign(views, members, combined, path, facing, number, rules, existence)
-        signs.append(replace(sign, n_back_views=behind.get(number - 1, 0)))
-        places.append(combined[0])
-        own.append(min((m.own_cov for m in members), key=lambda c: float(np.trace(c))))
+        sign = assemble_sign(
+            *(views, members, passes.placed.of(number), path, facing, len(signs) + 1),
+            *(rules, existence),
+        )
+        signs.append(replace(sign, n_back_views=int(behind[number])))
         for k, member in zip(group, members, strict=True):
             record_sign(observations, views, member.landmark, k, sign.id, focal)
     shown = [[(sightings[k], patterns[kept[k]]) for k in group] for group in groups]
     signs = with_conditions(signs, views, shown, detections)
-    if signs:
-        overhead = [sign.side == "overhead" for sign in signs]
-        numbers = support_numbers(np.array(places), np.array(own), overhead)
-        signs = [
-            replace(sign, support=f"p{number + 1:04d}")
-            for sign, number in zip(signs, numbers, strict=True)
-        ]
+    own = [min(float(np.trace(m.own_cov[:2, :2])) for m in one) for one in joined]
+    signs = list(with_supports(signs, 0.5 * np.array(own)))
     sentences = warnings_of(
         *(observations, notes == "", signs, corrections),
         *(stated.cameras, stated.rules.focal_sd),

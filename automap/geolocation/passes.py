@@ -13,40 +13,42 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial import cKDTree
 from scipy.special import pdtr
 
 from automap.earth import from_local_ned, metres_per_radian
 from automap.geolocation import limits
 from automap.geolocation.control import match_control
-from automap.geolocation.merging import find_backs
-from automap.geolocation.sightings import Sighting
+from automap.geolocation.sightings import Sighting, class_of
 from automap.geolocation.trajectory_adjustment import (
     Adjustment,
-    adjust_trajectory,
+    Placed,
+    place_signs,
     shift_sighting,
 )
 from automap.geolocation.views import Views
 from automap.mapping.association import Members
+from automap.mapping.backs import backs
 from automap.mapping.by_cells import joined_signs
 from automap.mapping.sightings import Sightings
 from automap.records import FloatArray, IntArray, SignPoints, Trajectory
-from automap.signs.backs import BACK_OF_NONE, NO_BACK
+from automap.signs.backs import NO_BACK
 
 _ROUNDS = 4
-"""At most, in which backs and surveyed signs are looked for with the adjusted trajectory."""
+"""At most, in which surveyed signs are looked for with the adjusted trajectory."""
 
 
 @dataclass(frozen=True)
 class Passes:
-    """Sightings as the adjusted trajectory gives them; ``groups`` of their numbers, one a sign;
-    ``backs`` numbers of the sightings that show the backs of signs, by the number of the sign's
-    group (-1: of one that nobody saw from in front); ``controlled`` surveyed
-    place [3] and covariance [3, 3] by the number of a group; ``adjustment`` None where nothing
-    tells the trajectory's error."""
+    """``groups`` of numbers of sightings, one a sign, and how these are ``placed``; ``sightings``
+    as the adjusted trajectory gives them; ``fronts`` of which sign each is the back, as
+    ``fronts_of_backs`` tells; ``controlled`` surveyed place [3] and covariance [3, 3] by the number
+    of a sign; ``adjustment`` None where nothing tells the trajectory's error."""
 
     sightings: list[Sighting]
     groups: list[list[int]]
-    backs: Mapping[int, list[int]]
+    placed: Placed
+    fronts: IntArray
     controlled: Mapping[int, tuple[FloatArray, FloatArray]]
     adjustment: Adjustment | None
 
@@ -58,44 +60,38 @@ def join_passes(
     control: SignPoints | None,
     adjust: bool,
 ) -> Passes:
-    """Group the sightings, and adjust the trajectory by them when ``adjust``."""
-    seen, adjustment = list(sightings), None
-    together = group_sightings(views, sightings)
-    before: list[list[int]] | None = None
+    """Group the sightings and place the signs; ``adjust`` the trajectory by them."""
+    groups = group_sightings(views, sightings)
+    members = [[sightings[m] for m in group] for group in groups]
+    names = [class_of(own) for own in members]
+    towards = np.array([np.sum([s.facing for s in own], axis=0) for own in members]).reshape(-1, 2)
+    frames = [views.frame[np.concatenate([s.landmark.rows for s in own])] for own in members]
+
+    def beside(a: int, b: int) -> bool:
+        """A camera sees one side of a sign."""
+        return bool(np.isin(frames[a], frames[b]).any())
+
+    controlled: dict[int, tuple[FloatArray, FloatArray]] = {}
     for _ in range(_ROUNDS):
-        fronts = find_backs(views, seen, together).tolist()
-        kept = [number for number, front in enumerate(fronts) if front == NO_BACK]
-        backs: dict[int, list[int]] = {}
-        for number, front in enumerate(fronts):
-            if front != NO_BACK:
-                place = -1 if front == BACK_OF_NONE else kept.index(front)
-                backs.setdefault(place, []).extend(together[number])
-        groups = [together[number] for number in kept]
-        controlled = match_control(control, seen, groups, views.origin) if control else {}
-        if not adjust or groups == before:
+        placed, adjustment = place_signs(trajectory, sightings, groups, controlled, adjust)
+        plan, covariance = placed.place[:, :2], placed.covariance[:, :2, :2]
+        fronts = backs(names, plan, covariance, np.arctan2(towards[:, 1], towards[:, 0]), beside)
+        faces = {k: names[k] for k in np.flatnonzero(fronts == NO_BACK).tolist()}
+        before = controlled
+        controlled = match_control(control, faces, placed, views.origin) if control else {}
+        if not adjust or controlled.keys() == before.keys():
             break
-        adjustment = adjust_trajectory(trajectory, sightings, groups, controlled)
-        if adjustment is None:
-            seen = list(sightings)
-            break
-        seen = [shift_sighting(sighting, adjustment) for sighting in sightings]
-        before = groups
-    return Passes(seen, groups, backs, controlled, adjustment)
+    seen = [s if adjustment is None else shift_sighting(s, adjustment) for s in sightings]
+    return Passes(seen, groups, placed, fronts, controlled, adjustment)
 
 
 def group_sightings(views: Views, sightings: Sequence[Sighting]) -> list[list[int]]:
-    """Numbers of the sightings of each sign, in the order of first sight. Sightings that share
-    frames as two signs would are of two."""
+    """Numbers of the sightings of each sign, in the order of first sight."""
     if not sightings:
         return []
-    columns = of_stretches(sightings, views.origin)
-    frames = [np.unique(views.frame[sightings[k].landmark.rows]) for k in columns.row]
-
-    def two(own: IntArray, others: IntArray) -> bool:
-        return any(seen_beside(frames[a], frames[b]) for a in own for b in others)
-
-    sign = joined_signs(columns, two)
-    members = Members(sign)
+    frames = [np.unique(views.frame[sighting.landmark.rows]) for sighting in sightings]
+    columns = of_stretches(sightings, frames, views.origin)
+    members = Members(joined_signs(columns))
     rows = np.split(columns.row[members.order], members.edges[1:-1])
     groups = [sorted(own.tolist()) for own in rows]
     return sorted(groups, key=lambda own: min(int(sightings[m].landmark.rows[0]) for m in own))
@@ -117,16 +113,29 @@ def seen_beside(a: IntArray, b: IntArray) -> bool:
     return bool(pdtr(together, n_a * n_b / float(high - low + 1)) >= limits.APART_PROBABILITY)
 
 
-def of_stretches(sightings: Sequence[Sighting], origin: tuple[float, float, float]) -> Sightings:
+def of_stretches(
+    sightings: Sequence[Sighting],
+    frames: Sequence[IntArray],
+    origin: tuple[float, float, float],
+) -> Sightings:
     """The sightings [n], at least one, as those of drives of ``PASS_S`` and one camera each, which
-    sees a sign once; ``row`` are their numbers. What only a map's signs inherit is not told."""
+    sees a sign once: of two near one another that are not seen beside one another in their
+    ``frames`` [n], as two tracks of one sign, the second is another drive's. ``row`` are their
+    numbers. What only a map's signs inherit is not told."""
     time_s, camera = np.array([(s.time_s, s.camera) for s in sightings]).T
     stretch = np.floor((time_s - time_s.min()) / limits.PASS_S)
-    drive = np.unique(np.column_stack([stretch, camera]), axis=0, return_inverse=True)[1].ravel()
+    turn, place = np.zeros(len(sightings)), np.array([s.position for s in sightings])
+    pairs = cKDTree(place).query_pairs(limits.TWICE_REACH_M, output_type="ndarray")
+    for a, b in pairs[np.lexsort(pairs.T)].tolist():
+        together = stretch[a] == stretch[b] and camera[a] == camera[b]
+        if together and turn[a] == turn[b] and not seen_beside(frames[a], frames[b]):
+            turn[b] += 1.0
+    looks = np.column_stack([stretch, camera, turn])
+    drive = np.unique(looks, axis=0, return_inverse=True)[1].ravel()
     order = np.lexsort([time_s, drive])
     seen, time_s, drive = [sightings[k] for k in order], time_s[order], drive[order]
     n = len(seen)
-    lat, lon, height = from_local_ned(np.array([s.position for s in seen]), origin)
+    lat, lon, height = from_local_ned(place[order], origin)
     per_lat, per_lon = metres_per_radian(lat, height)
     # places of one sign agree to no better than the extent of its face
     own = np.array([s.covariance - np.diag(s.path_sd**2) for s in seen])

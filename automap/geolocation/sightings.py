@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
@@ -56,8 +57,27 @@ class Sighting:
 
     @property
     def class_name(self) -> str:
-        """The class with the highest sum of scores; the alphabet decides between equals."""
-        return max(sorted(self.class_score), key=self.class_score.__getitem__)
+        """The class with the highest sum of scores."""
+        return class_of([self])
+
+
+def class_of(sightings: Sequence[Sighting]) -> str:
+    """The class with the highest sum of scores; the alphabet decides between equals."""
+    scores: Counter[str] = sum((Counter(s.class_score) for s in sightings), Counter())
+    return max(sorted(scores), key=scores.__getitem__)
+
+
+def common_effects(sightings: Sequence[Sighting]) -> FloatArray:
+    """How far a sigma of each of what sightings [n] have in common moves their places: [n, 3, e] m,
+    of the size of the sign, and of what is wrong of each camera."""
+    cameras = 1 + max(s.camera for s in sightings)
+    effects = np.zeros((len(sightings), 3, 1 + N_CAMERA * cameras))
+    for own, s in zip(effects, sightings, strict=True):
+        variances, axes = np.linalg.eigh(s.camera_cov)
+        own[:, 0], first = s.size_effect, 1 + N_CAMERA * s.camera
+        root = axes * np.sqrt(np.maximum(variances, 0.0))
+        own[:, first : first + N_CAMERA] = s.camera_effect @ root
+    return effects
 
 
 def _by_size(views: Views, landmark: Landmark, size: SizePrior) -> FloatArray:

@@ -1,4 +1,4 @@
-"""The trajectory, adjusted weakly by signs seen again and by surveyed ones.
+"""Where signs stand by all passes, and the trajectory, adjusted weakly by those seen again.
 
 A sign seen in two passes says how the trajectory's errors of the two differ, a control sign
 what they are (``path_errors.py``). What no sign tells keeps its prior, so that parts of a drive
@@ -15,13 +15,12 @@ import numpy as np
 from automap.earth import metres_per_radian, tangent_rotation
 from automap.frames import wrap_pi
 from automap.geolocation import limits
-from automap.geolocation.sightings import Sighting
-from automap.mapping.path_errors import Equations, Network, path_nodes
+from automap.geolocation.sightings import Sighting, common_effects
+from automap.mapping.adjustment import stray_weights
+from automap.mapping.path_errors import Equations, network, path_nodes
+from automap.mapping.size_errors import split_common
 from automap.records import FloatArray, Trajectory
-from automap.robust import cauchy_weight
 
-_ROUNDS = 3
-"""Of the weights."""
 _ROWS = 1 << 16
 """Of a long trajectory that are moved at once; to move each takes 300 bytes."""
 
@@ -37,63 +36,96 @@ class Adjustment:
 
     def at(self, time_s: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Error and sigma [n, 3] at other times [n]; at the ends the last ones hold."""
-        columns = [
-            np.column_stack([np.interp(time_s, self.time_s, values[:, k]) for k in range(3)])
-            for values in (self.error, self.sd)
-        ]
-        return columns[0], columns[1]
+        return _at(time_s, self.time_s, self.error), _at(time_s, self.time_s, self.sd)
 
 
-def adjust_trajectory(
+def _at(time_s: FloatArray, known_s: FloatArray, values: FloatArray) -> FloatArray:
+    """Values [n, a] at times [n] between those known [k, a]."""
+    return np.column_stack([np.interp(time_s, known_s, column) for column in values.T])
+
+
+@dataclass(frozen=True)
+class Placed:
+    """Signs [m] of a drive in the local frame (NED), m: ``place`` [m, 3], ``covariance`` [m, 3, 3],
+    and ``by_size`` [m, 3] how far a sigma of the sizes that they were taken for moves them."""
+
+    place: FloatArray
+    covariance: FloatArray
+    by_size: FloatArray
+
+    def of(self, number: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """One of the signs."""
+        return self.place[number], self.covariance[number], self.by_size[number]
+
+
+def place_signs(
     trajectory: Trajectory,
     sightings: Sequence[Sighting],
     groups: Sequence[Sequence[int]],
     control: Mapping[int, tuple[FloatArray, FloatArray]],
-) -> Adjustment | None:
-    """The trajectory's error from ``groups`` of sightings, each of one sign.
+    adjust: bool = True,
+) -> tuple[Placed, Adjustment | None]:
+    """The signs of ``groups`` of sightings, and, to ``adjust`` the trajectory, its error as these
+    tell it.
 
     ``control`` gives for the number of a group its surveyed place [3] in the local frame and
-    the covariance [3, 3] of that (a coordinate not surveyed has a large variance). None where
-    no sign was seen twice or surveyed, or where that tells next to nothing.
+    the covariance [3, 3] of that (a coordinate not surveyed has a large variance). No error
+    where no sign was seen twice or surveyed, or where that tells next to nothing. What is wrong of
+    a camera or of the size that a sign was taken for is common to its sightings
+    (``size_errors.py``).
     """
+    firsts = [sightings[group[0]] for group in groups]
+    placed = Placed(
+        np.array([s.position for s in firsts]).reshape(-1, 3),
+        np.array([s.covariance for s in firsts]).reshape(-1, 3, 3),
+        np.array([s.size_effect for s in firsts]).reshape(-1, 3),
+    )
     telling = [k for k, group in enumerate(groups) if len(group) > 1 or k in control]
     if not telling or len(trajectory) < 2:
-        return None
-    members = [(sightings[m], number) for number, k in enumerate(telling) for m in groups[k]]
-    seen, sign = [sighting for sighting, _ in members], np.array([n for _, n in members])
+        return placed, None
+    seen = [sightings[m] for k in telling for m in groups[k]]
     surveyed = [(number, *control[k]) for number, k in enumerate(telling) if k in control]
-    seen_s, t = np.array([m.time_s for m in seen]), trajectory.t_ns * 1e-9
+    sign = np.repeat(np.arange(len(telling)), [len(groups[k]) for k in telling])
+    sign = np.append(sign, [number for number, _, _ in surveyed]).astype(np.int64)
+    start = placed.place[telling]
+    place = np.array([m.position for m in seen] + [place for _, place, _ in surveyed])
+    alone = [m.covariance - np.diag(m.path_sd**2) + limits.FACE_SD_M**2 * np.eye(3) for m in seen]
+    # a surveyed place is a sighting without the errors of path, camera and size
+    none = ((0, len(surveyed)), (0, 0))
+    own, common = split_common(
+        np.array(alone + [covariance for _, _, covariance in surveyed]),
+        np.pad(common_effects(seen), (*none, (0, 0))),
+        sign,
+    )
+    t = np.asarray(trajectory.t_ns * 1e-9, np.float64)
     ends = np.array([np.floor(t[0] / limits.NODE_S), np.ceil(t[-1] / limits.NODE_S)])
+    seen_s = np.array([m.time_s for m in seen])
     time = np.union1d(np.arange(ends[0], ends[1] + 1.0) * limits.NODE_S, seen_s)
     alike, node, between = path_nodes(time, np.array([0, len(time)]))
-    known = (np.maximum(np.nan_to_num(column), 1e-6) for column in trajectory.sd_pos_ned.T)
-    sd = np.column_stack([np.interp(time, t, column) for column in known])
-    lasting = limits.LASTING_ERROR
-    between = between * np.sqrt([1.0 - lasting, 1.0 - lasting, lasting])
-    start = np.array([sightings[groups[k][0]].position for k in telling])
-    own = [m.covariance - np.diag(m.path_sd**2) + limits.FACE_SD_M**2 * np.eye(3) for m in seen] + [
-        covariance for _, _, covariance in surveyed
-    ]
-    sign = np.concatenate([sign, [number for number, _, _ in surveyed]]).astype(np.int64)
-    place = np.array([m.position for m in seen] + [place for _, place, _ in surveyed])
-    # a surveyed place is a sighting without the path's errors
-    at = np.append(np.searchsorted(time, seen_s), np.zeros(len(surveyed), np.int64))
-    certain = np.arange(len(sign)) >= len(seen)
-    shared = np.where(certain[:, None], 0.0, sd[at])[:, None] * between[at][:, :, None]
-    information = np.linalg.inv(np.array(own))
-    network = Network(alike, node[at], sign, shared, place - start[sign], information)
-    equations = Equations(network)
-
-    def weigh(square: FloatArray) -> FloatArray:
-        return np.where(certain, 1.0, cauchy_weight(square, limits.HALF_WEIGHT_SIGMAS))
-
-    found = equations.solve(equations.weights(weigh, _ROUNDS))
-    unknown = 3 * node[:, None] + np.arange(3)[:, None]
+    sd = np.maximum(_at(time, t, np.nan_to_num(trajectory.sd_pos_ned)), 1e-6)
+    at = np.searchsorted(time, seen_s)
+    nodes = alike, node[np.pad(at, none[0])], between[np.pad(at, none[0])]
+    parts = np.sqrt([1.0 - limits.LASTING_ERROR, limits.LASTING_ERROR])
+    shared = np.pad(sd[at], none)
+    equations = Equations(
+        network(nodes, sign, np.tile(parts, (len(sign), 1)), shared, place - start[sign], own)
+    )
+    found = equations.solve(stray_weights(equations))
+    placed.place[telling] = start + found.place
+    placed.covariance[telling] = found.place_variances(len(telling))
+    placed.covariance[telling] += common @ common.swapaxes(1, 2)
+    placed.by_size[telling] = common[:, :, 0]
+    unknown, between = 3 * node[:, None] + np.arange(3)[:, None], between * parts[[0, 0, 1]]
     posterior = np.sqrt(found.factor.variances_of(unknown, between[:, None]))
-    if posterior.min() > 1.0 - limits.LEAST_ADJUSTMENT:
-        return None
-    error = np.einsum("kp,kpa->ka", between, found.error[node])
-    return Adjustment(time, error * sd, posterior * sd)
+    if not adjust or posterior.min() > 1.0 - limits.LEAST_ADJUSTMENT:
+        return placed, None
+    adjustment = Adjustment(
+        time, np.einsum("kp,kpa->ka", between, found.error[node]) * sd, posterior * sd
+    )
+    for k in set(range(len(groups))) - set(telling):
+        single = shift_sighting(firsts[k], adjustment)
+        placed.place[k], placed.covariance[k] = single.position, single.covariance
+    return placed, adjustment
 
 
 def shift_sighting(sighting: Sighting, adjustment: Adjustment) -> Sighting:
@@ -130,7 +162,7 @@ def shifted(
     slope = np.gradient(adjustment.error, adjustment.time_s, axis=0)
     time = np.asarray(trajectory.t_ns * 1e-9, np.float64)
     error, sd = adjustment.at(time)
-    drift = np.column_stack([np.interp(time, adjustment.time_s, slope[:, k]) for k in range(3)])
+    drift = _at(time, adjustment.time_s, slope)
     lat, height = trajectory.lat_rad, trajectory.height_m
     C_here_origin = np.swapaxes(tangent_rotation(lat, trajectory.lon_rad, origin), 1, 2)
     error, drift = (np.einsum("nij,nj->ni", C_here_origin, v) for v in (error, drift))

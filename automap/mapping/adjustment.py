@@ -6,6 +6,8 @@ import os
 from collections.abc import Callable, Container, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -14,7 +16,7 @@ from automap.frames import wrap_pi
 from automap.gates import gate
 from automap.mapping import limits
 from automap.mapping.association import Members
-from automap.mapping.path_errors import Equations, Network, path_nodes
+from automap.mapping.path_errors import Equations, Network, network, path_nodes
 from automap.mapping.sightings import Sightings
 from automap.mapping.size_errors import own_parts
 from automap.mapping.tiles import Tile, cut_tiles
@@ -24,6 +26,8 @@ _NO_HEIGHT = 1e12
 """Variance of a height that is not known, m^2."""
 _REWEIGHTINGS = 3
 """Times that stray sightings are looked for anew."""
+PLAN, HEIGHT = slice(0, 2), slice(2, 3)
+"""Of east, north and up."""
 
 
 @dataclass(frozen=True)
@@ -49,9 +53,8 @@ class Adjusted:
 class TileData:
     """Sightings of a tile's signs: ``rows`` [n] of all sightings, ``first`` [d + 1] where each
     drive begins, ``sign`` [n] place in ``tile.signs``, ``measured`` [n, 3] east, north, up of
-    ``origin`` (lat, lon rad, height m); ``own`` [n, 3] (ee, en, nn) and ``own_u`` [n] of each
-    sighting's own error, without what all of a sign's have in common: ``common`` [m, 3] east,
-    north, up of every sign of the tile, one sigma."""
+    ``origin`` (lat, lon rad, height m); ``own`` [n, 3, 3] m^2 of each sighting's own error, without
+    what all of a sign's have in common: ``common`` [m, 3] of every sign of the tile, one sigma."""
 
     tile: Tile
     rows: IntArray
@@ -60,7 +63,6 @@ class TileData:
     measured: FloatArray
     origin: tuple[float, float, float]
     own: FloatArray
-    own_u: FloatArray
     common: FloatArray
 
 
@@ -88,13 +90,10 @@ def adjust(
         lost[0], lost[1], lost[2], np.full((m, 3, 3), np.nan), np.zeros((n, 3)),
         sums[0], sums[1], sums[2],
     )  # fmt: skip
-    lat, lon = rough_places(sightings, sign)
-    members = Members(sign)
-    tiles = list(cut_tiles(lat, lon, only=only))
+    tiles = list(tiles_of(sightings, sign, only=only))
 
-    def work(tile: Tile) -> tuple[IntArray, FloatArray]:
-        data = tile_data(sightings, members, tile, lat, lon)
-        return _place(result, sightings, data, levels, factors)
+    def work(told: Callable[[], TileData]) -> tuple[IntArray, FloatArray]:
+        return _place(result, sightings, told(), levels, factors)
 
     # cells are placed by several processes at once
     with ThreadPoolExecutor(max(1, os.cpu_count() or 1) if only is None else 1) as pool:
@@ -111,12 +110,10 @@ def offsets_of(sightings: Sightings, sign: IntArray) -> FloatArray:
     """Offset [n, 3] m east, north, up of each sighting's drive there, as of ``adjust`` where every
     sighting counts as stated and no covariance is asked for, a quarter of the work."""
     offset = np.zeros((len(sightings), 3))
-    lat, lon = rough_places(sightings, sign)
-    members, levels = Members(sign), np.ones(3)
-    for tile in cut_tiles(lat, lon):
-        data = tile_data(sightings, members, tile, lat, lon)
-        own = data.sign < len(tile.core)
-        for equations, axes in _by_axes(sightings, data, levels):
+    for told in tiles_of(sightings, sign):
+        data = told()
+        own = data.sign < len(data.tile.core)
+        for equations, axes in _by_axes(sightings, data, np.ones(3)):
             offset[data.rows[own], axes] = equations.solve().moved[own]
     return offset
 
@@ -139,7 +136,7 @@ def own_variance(sightings: Sightings, sign: IntArray) -> FloatArray:
 def stray_weights(
     equations: Equations, usual: float = 1.0, square: FloatArray | None = None
 ) -> FloatArray:
-    """Weight [n] of a tile's sightings in plan: less for those that lie too far from their sign.
+    """Weight [n] of a network's sightings: less for those that lie too far from their sign.
 
     Beyond ``STRAY_PROBABILITY``, with the drive's offset taken off, the variance grows with the
     square of the distance in sigmas, ``usual`` times as large as stated as a rule: a stray sighting
@@ -147,7 +144,7 @@ def stray_weights(
     """
     sign = equations.network.sign
     alone = np.bincount(sign)[sign] < limits.STRAY_MEMBERS
-    most = usual * gate(limits.STRAY_PROBABILITY, 2)
+    most = usual * gate(limits.STRAY_PROBABILITY, equations.network.measured.shape[1])
 
     def weigh(square: FloatArray) -> FloatArray:
         return np.where(alone, 1.0, np.minimum(1.0, most / np.maximum(square, 1e-12)))
@@ -177,54 +174,50 @@ def tile_data(
     return TileData(tile, rows, first.astype(np.int64), place, measured, origin, *own)
 
 
-def cell_tiles(sightings: Sightings, sign: IntArray, cell: int) -> list[TileData]:
-    """The tiles of a cell, without margins; ``sign`` [n] whose each sighting is."""
+def tiles_of(sightings: Sightings, sign: IntArray, **cut: Any) -> Iterator[Callable[[], TileData]]:
+    """What makes the tiles of the signs, as ``cut_tiles`` cuts them; ``sign`` [n] whose each
+    sighting is."""
     lat, lon = rough_places(sightings, sign)
-    members, tiles = Members(sign), cut_tiles(lat, lon, margin_m=0.0, only={cell})
-    return [tile_data(sightings, members, tile, lat, lon) for tile in tiles]
+    members = Members(sign)
+    for tile in cut_tiles(lat, lon, **cut):
+        yield partial(tile_data, sightings, members, tile, lat, lon)
 
 
 def network_of(
     sightings: Sightings,
     data: TileData,
     levels: FloatArray,
-    axes: int,
+    axes: slice,
     factors: FloatArray | None = None,
 ) -> Network:
-    """A tile's sightings in plan (two axes) or in height (one); an unknown height tells nothing.
+    """A tile's sightings in the ``PLAN`` or in ``HEIGHT``; an unknown height tells nothing.
 
     ``levels`` [3] factors on the stated sd of what wanders and what lasts of a path's error and of
     a sighting's own, ``factors`` [d, 3] of each drive on these. Errors that last are smaller than
     stated in plan only, where that was found: heights err by the air as well.
     """
     rows, n = data.rows, len(data.rows)
-    alike, node, between = path_nodes(sightings.time_s[rows], data.first)
-    wanders, lasts = levels[:2] ** 2 * [1.0 - limits.LASTING_ERROR, limits.LASTING_ERROR]
-    parts = np.sqrt([[wanders], [lasts if axes == 2 else max(lasts, 1.0 - wanders)]])
+    nodes = path_nodes(sightings.time_s[rows], data.first)
     by_drive = np.ones((n, 3)) if factors is None else factors[sightings.drive[rows]]
-    own_level = (levels[2] * by_drive[:, 2, None, None]) ** 2
-    if axes == 2:
-        parts = parts * by_drive[:, :2, None]
-        own = own_level * data.own[:, [0, 1, 1, 2]].reshape(-1, 2, 2)
-        shared, measured = sightings.shared_sd[rows, :2], data.measured[:, :2]
-    else:
-        known = np.isfinite(data.measured[:, 2:])
-        own = np.where(known[:, :, None], own_level * data.own_u[:, None, None], _NO_HEIGHT)
-        shared = np.where(known, sightings.shared_sd[rows, 2:], 0.0)
-        measured = np.where(known, data.measured[:, 2:], 0.0)
-    information = np.asarray(np.linalg.inv(own), np.float64)
-    # what wanders is between two nodes
-    sd = (parts * shared[:, None])[:, [0, 0, 1]] * between[:, :, None]
-    return Network(alike, node, data.sign, sd, measured, information)
+    own = (levels[2] * by_drive[:, 2, None, None]) ** 2 * data.own[:, axes, axes]
+    wanders, lasts = levels[:2] ** 2 * [1.0 - limits.LASTING_ERROR, limits.LASTING_ERROR]
+    parts = np.sqrt([wanders, lasts]) * by_drive[:, :2]
+    if axes == HEIGHT:
+        parts = np.tile(np.sqrt([wanders, max(lasts, 1.0 - wanders)]), (n, 1))
+    known = np.isfinite(data.measured[:, axes])
+    own = np.where(known[:, :, None], own, _NO_HEIGHT)
+    shared = np.where(known, sightings.shared_sd[rows, axes], 0.0)
+    measured = np.where(known, data.measured[:, axes], 0.0)
+    return network(nodes, data.sign, parts, shared, measured, own)
 
 
 def _by_axes(
     sightings: Sightings, data: TileData, levels: FloatArray, factors: FloatArray | None = None
 ) -> Iterator[tuple[Equations, slice]]:
     """The equations of a tile in plan and in height, and which of the three axes these are."""
-    plan = Equations(network_of(sightings, data, levels, 2, factors))
-    yield plan, slice(0, 2)
-    yield Equations(network_of(sightings, data, levels, 1, factors), plan.order), slice(2, 3)
+    plan = Equations(network_of(sightings, data, levels, PLAN, factors))
+    yield plan, PLAN
+    yield Equations(network_of(sightings, data, levels, HEIGHT, factors), plan.order), HEIGHT
 
 
 def _place(

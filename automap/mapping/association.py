@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from automap.jit import kernel
@@ -29,35 +27,24 @@ _SETTLING = 20
 """Turns of assignment and smoothing, at most."""
 
 
-@dataclass(frozen=True)
-class Association:
-    """``sign`` [n] the map sign of every sighting, numbered from 0 in the order of first
-    mention; ``offset`` [n, 3] m east, north, up by which its drive is off there, relative to
-    the map as a whole, and ``offset_var`` [n, 3]."""
-
-    sign: IntArray
-    offset: FloatArray
-    offset_var: FloatArray
-
-
-def associate(sightings: Sightings, before: Association | None = None) -> Association:
-    """Group the sightings into signs.
+def associate(
+    sightings: Sightings, sign: IntArray | None = None, offset: FloatArray | None = None
+) -> IntArray:
+    """The map sign [n] of every sighting, numbered from 0 in the order of first mention.
 
     Drive after drive is laid over the map: its offset found by vote and smoothed along the drive,
     its sightings then given to map signs one to one, the rest made new signs. The map is of the
-    drives before it, or, with an association ``before``, of all others in that.
+    drives before it, or, with a ``sign`` [n] of each sighting and an ``offset`` [n, 3] m east,
+    north, up by which its drive is off there, of all others.
     """
     n = len(sightings)
-    sign = np.full(n, -1, np.int64)
-    offset, offset_var = np.zeros((n, 3)), np.zeros((n, 3))
-    if n == 0:
-        return Association(sign, offset, offset_var)
-    if before is not None:
-        sign[:], offset[:] = before.sign, before.offset
-    evidence = class_evidence(sightings.classes)
-    signs, seen = empty_map(2 * n), columns_of(sightings)
-    _associate(sightings.first, seen, evidence, signs, sign, offset, offset_var)
-    return Association(renumbered(sign), offset, offset_var)
+    found = np.full(n, -1, np.int64) if sign is None else sign.copy()
+    moved = np.zeros((n, 3)) if offset is None else offset.copy()
+    if n:
+        evidence = class_evidence(sightings.classes)
+        signs, seen = empty_map(2 * n), columns_of(sightings)
+        _associate(sightings.first, seen, evidence, signs, found, moved)
+    return renumbered(found)
 
 
 class Members:
@@ -124,11 +111,9 @@ def _associate(
     signs: MapSigns,
     sign: IntArray,
     offset: FloatArray,
-    offset_var: FloatArray,
 ) -> None:
     taken = np.zeros(len(signs.active), np.bool_)
-    # of one type from the first, for a literal what is called would be compiled once more
-    count = np.int64(0)
+    count = 0
     for i in range(len(sign)):
         if sign[i] >= 0:
             if sign[i] >= count:
@@ -146,7 +131,7 @@ def _associate(
         values = np.empty((hi - lo, limits.MOST, PLACES))
         find_candidates(lo, hi, seen, evidence, signs, index, values)
         time_s, shared_sd = seen.time_s[lo:hi], seen.shared_sd[lo:hi]
-        here, here_var = offset[lo:hi], offset_var[lo:hi]
+        here, here_var = offset[lo:hi], np.empty((hi - lo, 3))
         chosen = np.empty(hi - lo, np.int64)
         vote(time_s, shared_sd, index, values, here, here_var)
         assign(index, values, here, here_var, chosen, taken)

@@ -1,15 +1,13 @@
-"""Map signs that are the backs of others, which drives the other way saw."""
+"""Signs that are the backs of others, which passes or drives the other way saw."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
 from automap.gates import gate
 from automap.mapping import limits
-from automap.mapping.grid import east_north
 from automap.records import FloatArray, IntArray
 from automap.signs.backs import fronts_of_backs
 
@@ -22,25 +20,22 @@ def with_backs(n_back_views: IntArray, n_views: IntArray, fronts: IntArray) -> I
     return total
 
 
-def are_two_sides(difference: FloatArray, covariance: FloatArray, cosine: float) -> bool:
-    """Whether two faces may be face and back of one sign, by the ``difference`` [a] of their
-    places, in plan or with the height, m, its covariance [a, a], and the cosine between them."""
-    slack = [limits.THICKNESS_M, limits.THICKNESS_M, limits.HEIGHT_SLACK_M][: len(difference)]
-    square = difference @ np.linalg.solve(covariance + np.diag(slack) ** 2, difference)
-    return bool(cosine < limits.AWAY_COSINE and square < gate(limits.BACK_PROBABILITY, len(slack)))
-
-
-def map_backs(columns: Mapping[str, Any]) -> IntArray:
-    """Of which of the map signs of ``columns`` [n] each is the back, as ``fronts_of_backs``
-    tells."""
-    lat, lon, cov_enu = columns["lat"], columns["lon"], columns["cov_enu"]
-    place = east_north(lat, lon, lat[:1], lon[:1])
+def backs(
+    names: Sequence[str],
+    place: FloatArray,
+    covariance: FloatArray,
+    facing: FloatArray,
+    beside: Callable[[int, int], bool] = lambda a, b: False,
+) -> IntArray:
+    """Of which of the signs [n] each is the back, as ``fronts_of_backs`` tells: of class ``names``
+    at ``place`` [n, 2] m of ``covariance`` [n, 2, 2], facing rad. None that was seen ``beside``
+    another is the back of that."""
 
     def apart(a: int, b: int) -> float:
-        offset, total = place[a] - place[b], (cov_enu[a] + cov_enu[b])[:2, :2]
-        turn = columns["facing_rad"][a] - columns["facing_rad"][b]
-        two_sides = are_two_sides(offset, total, float(np.cos(turn)))
+        offset, total = place[a] - place[b], covariance[a] + covariance[b]
+        square = offset @ np.linalg.solve(total + limits.THICKNESS_M**2 * np.eye(2), offset)
+        away = np.cos(facing[a] - facing[b]) < limits.AWAY_COSINE
+        two_sides = away and square < gate(limits.BACK_PROBABILITY, 2) and not beside(a, b)
         return float(np.hypot(*offset)) if two_sides else np.inf
 
-    own = np.arange(len(lat))
-    return fronts_of_backs(columns["class_name"], own, place, limits.BACK_REACH_M, apart)
+    return fronts_of_backs(names, place, limits.BACK_REACH_M, apart)

@@ -9,34 +9,31 @@ their halo only what those before them left, so that every sighting is in one si
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 
 from automap.mapping.adjustment import offsets_of
 from automap.mapping.association import associate, renumbered
 from automap.mapping.cells import cell_of, colour_of, meets, squares
-from automap.mapping.duplicates import TwoSigns, join_duplicates
 from automap.mapping.limits import HALO_M, ROUNDS, SETTLED_SHARE
 from automap.mapping.sightings import Sightings
 from automap.records import BoolArray, IntArray
 
 
-def joined_signs(near: Sightings, two: TwoSigns = lambda a, b: False) -> IntArray:
-    """The signs [n] of the sightings ``near`` [n]; ``two`` as ``join_duplicates`` has it.
+def joined_signs(near: Sightings) -> IntArray:
+    """The signs [n] of the sightings ``near`` [n].
 
     Each drive that founds signs gives the map a frame of its own, and where two of these meet no
     offset of a third fits both: so each drive is laid over the map of all others again, now placed
-    by all drives together, until hardly a sign is of other sightings than before.
+    by all drives together, until hardly a sign is of other sightings than before. Of signs that
+    were founded twice one is left then.
     """
-    found = associate(near)
-    sign = join_duplicates(near, found, two)
+    sign = associate(near)
     for _ in range(ROUNDS):
-        found = associate(near, replace(found, sign=sign, offset=offsets_of(near, sign)))
-        before, sign = sign, join_duplicates(near, found, two)
+        before, sign = sign, associate(near, sign, offsets_of(near, sign))
         # where a sign is of several of before, or one of before is several now, pairs are more
         pairs = len(np.unique(np.column_stack([before, sign]), axis=0))
-        if pairs <= (1.0 + SETTLED_SHARE) * min(len(np.unique(before)), len(np.unique(sign))):
+        if pairs <= (1.0 + SETTLED_SHARE) * (1 + min(before.max(initial=-1), sign.max(initial=-1))):
             break
     return sign
 

@@ -17,7 +17,7 @@ import numpy as np
 
 from automap.gates import gate
 from automap.mapping import limits
-from automap.mapping.adjustment import TileData, cell_tiles, network_of, stray_weights
+from automap.mapping.adjustment import PLAN, TileData, network_of, stray_weights, tiles_of
 from automap.mapping.path_errors import Equations
 from automap.mapping.sightings import Sightings
 from automap.records import FloatArray, IntArray
@@ -38,11 +38,11 @@ def drive_squares(sightings: Sightings, sign: IntArray, cell: int) -> tuple[IntA
     What is told depends on how large it is, so the drives' levels, as far as the cell knows them,
     take the place of the stated ones (Fisher scoring).
     """
-    tiles = cell_tiles(sightings, sign, cell)
+    tiles = [told() for told in tiles_of(sightings, sign, margin_m=0.0, only={cell})]
     if not tiles:
         return np.zeros(0, np.int64), np.zeros((0, 3, 2))
     stated, factors = np.ones(3), np.ones((sightings.n_drives, 3))
-    whole = [Equations(network_of(sightings, data, stated, 2)) for data in tiles]
+    whole = [Equations(network_of(sightings, data, stated, PLAN)) for data in tiles]
     # what is stray is judged by how far sightings usually are
     far = [equations.solve().square for equations in whole]
     usual = max(1.0, float(np.median(np.concatenate(far))) / gate(0.5, 2))
@@ -50,7 +50,7 @@ def drive_squares(sightings: Sightings, sign: IntArray, cell: int) -> tuple[IntA
     for _ in range(_ROUNDS):
         total, count = np.zeros((sightings.n_drives, 3, 2)), np.zeros(sightings.n_drives)
         for data, first, weight in zip(tiles, whole, weights, strict=True):
-            network = network_of(sightings, data, stated, 2, factors)
+            network = network_of(sightings, data, stated, PLAN, factors)
             seen = np.unique(sightings.drive[data.rows])
             total[seen] += _squares(Equations(network, first.order), weight, data, len(seen))
             count[seen] += 1.0

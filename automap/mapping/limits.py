@@ -54,6 +54,9 @@ HALO_M = 400.0
 """Round a cell, what is looked at with it. A drive's offset, from signs every 40 m that are seen to
 half a metre, forgets what is further off than some 100 m; four times that leaves a fiftieth."""
 
+DETECTION = 0.8
+"""How often a drive sees a sign, before that is estimated: near the mean of ``RATE_PRIOR``."""
+
 # evidence of two classes
 
 SAME = 2.0
@@ -80,22 +83,6 @@ STRAY_GATE = gate_in_plane(STRAY_PROBABILITY)
 time."""
 STRAY_MEMBERS = 3
 """Sightings of a sign from which one may be called stray: of two nobody knows which."""
-
-# two signs or one
-
-REACH_M = 3.0
-"""Farther from one another than this two map signs are never joined. Chosen: offsets of drives are
-known to a metre or two when a sign is founded, and posts are no nearer than half of that."""
-DETECTION = 0.8
-"""How often a drive sees a sign, before that is estimated: near the mean of ``RATE_PRIOR``."""
-TWICE_IN_DRIVE, REPLACED = 0.01, 0.01
-"""How often one drive finds a sign twice, and how often a sign was replaced between drives by
-another beside it. Chosen: either is rare."""
-OUTLIER_SHARE = 0.02
-"""Of sightings, those that lie anywhere within reach. Chosen."""
-NEAR_PER_M2, NEAR_PER_M = 0.01, 0.5
-"""Density of other signs round a sign: one on 100 m^2, as posts at crossings have, and spread over
-two metres of height."""
 
 # how large the errors are
 
@@ -195,12 +182,9 @@ AWAY_COSINE = -0.5
 """Faces further turned from one another than 120 deg look the other way."""
 THICKNESS_M = 0.2
 """Face and back of a sign, and the middles of boxes about them, are no further apart."""
-HEIGHT_SLACK_M = 1.0
-"""Heights of a trajectory drift between passes, and no two signs of a class hang one above the
-other."""
-BACK_REACH_M = 3.0
-"""Backs lie no further from their faces, whatever the sigmas. Chosen: merged places are better than
-those of one drive."""
+BACK_REACH_M = 5.0
+"""Backs lie no further from their faces, whatever the sigmas. Chosen: less misses backs where a
+trajectory wandered, more takes a grey face across the road for the back."""
 POST_REACH_M = 0.5
 """Signs on one post are no further apart in plan than half a face."""
 POST_LIMIT_M = 1.2

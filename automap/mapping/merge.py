@@ -9,12 +9,13 @@ from typing import Any
 import numpy as np
 
 from automap.mapping.adjustment import rough_places
-from automap.mapping.backs import map_backs, with_backs
+from automap.mapping.backs import backs, with_backs
 from automap.mapping.by_cells import associate_by_cells
 from automap.mapping.cell_merge import PlacedSigns, place_signs
 from automap.mapping.cells import cell_of
 from automap.mapping.drive_levels import drive_squares, error_levels
 from automap.mapping.existence import Chances, DetectionRates, detection_rates, existence
+from automap.mapping.grid import east_north
 from automap.mapping.identity import sighting_key
 from automap.mapping.sightings import DriveSigns, canonical_order, stack_sightings
 from automap.records import NO_TIME, FloatArray, IntArray, Sign
@@ -91,7 +92,9 @@ def weighed(
     [m] of its back."""
     rates = detection_rates(pairs, len(columns["lat"]), len(drive_gps_s))
     belief = existence(pairs, rates, len(columns["lat"]), drive_gps_s)
-    fronts = map_backs(columns)
+    lat, lon = columns["lat"], columns["lon"]
+    place, plan = east_north(lat, lon, lat[:1], lon[:1]), columns["cov_enu"][:, :2, :2]
+    fronts = backs(columns["class_name"], place, plan, columns["facing_rad"])
     behind = with_backs(columns["n_back_views"], columns["n_views"], fronts)
     return rates, np.where(fronts == NO_BACK, belief, 0.0), behind
 

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 
@@ -68,6 +69,23 @@ class Network:
     information: FloatArray
 
 
+def network(
+    nodes: tuple[FloatArray, IntArray, FloatArray],
+    sign: IntArray,
+    parts: FloatArray,
+    shared_sd: FloatArray,
+    measured: FloatArray,
+    own: FloatArray,
+) -> Network:
+    """The network of sightings [n] at the ``nodes`` of ``path_nodes``, with the covariance ``own``
+    [n, a, a] of each; ``parts`` [n, 2] of the sd ``shared_sd`` [n, a] of its path that what wanders
+    and what lasts have."""
+    alike, node, between = nodes
+    # what wanders is between two nodes
+    sd = (parts[:, :, None] * shared_sd[:, None])[:, [0, 0, 1]] * between[:, :, None]
+    return Network(alike, node, sign, sd, measured, np.asarray(np.linalg.inv(own), np.float64))
+
+
 @dataclass(frozen=True)
 class Solution:
     """``place`` [m, a] of the signs in m and ``error`` [k, a] of the paths in sigmas, which is
@@ -81,14 +99,14 @@ class Solution:
     factor: Factor
 
     def place_variances(self, count: int) -> FloatArray:
-        """Covariance [count, a, a] of the first places (a at most two), m^2."""
+        """Covariance [count, a, a] of the first places, m^2."""
         axes = self.place.shape[1]
         at = self.error.size + axes * np.arange(count)[:, None] + np.arange(axes)
         own = self.factor.variances_of(at[:, :, None], np.ones(1))
         result = own[:, :, None] * np.eye(axes)
-        if axes == 2:
-            both = self.factor.variances_of(at, np.ones(2))
-            result[:, 0, 1] = result[:, 1, 0] = 0.5 * (both - own.sum(axis=1))
+        for i, j in combinations(range(axes), 2):
+            both = self.factor.variances_of(at[:, [i, j]], np.ones(2))
+            result[:, i, j] = result[:, j, i] = 0.5 * (both - own[:, [i, j]].sum(axis=1))
         return result
 
 

@@ -20,33 +20,31 @@ from automap.records.signs import BY_SIZE
 
 def own_parts(
     sightings: Sightings, rows: IntArray, sign: IntArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Own errors [n, 3] (ee, en, nn) and [n] up, m^2, of some ``rows`` [n] without the common part,
-    and that: [m, 3] east, north, up of every sign, one sigma in m. ``sign`` [n] whose each is."""
+) -> tuple[FloatArray, FloatArray]:
+    """Own errors [n, 3, 3] east, north, up, m^2, of some ``rows`` [n] without the common part, and
+    that: [m, 3] of every sign, one sigma in m. ``sign`` [n] whose each is."""
     effect = np.nan_to_num(np.column_stack([getattr(sightings, name)[rows] for name in BY_SIZE]))
-    plan = sightings.own[rows][:, [0, 1, 1, 2]].reshape(-1, 2, 2)
-    up = sightings.own_u[rows][:, None, None]
-    own_plan, common = _split(plan, effect[:, :2], sign)
-    own_up, common_up = _split(up, effect[:, 2:], sign)
-    return (
-        own_plan.reshape(-1, 4)[:, [0, 1, 3]],
-        own_up[:, 0, 0],
-        np.column_stack([common, common_up]),
-    )
+    own = np.zeros((len(rows), 3, 3))
+    own[:, :2, :2] = sightings.own[rows][:, [0, 1, 1, 2]].reshape(-1, 2, 2)
+    own[:, 2, 2] = sightings.own_u[rows]
+    alone, common = split_common(own, effect[:, :, None], sign)
+    return alone, common[:, :, 0]
 
 
-def _split(own: FloatArray, effect: FloatArray, sign: IntArray) -> tuple[FloatArray, FloatArray]:
-    """Own errors [n, a, a] without the common part, and that [m, a]."""
-    information = np.linalg.inv(own)
+def split_common(
+    own: FloatArray, effects: FloatArray, sign: IntArray
+) -> tuple[FloatArray, FloatArray]:
+    """Own errors [n, a, a] without the common part, and that [m, a, e], of what each of some
+    ``effects`` [n, a, e], parts of the errors ``own`` [n, a, a], moves."""
+    information = np.asarray(np.linalg.inv(own))
     # an effect is part of the error, whatever rounding and later passes left of that
-    part = np.einsum("ni,nij,nj->n", effect, information, effect)
+    part = np.linalg.eigvalsh(np.einsum("nie,nij,njf->nef", effects, information, effects))[:, -1]
     most = 1.0 - limits.LEAST_OWN_SHARE
-    effect = effect * np.sqrt(most / np.maximum(part, most))[:, None]
+    effects = effects * np.sqrt(most / np.maximum(part, most))[:, None, None]
     m = int(sign.max()) + 1
-    total, pull = np.zeros((m, *own.shape[1:])), np.zeros((m, effect.shape[1]))
+    total, pull = np.zeros((m, *own.shape[1:])), np.zeros((m, *effects.shape[1:]))
     np.add.at(total, sign, information)
-    np.add.at(pull, sign, np.einsum("nij,nj->ni", information, effect))
-    common = np.asarray(np.linalg.solve(total, pull[:, :, None])[:, :, 0], np.float64)
-    rest = effect - common[sign]
-    outer = rest[:, :, None] * rest[:, None, :] - effect[:, :, None] * effect[:, None, :]
-    return np.asarray(own + outer), common
+    np.add.at(pull, sign, np.einsum("nij,nje->nie", information, effects))
+    common = np.asarray(np.linalg.solve(total, pull), np.float64)
+    rest = effects - common[sign]
+    return np.asarray(own + rest @ rest.swapaxes(1, 2) - effects @ effects.swapaxes(1, 2)), common

@@ -118,7 +118,7 @@ def _look(
     for row in range(0, len(car_lat), stride):
         if not (car_lat[row] == car_lat[row] and yaw[row] == yaw[row]):
             continue
-        found = neighbours(table, car_lat[row], car_lon[row], np.int64(1), near)
+        found = neighbours(table, car_lat[row], car_lon[row], 1, near)
         for place in range(found):
             k = near[place]
             east, north = delta(

@@ -35,34 +35,28 @@ NO_BACK, BACK_OF_NONE = -1, -2
 
 def fronts_of_backs(
     names: Sequence[str],
-    owner: IntArray,
     place: FloatArray,
     reach_m: float,
     apart: Callable[[int, int], float],
 ) -> IntArray:
-    """Of which sign each of the signs [m] is the back, by sightings of class ``names`` [n] at
-    ``place`` [n, 2 or 3] m, of the signs ``owner`` [n]: ``NO_BACK``, ``BACK_OF_NONE`` where nobody
-    saw the front.
+    """Of which sign each of the signs [n] of class ``names`` [n] at ``place`` [n, 2] m is the back:
+    ``NO_BACK``, ``BACK_OF_NONE`` where nobody saw the front.
 
-    One whose class is always that of backs is one; so is one without a readable face where a sign
-    with one stands within ``reach_m``: ``apart(a, b)`` tells of two sightings how far they are
+    One whose class is that of backs is one; so is one without a readable face where a sign
+    with one stands within ``reach_m``: ``apart(a, b)`` tells of two how far they are
     apart, infinitely where the first cannot be the back of the second's face. The nearest is it.
     """
     from scipy.spatial import cKDTree
 
-    always, maybe = (np.ones(int(owner.max(initial=-1)) + 1, np.bool_) for _ in range(2))
     # a map has very many signs of few classes
     kinds = {name: (is_back(name), may_be_back(name)) for name in dict.fromkeys(names)}
-    np.logical_and.at(always, owner, [kinds[name][0] for name in names])
-    np.logical_and.at(maybe, owner, [kinds[name][1] for name in names])
+    always, maybe = np.array([kinds[name] for name in names], np.bool_).reshape(-1, 2).T
     result = np.where(always, BACK_OF_NONE, NO_BACK).astype(np.int64)
-    fronts, unsure = (np.flatnonzero(of[owner]) for of in (~maybe, maybe))
+    fronts, unsure = np.flatnonzero(~maybe), np.flatnonzero(maybe)
     if len(fronts) and len(unsure):
-        nearest = np.full(len(result), np.inf)
         near = cKDTree(place[fronts]).query_ball_point(place[unsure], reach_m)
         for a, found in zip(unsure.tolist(), near, strict=True):
-            for b in fronts[found].tolist():
-                distance = apart(a, b)
-                if distance < nearest[owner[a]]:
-                    nearest[owner[a]], result[owner[a]] = distance, owner[b]
+            distance, nearest = min(((apart(a, b), b) for b in fronts[found]), default=(np.inf, -1))
+            if distance < np.inf:
+                result[a] = nearest
     return result

@@ -184,35 +184,30 @@ def geolocation_sightings() -> Any:
     from automap.geolocation.control import match_control
     from automap.geolocation.due_frames import patterns_of
     from automap.geolocation.facing import find_facings
-    from automap.geolocation.merging import (
-        combine,
-        difference_covariance,
-        find_backs,
-    )
     from automap.geolocation.passes import group_sightings, join_passes, of_stretches
     from automap.geolocation.path_relation import make_path
     from automap.geolocation.rules import GeolocationRules
-    from automap.mapping.supports import support_numbers
+    from automap.mapping.posts import support_numbers
     from automap.records import SignPoints
-    from automap.signs.backs import BACK_OF_NONE, NO_BACK
 
     drive, rng = rich_drive(), np.random.default_rng(4)
     views = drive.views()
     seen = _seen(views)
     other = replace(seen[3], class_score={CLASSES[2]: 1.3, CLASSES[0]: 2.1, CLASSES[1]: 0.2})
     mixed = replace(seen[2], class_score={CLASSES[2]: 3.3, CLASSES[0]: 1.1, CLASSES[3]: 0.4})
-    pairs = [(seen[2], seen[3]), (seen[2], seen[4]), (seen[1], seen[6]), (mixed, other)]
     groups = group_sightings(views, seen)
     joined = [[seen[k] for k in group] for group in groups]
-    places = np.array([combine(members)[0] for members in joined])
+    alone, _ = adjusting.place_signs(drive.path, seen, groups, {}, False)
+    places = alone.place
     lat, lon, _ = from_local_ned(places + rng.normal(0.0, 0.5, places.shape), views.origin)
     names = np.array([joined[k][0].class_name if k % 3 else "" for k in range(len(joined))], object)
     names[1] = CLASSES[3]
     sd = rng.uniform(0.1, 0.6, len(lat[1::2]))
     none = np.full((len(sd), 2, 2), np.nan)
     control = SignPoints(lat[1::2], lon[1::2], names[1::2], none, sd)
-    controlled = match_control(control, seen, groups, views.origin)
-    adjustment = adjusting.adjust_trajectory(drive.path, seen, groups, controlled)
+    called = {k: joined[k][0].class_name for k in range(len(joined))}
+    controlled = match_control(control, called, alone, views.origin)
+    placed, adjustment = adjusting.place_signs(drive.path, seen, groups, controlled)
     assert adjustment is not None
     path = make_path(drive.path, views.origin, adjustment)
     facings, faces = find_facings(views, joined, path)
@@ -221,7 +216,7 @@ def geolocation_sightings() -> Any:
     told = [[(seen[k], shown[k]) for k in group] for group in groups]
     rules = GeolocationRules(imu_above_road_m=1.1, imu_above_road_sd_m=0.07, drive="round")
     signs = [
-        assemble_sign(views, members, combine(members), path, facing, k, rules, 0.5 + 0.02 * k)
+        assemble_sign(views, members, alone.of(k), path, facing, k, rules, 0.5 + 0.02 * k)
         for k, (members, facing) in enumerate(zip(joined, facings, strict=True))
     ]
     bend = [
@@ -247,16 +242,16 @@ def geolocation_sightings() -> Any:
         )
         for s in back
     ]
-    both = [*seen[:9], *back]
-    fronts = find_backs(apart, both, [[k] for k in range(len(both))])
+    both, some = [*seen[:9], *back], [*seen, mixed, other]
     return levelled(
         {
             "seen": table(seen),
             "covariance": [s.covariance for s in seen],
-            "pairs": [difference_covariance(a, b) for a, b in pairs],
-            "stretches": of_stretches([*seen, mixed, other], views.origin),
+            "stretches": of_stretches(
+                some, [np.unique(s.landmark.rows) for s in some], views.origin
+            ),
             "groups": groups,
-            "combined": [combine(members, done) for members in joined for done in (False, True)],
+            "placed": [alone, placed],
             "controlled": controlled,
             "adjustment": adjustment,
             "shifted": adjusting.shift_sighting(seen[5], adjustment).position,
@@ -265,11 +260,6 @@ def geolocation_sightings() -> Any:
             "facings": table(facings),
             "faces": faces,
             "signs": table(signs),
-            "backs": {
-                number: None if front == BACK_OF_NONE else front
-                for number, front in enumerate(fronts.tolist())
-                if front != NO_BACK
-            },
             "condition": {
                 name: table(with_conditions(signs, views, told, drive.detections))[name]
                 for name in ("contrast", "contrast_sd", "contrast_note", "seen_share", "n_looked")
@@ -284,7 +274,7 @@ def geolocation_sightings() -> Any:
             ],
             "supports": support_numbers(
                 rng.uniform(0.0, 30.0, (25, 3)),
-                rng.uniform(0.01, 0.5, 25)[:, None, None] * np.eye(3),
+                rng.uniform(0.01, 0.5, 25),
                 (rng.random(25) < 0.4).tolist(),
             ),
         }

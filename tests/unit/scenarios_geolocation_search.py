@@ -293,13 +293,11 @@ def geolocation_links() -> Any:
     marks, misfits = splitting.clean_tracks(stray, mixed, PRIOR, 6.0)
     long = [rows for rows in tracks if len(rows) > 7]
     pieces = [part for rows in long for part in (rows[:3], rows[3:])]
-    cut = [_few(views, part) for part in pieces]
     active = [tracking._Track(list(rows), _few(views, rows), int(rows[0])) for rows in pieces]
     for track in active:
         for row in track.rows:
             track.add(views, row)
     frame = np.flatnonzero(views.frame == views.frame[long[2][4]])
-    span = np.array([views.t_ns[m.rows[[0, -1]]] for m in cut])
     steps: list[float] = []
     return levelled(
         {
@@ -310,10 +308,6 @@ def geolocation_links() -> Any:
             "misfits": misfits,
             "costs": tracking._link_costs(views, active, frame),
             "scores": [track.class_score for track in active],
-            "adopted": [
-                splitting._adopt(views, int(row), list(cut), span, PRIOR, 6.0)
-                for row in range(40, 300, 9)
-            ],
         }
     )
 

@@ -64,8 +64,8 @@ def _drives(length_m: float = 230.0) -> list[Any]:
 @scenario
 def mapping_association() -> Any:
     """Sightings stacked, associated, joined, and what joins them."""
-    from automap.mapping import duplicates as of
     from automap.mapping import sightings as seen
+    from automap.mapping.adjustment import offsets_of
     from automap.mapping.association import associate, renumbered
     from automap.mapping.by_cells import associate_by_cells
     from automap.mapping.classes import class_evidence
@@ -74,9 +74,9 @@ def mapping_association() -> Any:
     rows = np.arange(len(drives[0]))
     stacked = seen.stack_sightings(drives)
     found = associate(stacked)
-    split = found.sign.copy()
+    split = found.copy()
     split[1::5] += int(split.max()) + 1
-    cut = replace(found, sign=renumbered(split))
+    cut = renumbered(split)
     return levelled(
         {
             "stacked": stacked,
@@ -88,10 +88,9 @@ def mapping_association() -> Any:
                 drives[0].cov_enu, 0.7 * seen.shared_sd(drives[0], rows)
             ),
             "found": found,
-            "again": associate(stacked, found),
+            "again": [associate(stacked, each, offsets_of(stacked, each)) for each in (found, cut)],
             "by cells": associate_by_cells(stacked),
             "evidence": class_evidence(stacked.classes),
-            "joined": of.join_duplicates(stacked, cut),
         }
     )
 
@@ -103,10 +102,11 @@ def mapping_places() -> Any:
     from automap.mapping import sureness
     from automap.mapping.association import Members
     from automap.mapping.attributes import combine_attributes
-    from automap.mapping.backs import map_backs, with_backs
+    from automap.mapping.backs import backs, with_backs
     from automap.mapping.by_cells import joined_signs
     from automap.mapping.cells import cell_of
     from automap.mapping.drive_levels import drive_squares, error_levels
+    from automap.mapping.grid import east_north
     from automap.mapping.identity import name_signs, sighting_key
     from automap.mapping.path_errors import Equations
     from automap.mapping.sightings import stack_sightings
@@ -120,7 +120,7 @@ def mapping_places() -> Any:
     levels = np.sqrt([1.728, 1.152, 0.81])
     tile = Tile(np.arange(3, 9), np.arange(1, 12))
     data = of.tile_data(stacked, members, tile, lat, lon)
-    networks = [of.network_of(stacked, data, levels, axes) for axes in (1, 2)]
+    networks = [of.network_of(stacked, data, levels, axes) for axes in (of.HEIGHT, of.PLAN)]
     homes = np.unique(cell_of(lat, lon)).tolist()
     told = [drive_squares(stacked, sign, home) for home in homes]
     common, factors = error_levels(told, len(drives))
@@ -150,14 +150,11 @@ def mapping_places() -> Any:
             ),
             "tiles": [table(list(cut_tiles(lat, lon, n, m))) for n, m in ((5, 20.0), (3, 1.0))],
             "names": name_signs(keys, {2: "s7", 4: "s9"}, {"s7", "s9"}),
-            "backs": map_backs(
-                {
-                    "class_name": names,
-                    "lat": near[0] - 0.6,
-                    "lon": near[1] + 2.6,
-                    "facing_rad": rng.uniform(0.0, 6.0, 12),
-                    "cov_enu": 0.05 * np.broadcast_to(np.eye(3), (12, 3, 3)),
-                }
+            "backs": backs(
+                names,
+                east_north(*near, *near[:, :1]),
+                0.05 * np.broadcast_to(np.eye(2), (12, 2, 2)),
+                rng.uniform(0.0, 6.0, 12),
             ),
             "with": with_backs(np.arange(6), np.arange(3, 9), np.array([-1, 0, 0, -2, -1, 4])),
         }

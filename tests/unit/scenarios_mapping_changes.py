@@ -153,9 +153,7 @@ def mapping_series() -> Any:
     stacked = stack_sightings(street_scene(21, 7, 200.0, 9.0, errors).drives)
     found = associate(stacked)
     rng = np.random.default_rng(5)
-    late = (stacked.drive >= 3) & (found.sign % 4 == 1) | (stacked.drive >= 5) & (
-        found.sign % 4 == 2
-    )
+    late = (stacked.drive >= 3) & (found % 4 == 1) | (stacked.drive >= 5) & (found % 4 == 2)
     stacked = replace(
         stacked,
         code=np.where(late, (stacked.code + 1) % len(stacked.classes), stacked.code),
@@ -182,7 +180,7 @@ def mapping_series() -> Any:
     ]
     return levelled(
         {
-            "attributes": vars(of.combine_attributes(stacked, found.sign)),
+            "attributes": vars(of.combine_attributes(stacked, found)),
             "status": [of._status(s, d) for s in states for d in (drives, 0 * drives)],
             "most": of._most(
                 np.array(["b", "a", "", "b", "c"], object), np.array([1.0, 1.5, 9.0, 0.4, 1.45])

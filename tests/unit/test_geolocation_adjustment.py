@@ -11,11 +11,12 @@ import pytest
 from geolocation_scene import ORIGIN, Scene, boxes, camera, drive_path, roadside
 
 from automap.earth import from_local_ned, local_ned
-from automap.geolocation.limits import FACE_SD_M, LASTING_ERROR, PATH_CORRELATION_S
+from automap.geolocation.limits import FACE_SD_M, LASTING_ERROR
 from automap.geolocation.locate import locate_signs
 from automap.geolocation.result import GeolocationResult
 from automap.geolocation.rules import GeolocationRules
-from automap.geolocation.trajectory_adjustment import adjust_trajectory
+from automap.geolocation.trajectory_adjustment import place_signs
+from automap.mapping.limits import PATH_CORRELATION_S
 from automap.records import Detections, SignPoints, Trajectory
 
 SHIFT = np.array([3.0, -2.0, 0.0])
@@ -128,12 +129,19 @@ def test_what_lasts_all_along_the_drive_no_second_pass_averages(
     place = 10.0 * sign[:, None] + off
     seen: Any = [
         SimpleNamespace(
-            time_s=t, position=x, covariance=(0.3**2 + 2.0**2) * np.eye(3), path_sd=np.full(3, 2.0)
+            time_s=t,
+            position=x,
+            covariance=(0.3**2 + 2.0**2) * np.eye(3),
+            path_sd=np.full(3, 2.0),
+            camera=0,
+            camera_cov=np.eye(10),
+            camera_effect=np.zeros((3, 10)),
+            size_effect=np.zeros(3),
         )
         for t, x in zip(passed_s, place, strict=True)
     ]
     control = {0: (np.zeros(3), surveyed_to_m**2 * np.eye(3))} if surveyed_to_m else {}
-    found = adjust_trajectory(path, seen, groups, control)
+    _, found = place_signs(path, seen, groups, control)
     assert found is not None
 
     def alike(one: np.ndarray, other: np.ndarray) -> np.ndarray:

@@ -31,6 +31,7 @@ from automap.geolocation.facing import (
 from automap.geolocation.landmark import SizePrior
 from automap.geolocation.sightings import Sighting
 from automap.geolocation.trajectory_adjustment import Adjustment, shift_sighting, shifted
+from automap.mapping.limits import PATH_CORRELATION_S
 from automap.mapping.path_errors import path_nodes
 from automap.records import Detections, FloatArray, Looked
 from automap.robust import cauchy_weight
@@ -339,7 +340,7 @@ def test_what_is_seen_now_and_then_is_a_thing_and_what_a_lorry_hides_a_sign() ->
 
 
 def test_between_nodes_the_error_goes_straight_and_is_as_large_as_stated() -> None:
-    step, kept = limits.NODE_S, np.exp(-limits.NODE_S / limits.PATH_CORRELATION_S)
+    step, kept = limits.NODE_S, np.exp(-limits.NODE_S / PATH_CORRELATION_S)
     time = step * np.array([7.0, 7.3, 8.9, 12.5, 3.2, 3.7])
     alike, node, between = path_nodes(time, np.array([0, 4, 6]))
     # of the first path nodes 7, 8, 9, 12, 13, of the other 3, 4, and one each for all of them

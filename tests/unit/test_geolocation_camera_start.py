@@ -20,7 +20,7 @@ from automap.geolocation.epipolar import _places_apart, first_correction
 from automap.geolocation.locate import locate_signs
 from automap.geolocation.rules import GeolocationRules
 from automap.geolocation.views import map_origin
-from automap.mapping.supports import support_numbers
+from automap.mapping.posts import support_numbers
 from automap.records import Detections, Trajectory
 
 
@@ -283,7 +283,7 @@ def test_signs_on_a_post_share_a_support() -> None:
     place = np.array(
         [[0, 0, -2.0], [0.2, 0.1, -3.0], [1.5, 0, -2.0], [30, 0, -6.0], [30, 5, -6.0]], float
     )
-    cov = np.tile(0.01 * np.eye(3), (5, 1, 1))
+    own = np.full(5, 0.01)
     over = [False, False, False, True, True]
-    assert support_numbers(place, cov, over) == [0, 0, 1, 2, 2]
-    assert support_numbers(np.zeros((0, 3)), np.zeros((0, 3, 3)), []) == []
+    assert support_numbers(place, own, over) == [0, 0, 1, 2, 2]
+    assert support_numbers(np.zeros((0, 3)), np.zeros(0), []) == []

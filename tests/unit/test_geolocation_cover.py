@@ -17,7 +17,8 @@ from automap.geolocation.bearing_cover import (
 )
 from automap.geolocation.bearing_rays import BearingRules, Rays, costs, fit_point
 from automap.geolocation.bearings import _without_single
-from automap.mapping.supports import support_numbers
+from automap.mapping import limits as mapping
+from automap.mapping.posts import support_numbers
 from automap.records import FloatArray, IntArray
 
 RULES = BearingRules(position_sd_m=0.3)
@@ -237,22 +238,21 @@ def test_supports_are_the_connected_parts_of_all_pairs(seed: int) -> None:
     n = 24
     position = np.column_stack([rng.uniform(0.0, 12.0, (n, 2)), rng.normal(0.0, 9.0, n)])
     position[1::3, :2] = position[::3, :2] + rng.normal(0.0, 0.5, (n // 3, 2))
-    root = 0.4 * rng.normal(size=(n, 3, 3))
-    cov = root @ root.transpose(0, 2, 1)
+    own = rng.uniform(0.0, 0.4, n)
     overhead = rng.random(n) < 0.15
     near = np.zeros((n, n), bool)
     for i, j in itertools.product(range(n), repeat=2):
         apart = float(np.hypot(*(position[i] - position[j])[:2]))
         if overhead[i] and overhead[j]:
-            near[i, j] = apart <= limits.GANTRY_REACH_M
+            near[i, j] = apart <= mapping.GANTRY_REACH_M
         else:
-            variance = 0.5 * (cov[i, 0, 0] + cov[i, 1, 1] + cov[j, 0, 0] + cov[j, 1, 1])
-            near[i, j] = apart < min(limits.POST_REACH_M + variance**0.5, limits.POST_LIMIT_M)
+            variance = own[i] + own[j]
+            near[i, j] = apart < min(mapping.POST_REACH_M + variance**0.5, mapping.POST_LIMIT_M)
     np.fill_diagonal(near, True)
     closure = np.linalg.matrix_power(near.astype(float), n) > 0.0
     first = [int(np.flatnonzero(row)[0]) for row in closure]
     wanted = [sorted(set(first)).index(f) for f in first]
-    assert support_numbers(position, cov, overhead.tolist()) == wanted
+    assert support_numbers(position, own, overhead.tolist()) == wanted
 
 
 @pytest.mark.parametrize(("apart", "posts"), [(0.62, [0, 0]), (0.67, [0, 1])])
@@ -260,6 +260,6 @@ def test_two_faces_are_of_one_post_up_to_their_mean_variance_in_plan(
     apart: float, posts: list[int]
 ) -> None:
     # half a metre and the root of 0.02 m^2, an axis of both together: 0.64 m
-    cov = np.array([np.diag([0.004, 0.02, 9.0]), np.diag([0.01, 0.006, 4.0])])
+    own = np.array([0.012, 0.008])
     position = np.array([[3.0, -2.0, 1.0], [3.0, -2.0 + apart, 2.5]])
-    assert support_numbers(position, cov, [False, True]) == posts
+    assert support_numbers(position, own, [False, True]) == posts

@@ -13,7 +13,7 @@ from scipy.optimize import minimize
 from automap.earth import from_local_ned, local_ned
 from automap.frames import rpy_to_matrix
 from automap.gates import gate, sigmas
-from automap.geolocation import control, limits, splitting, tracking
+from automap.geolocation import control, limits, tracking
 from automap.geolocation.bearing_rays import (
     BearingRules,
     Rays,
@@ -28,6 +28,7 @@ from automap.geolocation.epipolar import PairGeometry
 from automap.geolocation.existence import expected_log_odds
 from automap.geolocation.path_relation import make_path, roads_at, side_of_path
 from automap.geolocation.time_minima import alike, apart, starts
+from automap.geolocation.trajectory_adjustment import Placed
 from automap.mapping.looks import probability
 from automap.records import Bearings, FloatArray, SignPoints, Trajectory
 
@@ -248,7 +249,7 @@ def test_offsets_are_apart_by_their_own_sigmas_and_alike_by_their_costs() -> Non
     assert alike([third, one]) == (1, ())
 
 
-def test_a_surveyed_sign_is_the_one_within_both_sigmas(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_surveyed_sign_is_the_one_within_both_sigmas() -> None:
     """Along a slanting covariance twice as far as across it; another class makes no difference to
     who is near enough, but to whom a place belongs."""
     turn = np.array([[0.6, -0.8], [0.8, 0.6]])
@@ -257,8 +258,7 @@ def test_a_surveyed_sign_is_the_one_within_both_sigmas(monkeypatch: pytest.Monke
     sd = 0.5
     reach = np.sqrt(gate(limits.MISSED_PROBABILITY, 2))
     place = np.array([40.0, -25.0, 0.0])
-    sighting: Any = SimpleNamespace(class_name="a")
-    monkeypatch.setattr(control, "combine", lambda sightings: (place, covariance))
+    placed = Placed(place[None], covariance[None], np.zeros((1, 3)))
     for sigma, direction in ((2.0, turn[:, 0]), (1.0, turn[:, 1])):
         for factor, name in ((0.98, "a"), (0.98, "b"), (1.02, "a")):
             at = place[:2] + factor * reach * sigma * direction
@@ -269,7 +269,7 @@ def test_a_surveyed_sign_is_the_one_within_both_sigmas(monkeypatch: pytest.Monke
                 np.full((1, 2, 2), np.nan),
                 np.array([sd]),
             )
-            found = control.match_control(surveyed, [sighting], [[0]], ORIGIN)
+            found = control.match_control(surveyed, {0: "a"}, placed, ORIGIN)
             assert bool(found) == (factor < 1.0)
             if found:
                 assert found[0][0][:2] == pytest.approx(at, abs=1e-3)
@@ -292,15 +292,10 @@ def test_a_surveyed_sign_that_may_be_a_neighbour_does_not_count(
     names: tuple[str, str, str],
     also: bool,
     matched: list[int],
-    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """The path is off by 0.9 m towards a neighbour, which looks the nearer by it."""
-    signs: Any = [SimpleNamespace(class_name=name, east=e)
-                  for name, e in ((names[1], 0.0), (names[2], -beside_m))]  # fmt: skip
-    monkeypatch.setattr(
-        control, "combine",
-        lambda one: (np.array([0.0, one[0].east, 0.0]), np.diag([1.0, 1.0, 1.0])),
-    )  # fmt: skip
+    place = np.array([[0.0, 0.0, 0.0], [0.0, -beside_m, 0.0]])
+    placed = Placed(place, np.tile(np.eye(3), (2, 1, 1)), np.zeros((2, 3)))
     east = [-0.9, -beside_m - 0.9][: 1 + also]
     lat, lon, _ = from_local_ned(np.array([[0.0, e, 0.0] for e in east]), ORIGIN)
     classes, none = (
@@ -308,7 +303,7 @@ def test_a_surveyed_sign_that_may_be_a_neighbour_does_not_count(
         np.full((len(east), 2, 2), np.nan),
     )
     surveyed = SignPoints(lat, lon, classes, none, np.full(len(east), 0.1))
-    found = control.match_control(surveyed, signs, [[0], [1]], ORIGIN)
+    found = control.match_control(surveyed, dict(enumerate(names[1:])), placed, ORIGIN)
     assert sorted(found) == matched
 
 
@@ -374,35 +369,3 @@ def test_a_box_of_a_tracks_number_is_nearer_and_one_of_another_farther(
     if number >= 0 and known:
         wanted += -limits.LINK_OTHER if number in known else limits.LINK_OTHER
     assert cost == pytest.approx(wanted)
-
-
-@pytest.mark.parametrize(
-    ("distances", "adopted"),
-    [
-        ([1.0, 2.0, 3.0, 4.0], 2),  # the first has a box in this frame, the second is of old
-        ([1.0, 1.0, 9.0, 2.0], 3),  # of another class, but nearer by more than that costs
-        ([1.0, 1.0, 8.5, 3.0], 2),
-        ([1.0, 1.0, 99.0, 98.0], -1),
-    ],
-)
-def test_a_loose_box_goes_to_the_nearest_that_may_have_it(
-    distances: list[float], adopted: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    assert 8.5 < 3.0 + limits.LINK_OTHER < 9.5
-    assert 9.0 < limits.LINK_GATE < 98.0
-    views: Any = SimpleNamespace(
-        t_ns=np.array([50, 50, 10, 49, 48]) * 10**9,
-        frame=np.array([7, 7, 1, 6, 5]),
-        class_name=np.array(["a", "a", "a", "a", "b"], object),
-    )
-    marks: Any = [SimpleNamespace(rows=np.array([k])) for k in (1, 2, 3, 4)]
-    span = np.array([[50, 50], [10, 40], [49, 49], [48, 48]]) * 10**9
-    # the second's boxes are of old, though its time reaches near
-    monkeypatch.setattr(
-        splitting, "distances_to", lambda v, some, rows, slack: np.array([distances])
-    )
-    grown: Any = SimpleNamespace(weight=np.ones(2))
-    monkeypatch.setattr(splitting, "fit_landmark", lambda v, rows, prior: grown)
-    found = splitting._adopt(views, 0, marks, span, Any, 20.0)  # type: ignore[arg-type]
-    assert found == adopted
-    assert [m is grown for m in marks] == [k == adopted for k in range(4)]

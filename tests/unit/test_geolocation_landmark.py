@@ -19,11 +19,12 @@ from automap.geolocation.landmark import (
     view_sd,
 )
 from automap.geolocation.landmark_kernels import N_COMMON, Boxes, solve_landmark
-from automap.geolocation.limits import LASTING_ERROR, PATH_CORRELATION_S
-from automap.geolocation.merging import combine, difference_covariance
+from automap.geolocation.limits import FACE_SD_M, LASTING_ERROR
 from automap.geolocation.pass_errors import equations
 from automap.geolocation.sightings import Sighting, make_sighting
+from automap.geolocation.trajectory_adjustment import place_signs
 from automap.geolocation.views import MeasurementNoise, Views, build_views
+from automap.mapping.limits import PATH_CORRELATION_S
 from automap.records import FloatArray
 from automap.robust import BY_CAUCHY, BY_HUBER
 
@@ -211,65 +212,87 @@ def tilted(rng: np.random.Generator, size: float) -> FloatArray:
     return root @ root.T
 
 
+PATH_SD = np.array([0.7, 0.5, 0.9])
+
+
 @pytest.fixture(scope="module")
 def passes(views: Views) -> list[Sighting]:
-    """Three sightings with errors of every kind; the first two by one camera."""
+    """Three sightings of one sign with errors of every kind, the camera's and its size's the same
+    in all."""
     rng = np.random.default_rng(6)
     base = make_sighting(views, fit_landmark(views, np.arange(len(views)), PRIOR), [np.eye(10)])
-    camera_cov = [0.01 * np.cov(rng.standard_normal((10, 40))) for _ in range(2)]
+    camera_cov, effect = 0.01 * np.cov(rng.standard_normal((10, 40))), rng.normal(size=(3, 10))
+    size = 0.2 * rng.standard_normal(3)
     return [
         replace(
             base,
-            camera=camera,
-            position=rng.normal(0.0, 0.5, 3),
-            own_cov=tilted(rng, 0.3),
+            position=rng.normal(0.0, 0.3, 3),
+            own_cov=tilted(rng, 0.3) + np.outer(size, size),
             pass_cov=tilted(rng, 0.2),
-            camera_effect=rng.normal(0.0, 1.0, (3, 10)),
-            camera_cov=camera_cov[camera],
-            path_sd=rng.uniform(0.3, 1.0, 3),
-            time_s=time_s,
+            camera_effect=effect,
+            camera_cov=camera_cov,
+            size_effect=size,
+            path_sd=PATH_SD,
+            time_s=1000.0 + time_s,
         )
-        for camera, time_s in ((0, 0.0), (0, 45.0), (1, 100.0))
+        for time_s in (10.0, 40.0, 110.0)
     ]
 
 
-def joint(passes: list[Sighting], adjusted: bool = False) -> FloatArray:
-    """Covariance [9, 9] of the three positions."""
-    total = np.zeros((9, 9))
-    for i, a in enumerate(passes):
-        for j, b in enumerate(passes):
-            apart = 0.0 if adjusted else a.time_s - b.time_s
-            keep = np.exp(-abs(apart) / PATH_CORRELATION_S)
-            keep = LASTING_ERROR + (1.0 - LASTING_ERROR) * keep
-            block = keep * np.diag(a.path_sd) @ np.diag(b.path_sd)
-            if a.camera == b.camera:
-                block = block + a.camera_effect @ a.camera_cov @ b.camera_effect.T
-            if i == j:
-                block = block + a.own_cov + a.pass_cov
-            total[3 * i : 3 * i + 3, 3 * j : 3 * j + 3] = block
+def joint(passes: list[Sighting]) -> FloatArray:
+    """Covariance [3 n, 3 n] of the positions, all of a sign at the origin."""
+    time = np.array([s.time_s for s in passes])
+    keep = np.exp(-np.abs(time[:, None] - time) / PATH_CORRELATION_S)
+    keep = LASTING_ERROR + (1.0 - LASTING_ERROR) * keep
+    one = passes[0]
+    common = one.camera_effect @ one.camera_cov @ one.camera_effect.T
+    common = common + np.outer(one.size_effect, one.size_effect)
+    total = np.kron(keep, np.diag(PATH_SD**2)) + np.kron(np.ones(keep.shape), common)
+    for k, s in enumerate(passes):
+        own = s.own_cov + s.pass_cov - np.outer(s.size_effect, s.size_effect)
+        total[3 * k : 3 * k + 3, 3 * k : 3 * k + 3] += own + FACE_SD_M**2 * np.eye(3)
     return total
 
 
-@pytest.mark.parametrize("adjusted", [False, True])
-def test_the_mean_of_passes_has_the_covariance_of_all_their_errors(
-    passes: list[Sighting], adjusted: bool
+@pytest.mark.parametrize("adjust", [False, True])
+def test_the_place_of_passes_is_the_best_by_all_their_errors(
+    passes: list[Sighting], adjust: bool
 ) -> None:
-    mean, covariance = combine(passes, adjusted)
-    blocks = joint(passes)
-    weight = [np.linalg.inv(blocks[k : k + 3, k : k + 3] + 1e-6 * np.eye(3)) for k in (0, 3, 6)]
-    G = np.hstack([np.linalg.solve(sum(weight), w) for w in weight])
-    assert mean == pytest.approx(G @ np.concatenate([s.position for s in passes]), abs=1e-9)
-    assert covariance == pytest.approx(G @ joint(passes, adjusted) @ G.T, abs=1e-9)
+    path = replace(drive_path(130.0), sd_pos_ned=np.tile(PATH_SD, (13000, 1)))
+    placed, adjustment = place_signs(path, passes, [[0, 1, 2]], {}, adjust)
+    total, H = joint(passes), np.tile(np.eye(3), (3, 1))
+    covariance = np.linalg.inv(H.T @ np.linalg.solve(total, H))
+    place = np.concatenate([s.position for s in passes])
+    mean = covariance @ H.T @ np.linalg.solve(total, place)
+    assert placed.place[0] == pytest.approx(mean, abs=1e-6)
+    assert placed.covariance[0] == pytest.approx(covariance, abs=1e-6)
+    assert placed.by_size[0] == pytest.approx(passes[0].size_effect, abs=1e-9)
+    assert (adjustment is not None) is adjust
 
 
-@pytest.mark.parametrize(("i", "j"), [(0, 1), (0, 2), (1, 2)])
-def test_the_difference_of_two_passes_has_the_covariance_of_its_parts(
-    passes: list[Sighting], i: int, j: int
-) -> None:
-    D = np.zeros((3, 9))
-    D[:, 3 * i : 3 * i + 3], D[:, 3 * j : 3 * j + 3] = np.eye(3), -np.eye(3)
-    expected_cov = D @ joint(passes) @ D.T
-    assert difference_covariance(passes[i], passes[j]) == pytest.approx(expected_cov, abs=1e-9)
+def test_cameras_do_not_share_their_errors(passes: list[Sighting]) -> None:
+    """What one camera's turn moves, another's does not."""
+    path = drive_path(130.0)
+    two = [replace(s, camera=k) for k, s in enumerate(passes)]
+    one, other = (place_signs(path, p, [[0, 1, 2]], {})[0].covariance[0] for p in (passes, two))
+    assert np.trace(other) < np.trace(one)
+
+
+def test_a_surveyed_sign_stands_where_the_survey_says(passes: list[Sighting]) -> None:
+    """Camera and size err by decimetres; the survey does not."""
+    surveyed = np.array([0.3, -0.2, 0.1]), np.diag([0.05**2, 0.05**2, 1e6])
+    placed, adjustment = place_signs(drive_path(130.0), passes, [[0, 1, 2]], {0: surveyed})
+    assert adjustment is not None
+    assert placed.place[0, :2] == pytest.approx(surveyed[0][:2], abs=0.05)
+    assert np.sqrt(np.diag(placed.covariance[0]))[:2].max() < 0.06
+
+
+def test_a_sign_of_one_pass_is_as_that_says(passes: list[Sighting]) -> None:
+    placed, adjustment = place_signs(drive_path(130.0), passes, [[0], [1], [2]], {})
+    assert adjustment is None
+    for k, s in enumerate(passes):
+        np.testing.assert_array_equal(placed.of(k)[0], s.position)
+        np.testing.assert_array_equal(placed.of(k)[1], s.covariance)
 
 
 @pytest.mark.parametrize("height_sd", [1e3, 1e160, np.inf])

@@ -55,6 +55,16 @@ def test_two_cameras_see_one_sign_at_a_time(seen: tuple[Views, list[Sighting]]) 
     assert len(group_sightings(views, beside)) == 2, "a camera that shows both shows two"
 
 
+def test_two_tracks_of_a_sign_in_one_pass_are_one(seen: tuple[Views, list[Sighting]]) -> None:
+    """Parts of an approach that share no frame; what shares frames stands beside one another."""
+    views, (a, b, _) = seen
+    one = placed(a, 0.0, 0.3)
+    again = replace(placed(b, 0.4, 0.3), time_s=one.time_s + 1.0)
+    assert group_sightings(views, [one, again]) == [[0, 1]]
+    beside = replace(again, landmark=one.landmark)
+    assert len(group_sightings(views, [one, beside])) == 2
+
+
 def test_a_stretch_is_laid_over_the_others_as_a_whole(seen: tuple[Views, list[Sighting]]) -> None:
     """Signs every 5 m, passed again by a path that is 4 m off: taken one by one each lies nearer to
     its neighbour."""

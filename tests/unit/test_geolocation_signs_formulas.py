@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from types import SimpleNamespace
 from typing import Any
 
@@ -12,7 +13,7 @@ from geolocation_scene import ORIGIN, camera, drive_path
 from automap.earth import from_local_ned, tangent_rotation
 from automap.frames import rotation_vector_to_matrix
 from automap.gates import gate
-from automap.geolocation import assembly, due_frames, facing, limits, merging
+from automap.geolocation import assembly, due_frames, facing, limits
 from automap.geolocation.assembly import _status, class_beliefs
 from automap.geolocation.landmark import (
     elapsed_s,
@@ -25,9 +26,15 @@ from automap.geolocation.landmark import (
 from automap.geolocation.path_relation import make_path
 from automap.geolocation.rules import GeolocationRules
 from automap.geolocation.stamp_scatter import Residuals, deviance, told, tracked_or_linked
+from automap.mapping import limits as mapping
+from automap.mapping.backs import backs
 from automap.records import FloatArray
 
 FREEDOM = 4.0
+
+
+def never(a: int, b: int) -> bool:
+    return False
 
 
 def test_a_signs_likelihood_is_students_with_full_matrices() -> None:
@@ -254,6 +261,7 @@ def test_a_sign_of_the_map_has_place_and_covariance_where_it_stands(
     path = make_path(drive_path(4.0), ORIGIN)
     root = rng.normal(size=(3, 3))
     position, covariance = np.array([900.0, 60_000.0, -250.0]), root @ root.T
+    placed = position, covariance, np.array([0.5, 0.5, 0.2])
     sd, log_size = np.array([0.1, 0.3]), np.log([0.7, 0.9])
     seen: Any = [
         SimpleNamespace(
@@ -264,7 +272,6 @@ def test_a_sign_of_the_map_has_place_and_covariance_where_it_stands(
             ),
             covariance=np.diag([1.0, 1.0, 4.0 + 9.0 * k]), path_sd=np.array([9.0, 9.0, 1.5]),
             class_score={"a": 1.0, "b": 1.5 * k}, contradictory=False,
-            size_effect=np.array([1.0 - k, 0.5, 0.2]),
         )
         for k, rows in enumerate(([4, 1], [2]))
     ]  # fmt: skip
@@ -278,7 +285,7 @@ def test_a_sign_of_the_map_has_place_and_covariance_where_it_stands(
     # heights are said of the path, and far from it anything goes
     monkeypatch.setattr(limits, "HEIGHT_LIMITS_M", (-1e4, 1e4))
     rules = GeolocationRules(imu_above_road_m=1.2, imu_above_road_sd_m=0.4, drive="d")
-    found = assembly.assemble_sign(views, seen, (position, covariance), path, facing, 7, rules, 0.8)
+    found = assembly.assemble_sign(views, seen, placed, path, facing, 7, rules, 0.8)
     lat, lon, height = (float(v) for v in from_local_ned(position, ORIGIN))
     assert (found.lat_rad, found.lon_rad, found.height_m) == (lat, lon, height)
     # axes at the sign by differences of places
@@ -308,45 +315,34 @@ def test_a_sign_of_the_map_has_place_and_covariance_where_it_stands(
     assert above == pytest.approx(nearest[2] - position[2], abs=0.5)
     monkeypatch.setattr(limits, "HEIGHT_LIMITS_M", (1e4, 2e4))
     for some, sure in ((seen, 0.8), (seen[1:], 0.8 * limits.IMPLAUSIBLE_CONFIDENCE)):
-        off = assembly.assemble_sign(
-            views, some, (position, covariance), path, facing, 7, rules, 0.8
-        )
+        off = assembly.assemble_sign(views, some, placed, path, facing, 7, rules, 0.8)
         right = 1.0 - (1.0 - 0.4 * limits.VIEW_EVIDENCE) ** off.n_views
         assert (off.status, off.existence) == ("implausible", pytest.approx(sure))
         assert off.confidence == pytest.approx(0.8 * limits.IMPLAUSIBLE_CONFIDENCE * right)
 
 
 @pytest.mark.parametrize("factor", [0.98, 1.02])
-@pytest.mark.parametrize("axis", [0, 2])
-def test_a_back_is_near_its_front_by_both_sigmas_and_a_plates_thickness(
-    factor: float, axis: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    slack = [limits.THICKNESS_M, limits.THICKNESS_M, limits.HEIGHT_SLACK_M][axis]
-    sd = 0.3
-    monkeypatch.setattr(merging, "difference_covariance", lambda a, b: sd**2 * np.eye(3))
-    distance = factor * np.sqrt(gate(limits.BACK_PROBABILITY, 3) * (sd**2 + slack**2))
-    assert distance < limits.BACK_REACH_M
-    views: Any = SimpleNamespace(frame=np.array([1, 2, 3, 4]))
-    turned = np.array([limits.AWAY_COSINE, np.sqrt(1.0 - limits.AWAY_COSINE**2)])
+def test_a_back_is_near_its_front_by_both_sigmas_and_a_plates_thickness(factor: float) -> None:
+    slack, sd = mapping.THICKNESS_M, 0.3
+    distance = factor * np.sqrt(gate(mapping.BACK_PROBABILITY, 2) * (2.0 * sd**2 + slack**2))
+    assert distance < mapping.BACK_REACH_M
+    away = np.arccos(mapping.AWAY_COSINE)
 
-    def one(where: float, facing: FloatArray, rows: list[int]) -> Any:
-        return SimpleNamespace(
-            position=where * np.eye(3)[axis], facing=facing, landmark=SimpleNamespace(rows=rows)
-        )
+    def behind(
+        where: float, turn: float, sd: float = sd, beside: Callable[[int, int], bool] = never
+    ) -> bool:
+        names = ["sign--back", "regulatory--stop--g1"]
+        place = np.array([[where, 0.0], [0.0, 0.0]])
+        covariance = np.tile(sd**2 * np.eye(2), (2, 1, 1))
+        return bool(backs(names, place, covariance, np.array([turn, 0.0]), beside)[0] == 1)
 
-    def behind(back: Any, front: Any) -> bool:
-        back.class_name, front.class_name = "sign--back", "regulatory--stop--g1"
-        return bool(merging.find_backs(views, [back, front], [[0], [1]])[0] == 1)
-
-    ahead = np.array([1.0, 0.0])
-    back = one(-distance, turned * [1.001, 1.0], [0, 1])
-    assert behind(back, one(0.0, ahead, [2])) == (factor < 1.0)
-    assert not behind(one(0.0, turned * [0.999, 1.0], [0]), one(0.0, ahead, [2]))
-    assert not behind(one(0.0, -ahead, [0, 1]), one(0.0, ahead, [1]))
-    far = 1.001 * limits.BACK_REACH_M
-    monkeypatch.setattr(merging, "difference_covariance", lambda a, b: 1e6 * np.eye(3))
+    assert behind(-distance, 1.001 * away) == (factor < 1.0)
+    assert not behind(0.0, 0.999 * away)
+    assert behind(0.0, np.pi)
+    assert not behind(0.0, np.pi, beside=lambda a, b: {a, b} == {0, 1})
+    far = 1.001 * mapping.BACK_REACH_M
     for where, wanted in ((far, False), (-far, False), (0.998 * far, True)):
-        assert behind(one(where, -ahead, [0]), one(0.0, ahead, [2])) is wanted
+        assert behind(where, np.pi, 1e3) is wanted
 
 
 def test_a_boxs_size_is_the_mean_of_width_and_height_by_their_logarithms(

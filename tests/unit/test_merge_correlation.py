@@ -9,7 +9,7 @@ import pytest
 from merge_scene import ORIGIN, levels_told, to_enu, to_geodetic
 
 from automap.geolocation.limits import NODE_S
-from automap.mapping.adjustment import Adjusted, adjust
+from automap.mapping.adjustment import Adjusted, adjust, offsets_of
 from automap.mapping.association import associate
 from automap.mapping.candidates import (
     D_E,
@@ -226,7 +226,7 @@ def test_levels_are_as_large_as_errors_are() -> None:
 def grouped(drives: list[DriveSigns], again: bool = True) -> np.ndarray:
     sightings = stack_sightings(drives)
     found = associate(sightings)
-    return (associate(sightings, found) if again else found).sign
+    return associate(sightings, found, offsets_of(sightings, found)) if again else found
 
 
 def test_places_differ_along_the_long_axis_of_their_errors_and_not_across_it() -> None:
