@@ -49,7 +49,7 @@ class Factor:
         place[self.order] = np.arange(len(self.order))
         place[-1] = -1
         wanted = np.ascontiguousarray(place[np.maximum(index, -1)])
-        weight = np.require(np.broadcast_to(weight, wanted.shape), None, "CW")
+        weight = np.require(np.broadcast_to(weight, wanted.shape), None, ("C", "W"))
         shape, s = wanted.shape[:-1], wanted.shape[-1]
         found = _variances_of(
             self.start, self.row, self.value, self.pivot, wanted.reshape(-1, s),

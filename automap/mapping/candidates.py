@@ -71,7 +71,8 @@ class MapSigns(NamedTuple):
 def columns_of(sightings: Sightings) -> Columns:
     """What kernels take of some sightings, in one layout wherever they come from: for another the
     kernels would be compiled once more."""
-    return Columns(*(np.require(getattr(sightings, name), None, "CW") for name in Columns._fields))
+    found = (getattr(sightings, name) for name in Columns._fields)
+    return Columns(*(np.require(values, None, ("C", "W")) for values in found))
 
 
 def empty_map(room: int) -> MapSigns:

@@ -80,9 +80,9 @@ def opportunities(
         views = np.array([[c.yaw_rad, limits.EDGE_SHARE * c.half_angle_rad] for c in drive.cameras])
         count, nearest = np.zeros(len(lat), np.int64), np.full((len(lat), 3), np.inf)
         # a path that was read is not to be written to: for that it would all be compiled once more
-        way = (np.require(a, None, "W") for a in (path.lat_rad, path.lon_rad, path.yaw_rad))
+        car = [np.require(a, None, "W") for a in (path.lat_rad, path.lon_rad, path.yaw_rad)]
         n = _look(
-            stride, *way, per_lat, per_lon, views, table,
+            stride, car[0], car[1], car[2], per_lat, per_lon, views, table,
             lat, lon, facing, count, nearest, touched,
         )  # fmt: skip
         seen = np.sort(touched[:n])
