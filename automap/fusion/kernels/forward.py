@@ -96,12 +96,12 @@ def run_forward(
         begin(samples, model, legs, nodes.t[0], pos, xi)
     t = nodes.t[0]
     # nought as int64, as elsewhere: for a literal all that integrates would be compiled once more
-    first = int(np.int64(0))
+    nought = int(np.int64(0))
     for k in range(nodes.t.shape[0]):
         row = k if relinearise else 0
         span = nodes.t[k] - t
         if k > 0 and not relinearise:
-            go(samples, model, legs, first, first, legs.at[0], t, nodes.t[k], pos, vel, q, c, xi)
+            go(samples, model, legs, nought, nought, legs.at[0], t, nodes.t[k], pos, vel, q, c, xi)
         t, i, phi = nodes.t[k], legs.at[row], legs.trans[row]
         rate[:], now[:] = legs.rate[row], legs.now[row]
         mid[:], place[:] = legs.mid[row], legs.place[row]
