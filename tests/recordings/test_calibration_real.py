@@ -142,6 +142,7 @@ def test_mpu9150(shared_data: Path, number: int) -> None:
     assert np.degrees(result.gyro.turn_rms) < 0.1
 
 
+@pytest.mark.slow
 def test_the_command_on_counts(shared_data: Path, tmp_path: Path) -> None:
     accel, gyro = xsens_files(shared_data)
     words = ["calibrate", "static", "--accel", str(accel), "--gyro", str(gyro), "--columns",

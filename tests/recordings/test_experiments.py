@@ -13,6 +13,7 @@ from tests.slow_cases import others_slow
 DRIVE = "drives/kitti-20110926-0059"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", others_slow(["dropout", "calibration"]))
 def test_outages_show_what_calibration_and_smoothing_bring(
     kind: str, shared_data: Path, tmp_path: Path

@@ -118,6 +118,7 @@ def test_a_walk_by_rtklib_is_fused_to_a_decimetre(shared_data: Path, tmp_path: P
     assert result["position_rms_m"]["d"] < 0.1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("files", "readings", "fixes"),
     [(["circle_gps.bag", "circle_imu.bag"], 6001, 147), (["going_in_circles1_0.mcap"], 2983, 74)],

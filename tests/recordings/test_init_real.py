@@ -65,6 +65,7 @@ def test_a_table_with_readings_and_fixes(
     assert np.nanmax(np.hypot(*fixes.vel_ned[:, :2].T)) == pytest.approx(fastest, rel=0.5)
 
 
+@pytest.mark.slow
 def test_a_cars_log_beside_a_phones_is_its_wheel_speed(shared_data: Path, tmp_path: Path) -> None:
     """Local time of Texas, a count of its own, mph: the phone's fixes tell the zone."""
     for name in ("austin-iphone-x.csv", "austin-car-can.csv"):
@@ -109,7 +110,11 @@ def test_bags_in_a_folder(shared_data: Path, tmp_path: Path) -> None:
     ("name", "said"),
     [
         ("rtk-car-a", {"gyro_unit": "deg/s", "accel_unit": "g", "time": "gps_ns"}),
-        ("kitti-20110926-0009", {"gyro_unit": "rad/s", "accel_unit": "m/s^2", "time": "boot_ns"}),
+        pytest.param(
+            "kitti-20110926-0009",
+            {"gyro_unit": "rad/s", "accel_unit": "m/s^2", "time": "boot_ns"},
+            marks=pytest.mark.slow,
+        ),
     ],
 )
 def test_a_drive_without_its_manifest(

@@ -14,6 +14,7 @@ from automap.io.receiver import read_receiver_log
 from automap.records import ClockModel, Fixes
 from automap.sync.velocity_consistency import velocity_consistency
 from pipeline.run.fusion_inputs import own_velocities, usable_fixes
+from tests.slow_cases import others_slow
 from tests.unit.fusion_receiver import GPS0
 from tests.unit.test_fusion_offsets import (
     OPTIONS,
@@ -60,7 +61,7 @@ def test_recorded_receivers_are_not_accused(
     assert told(shared_data, name, lambda fixes: fixes) == expected
 
 
-@pytest.mark.parametrize("name", ["gsdc-mtv1", "gsdc-mtv1-xl", "kitti-20110930-0020"])
+@pytest.mark.parametrize("name", others_slow(["kitti-20110930-0020", "gsdc-mtv1", "gsdc-mtv1-xl"]))
 @pytest.mark.parametrize(
     ("spoil", "code"),
     list(zip((every_second, second_half, throughout), CODES, strict=True)),
@@ -76,7 +77,7 @@ def test_another_antenna_of_a_fixed_receiver_is_told_without_velocities(shared_d
     assert told(shared_data, "rtk-car-a", second_half) == ["positions_jump", "positions_shift"]
 
 
-@pytest.mark.parametrize("name", ["gsdc-mtv1", "gsdc-mtv1-xl", "kitti-20110930-0020"])
+@pytest.mark.parametrize("name", others_slow(["kitti-20110930-0020", "gsdc-mtv1", "gsdc-mtv1-xl"]))
 def test_fixes_that_become_older_part_way_are_told(shared_data: Path, name: str) -> None:
     def half(fixes: Fixes) -> Fixes:
         return older(fixes, float(np.nanmedian(fixes.gps_s)) - GPS0, 0.4)

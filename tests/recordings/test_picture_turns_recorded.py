@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from automap.frames import matrix_to_rpy, rotation_vector_to_matrix
 from automap.io.gopro import read_gopro
@@ -36,6 +37,7 @@ def by_gyro(path: Path) -> Trajectory:
     return Trajectory(t, t * 1e-9, one, one, one, np.zeros((len(t), 3)), rpy, three, three, three)
 
 
+@pytest.mark.slow
 def test_a_hand_held_video_is_not_accused(shared_data: Path) -> None:
     import av
 

@@ -118,7 +118,7 @@ WRONG: dict[str, tuple[Callable[[Path], Path], str]] = {
 }
 
 
-@pytest.mark.parametrize("name", WRONG)
+@pytest.mark.parametrize("name", others_slow(WRONG, 4))
 def test_what_cannot_be_shown_is_one_sentence(tmp_path: Path, name: str) -> None:
     write, told = WRONG[name]
     with pytest.raises(InputError, match=told) as failure:

@@ -155,6 +155,7 @@ def test_the_papers_filter_agrees() -> None:
     assert np.all(sigma[:3] < 0.5 * PRIOR_SD[:3])
 
 
+@pytest.mark.slow
 def test_figure_2_on_simulated_turn_ons() -> None:
     """Ten sequences at rest, each with its own turn-on bias: without dynamic calibration roll
     and pitch run away, each differently; with it they stay put."""

@@ -107,6 +107,7 @@ def test_a_gyros_parameters_give_the_rate_of_its_centred_signals(with_g: bool) -
     assert found.scale_change == pytest.approx(np.abs(change).max(), rel=1e-5)
 
 
+@pytest.mark.slow
 def test_an_accelerometers_errors_are_in_a_gyros_sigmas() -> None:
     """Turns between rests whose directions an accelerometer in error tells, a little off."""
     rng = np.random.default_rng(10)

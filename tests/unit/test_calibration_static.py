@@ -131,6 +131,7 @@ def test_six_poses_give_six_parameters() -> None:
     np.testing.assert_allclose(np.diag(result.accel.covariance)[6:], limits.ANGLE_SD**2, rtol=0.01)
 
 
+@pytest.mark.slow
 def test_rests_in_a_hand_are_told_to_be_put_down(monkeypatch: pytest.MonkeyPatch) -> None:
     rng = np.random.default_rng(424901)
     motion = turned_by_hand(rng, random_poses(rng, 12))

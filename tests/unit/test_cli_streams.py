@@ -29,6 +29,7 @@ def automap(*words: str, stdout: int) -> subprocess.CompletedProcess[str]:
     )
 
 
+@pytest.mark.slow
 def test_a_run_outlasts_the_reader_of_its_output(tmp_path: Path) -> None:
     read, write = os.pipe()
     os.close(read)

@@ -141,6 +141,7 @@ def test_places_have_an_index_and_columns_their_meaning(url: str, tmp_path: Path
     assert near == [[1]]
 
 
+@pytest.mark.slow
 def test_a_plane_stands_beside_the_degrees(url: str, tmp_path: Path) -> None:
     out = write_run(tmp_path / "plane", name="plane")
     words = ["export", str(out), "--format", "postgis", "--to", url, "--crs", "EPSG:25832"]

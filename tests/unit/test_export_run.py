@@ -26,6 +26,7 @@ from pipeline.run.stage import StageContext
 from pipeline.run.stages.export import STAGE
 from pipeline.settings.load import load_settings
 from pipeline.shared.products import geoid_separation, load_products
+from tests.slow_cases import others_slow
 
 
 @pytest.fixture(scope="module")
@@ -112,7 +113,7 @@ def test_any_input_may_be_missing(out: Path, missing: str) -> None:
     assert written(work) == ALWAYS
 
 
-@pytest.mark.parametrize("damaged", STAGE.needs)
+@pytest.mark.parametrize("damaged", others_slow(STAGE.needs, 4))
 def test_a_damaged_input_is_said_and_left_out(out: Path, damaged: str) -> None:
     (out / damaged).write_bytes(b"PAR1 not really")
     work, context = run_stage(out)

@@ -43,6 +43,7 @@ def _answer(request: Path) -> dict[str, Any]:
     return told
 
 
+@pytest.mark.slow
 def test_requests_are_answered_one_after_the_other_and_modules_stay(
     server: ForkServer, tmp_path: Path
 ) -> None:
@@ -90,6 +91,7 @@ def test_a_killed_process_is_told_by_its_signal(server: ForkServer, tmp_path: Pa
     assert server.run(_request(tmp_path, "next"), lambda pid: None, 0.2) == 0
 
 
+@pytest.mark.slow
 def test_a_killed_server_counts_as_a_killed_process(tmp_path: Path) -> None:
     forked: list[int] = []
 

@@ -223,6 +223,7 @@ def ended(*words: object) -> None:
     raise KeyboardInterrupt
 
 
+@pytest.mark.slow
 def test_new_drives_keep_names_and_are_told_as_changes(tmp_path: Path) -> None:
     store = make_store(tmp_path, range(4))
     run_all(store)

@@ -134,6 +134,7 @@ def test_outliers_hardly_matter(
     assert 8 <= int((doubted & positions).sum()) <= 3 * len(fixes) // 10
 
 
+@pytest.mark.slow
 def test_half_a_minute_without_fixes(
     imu: ImuData, fixes: Fixes, motion: Motion, plain: FusionResult, plain_rms: float
 ) -> None:
@@ -187,6 +188,7 @@ def test_fixes_without_velocity(imu: ImuData, fixes: Fixes, motion: Motion) -> N
     assert _heading_rms_deg(error) < 0.6
 
 
+@pytest.mark.slow
 def test_fixes_with_horizontal_velocity_only(
     imu: ImuData, fixes: Fixes, motion: Motion, plain_rms: float
 ) -> None:
@@ -217,6 +219,7 @@ def test_fixes_of_type_none_are_not_used(
     assert result.n_fixes_used <= int((~lost).sum())
 
 
+@pytest.mark.slow
 def test_a_delay_of_the_samples_is_recovered(
     fixes: Fixes, motion: Motion, plain_rms: float
 ) -> None:
@@ -331,6 +334,7 @@ def test_odd_places(place: tuple[float, float, float], plain_rms: float) -> None
     assert horizontal_rms(errors(result.trajectory, motion)) < plain_rms + 0.05
 
 
+@pytest.mark.slow
 def test_an_antenna_away_from_the_sensor(imu: ImuData, motion: Motion, plain_rms: float) -> None:
     lever = (0.8, -0.5, -1.5)
     fixes = receive(motion, Receiver(lever=lever), 3)

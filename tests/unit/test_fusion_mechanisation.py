@@ -16,6 +16,7 @@ from automap.fusion.nodes import Shift
 from automap.fusion.options import FusionOptions
 from automap.fusion.problem import make_problem
 from automap.records import FloatArray, ImuData
+from tests.slow_cases import others_slow
 from tests.unit.dense_filter import rates_of_motion
 from tests.unit.fusion_drive import PERFECT, Sensor, record
 from tests.unit.fusion_motion import city_drive, make_motion
@@ -41,7 +42,7 @@ TERMS = (
 )
 
 
-@pytest.mark.parametrize("place", PLACES)
+@pytest.mark.parametrize("place", others_slow(PLACES, 2))
 def test_perfect_readings_integrate_to_the_truth(place: str) -> None:
     """Ten minutes of perfect readings at 100 Hz stay within 10 cm."""
     motion = city_drive(600.0, seed=3, origin_deg=PLACES[place])

@@ -78,6 +78,7 @@ def test_a_sound_receiver_is_not_accused(receiver: Receiver, seed: int) -> None:
     assert seen(drive(receiver, seed)) == (0.0, None, None)
 
 
+@pytest.mark.slow
 def test_a_receiver_may_be_worse_at_every_second_fix_if_it_says_so() -> None:
     """Ambiguities that are fixed at one and float at the next, by an error that lasts seconds."""
     none = (0.0, 0.0, 0.0)
@@ -157,6 +158,7 @@ def in_ellipses(weighed: Weighed, seed: int) -> float:
     return float(np.mean(((off / at.sd_pos_ned[:, :2]) ** 2).sum(axis=1) < 5.99))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("spoil", "code"),
     [

@@ -94,6 +94,7 @@ def test_readings_tell_what_fixes_once_a_second_leave_open(seed: int) -> None:
     assert all(drift.gain < 1.0 for drift in beside(quiet, followed(300.0, seed, None)))
 
 
+@pytest.mark.slow
 def test_the_sigmas_hold_a_drift_and_it_is_told() -> None:
     fixes = with_pulse(drive(U_BLOX, 61))
     levels = fix_levels(fixes, OPTIONS)
@@ -119,8 +120,9 @@ def test_the_sigmas_hold_a_drift_and_it_is_told() -> None:
     assert pattern_doubts(fixes, alone, OPTIONS, levels, 1.0, [parted]) == ([], [])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("receiver", [U_BLOX, PHONE])
-@pytest.mark.parametrize("seed", others_slow([31, 41, 51, 61], 2))
+@pytest.mark.parametrize("seed", others_slow([31, 41, 51, 61]))
 def test_a_receiver_that_errs_as_it_states_does_not_drift(receiver: Receiver, seed: int) -> None:
     for drift in drifts_of(drive(receiver, seed)):
         assert drift.gain < 1.0
@@ -128,6 +130,7 @@ def test_a_receiver_that_errs_as_it_states_does_not_drift(receiver: Receiver, se
         assert drift.size < 1.2
 
 
+@pytest.mark.slow
 def test_only_the_window_that_drifts_is_less_sure() -> None:
     """Windows far from where a drive begins are judged as the first one is."""
     quiet = drive(Receiver(rate=2.0), 71, 1100.0)

@@ -54,6 +54,7 @@ def yaw(gps_s: FloatArray) -> FloatArray:
     return np.arctan2(turn[:, 1, 0], turn[:, 0, 0])
 
 
+@pytest.mark.slow
 def test_where_no_reading_is_the_path_is_that_of_the_fixes() -> None:
     """Readings of the middle third of a drive alone; beside its own rows the fixes' path has ones
     at the sensor, off by no more than it says."""

@@ -139,6 +139,7 @@ def test_beside_late_velocities_a_delay_is_screened_by_what_happened_then(
     set_user_effects([])
 
 
+@pytest.mark.slow
 def test_whitening_takes_out_colour_and_size() -> None:
     rng = np.random.default_rng(1)
     n = 20000

@@ -134,6 +134,7 @@ def boxes_with(values: dict[str, dict[str, float]], seed: int = 1) -> Boxes:
     return boxes
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "effect",
     others_slow(

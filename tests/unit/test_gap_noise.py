@@ -50,6 +50,7 @@ def test_slopes_are_those_of_the_likelihood(ungated: Fit, off: float) -> None:
         assert slope[i] == pytest.approx(numeric, rel=0.03, abs=0.05), level
 
 
+@pytest.mark.slow
 def test_the_climb_ends_where_no_level_wants_to_move(ungated: Fit) -> None:
     start = dict(ungated.model.factors)
     found = fit_noise([ungated])

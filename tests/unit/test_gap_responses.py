@@ -90,6 +90,7 @@ def test_what_fitted_drives_say_surely_short_held_out_ones_need_not_say_too(
     assert bool(responses(cast("Beside", None), (), ())) == there
 
 
+@pytest.mark.slow
 def test_nothing_follows_where_nothing_is_missing() -> None:
     assert told(simulated({})) == ()
 

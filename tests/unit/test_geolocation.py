@@ -78,6 +78,7 @@ def test_every_sign_is_found_once_and_in_place(world) -> None:
     assert [s.id for s in result.signs] == [f"s{k:04d}" for k in range(1, len(seen) + 1)]
 
 
+@pytest.mark.slow
 def test_what_is_said_about_a_sign(world) -> None:
     path, scene, found, _ = world
     result = locate_signs(path, [found], {"front": camera()})
@@ -165,6 +166,7 @@ def test_covariance_fits_the_error() -> None:
     assert 0.7 < np.mean(squares) < 4.0  # two degrees of freedom
 
 
+@pytest.mark.slow
 def test_the_trajectory_error_is_not_averaged_away(world) -> None:
     path, _, found, _ = world
     result = locate_signs(path, [found], {"front": camera()})

@@ -105,6 +105,7 @@ def test_signs_are_unsure_along_a_road_that_is_dated_by_fixes_of_unknown_age(
     assert variance[1] - variance[0] == pytest.approx(1.2**2, rel=0.3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("picture", others_slow(["mirrored", "", "upside down"]))
 def test_boxes_are_taken_as_the_bends_of_their_video_say(
     context: StageContext, picture: str
@@ -273,6 +274,7 @@ def test_unreadable_signs_are_one_sentence(tmp_path: Path, content: bytes | None
         read_signs(path)
 
 
+@pytest.mark.slow
 def test_control_signs_of_the_folder_adjust_the_trajectory(context: StageContext) -> None:
     path = drive_path(duration_s=14.0, sd_m=2.0)
     scene = roadside(path)

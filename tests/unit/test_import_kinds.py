@@ -35,6 +35,7 @@ from pipeline.importers.openpilot import import_openpilot
 from pipeline.importers.phone import import_gnss_logger, import_sensor_logger
 from pipeline.importers.rosbag import import_rosbag
 from pipeline.importers.rtklib import import_rtklib
+from tests.slow_cases import others_slow
 
 FRD = np.array([1.0, -1.0, -1.0])
 
@@ -265,7 +266,7 @@ def sources(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     return {name: make(folder / name) for name, (make, _) in _SOURCES.items()}
 
 
-@pytest.mark.parametrize("name", list(_SOURCES))
+@pytest.mark.parametrize("name", others_slow(_SOURCES, 4))
 @settings(
     max_examples=12,
     suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],

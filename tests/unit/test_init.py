@@ -27,6 +27,7 @@ from pipeline.init.choose import draft_of
 from pipeline.init.command import init_drive
 from pipeline.init.draft import Draft
 from pipeline.init.found import look
+from tests.slow_cases import others_slow
 from tests.unit.foreign_tables import FOREIGN, SAMPLE, imu_unix_s, sample
 
 
@@ -34,7 +35,7 @@ def not_converted(kind: str, paths: list[Path], out: Path) -> list[str]:
     raise AssertionError(f"{kind} {paths} {out}")
 
 
-@pytest.mark.parametrize("name", list(FOREIGN))
+@pytest.mark.parametrize("name", others_slow(FOREIGN))
 def test_a_foreign_table_is_a_drive_in_one_try(
     name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -85,6 +86,7 @@ def test_a_manifest_is_not_written_over_unasked(
     assert tomllib.loads(manifest.read_text(encoding="utf-8"))["gnss"]["file"] == "gnss.ubx"
 
 
+@pytest.mark.slow
 def test_a_folder_of_its_own_says_which_command_made_it(tmp_path: Path) -> None:
     FOREIGN["bare"](tmp_path / "d")
     for more in ([], ["--force"]):

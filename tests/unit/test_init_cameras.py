@@ -187,6 +187,7 @@ def test_a_track_alone_has_the_time_of_a_dated_video(
     assert any("zones; UTC is taken" in doubt for doubt in draft.doubts) == told
 
 
+@pytest.mark.slow
 def test_a_name_of_another_day_tells_no_beginning(folder: Path) -> None:
     shutil.rmtree(folder / "video")
     shutil.copy(SAMPLE / "video/front.mp4", folder / "20260311_092000.mp4")

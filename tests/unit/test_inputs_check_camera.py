@@ -73,6 +73,7 @@ def test_frames_of_another_video_are_told(drive: Path) -> None:
         assert (f"lists {n} frames, the video has 50" in check_drive(drive).text()) == told
 
 
+@pytest.mark.slow
 def test_chapters_that_were_filmed_in_another_order_are_told(drive: Path) -> None:
     import av
 

@@ -30,6 +30,7 @@ from automap.signs.codes import classes_of
 from pipeline.cli.root import run_command
 from pipeline.compare.listing import listed_signs
 from pipeline.compare.report import _entry
+from tests.slow_cases import others_slow
 
 
 @pytest.mark.parametrize(
@@ -141,7 +142,9 @@ def write_list(path: Path, inventory: Inventory, form: str) -> list[str]:
     return []
 
 
-@pytest.mark.parametrize("form", ["csv", "gpkg", "shp", "geojson", "swapped.geojson", "parquet"])
+@pytest.mark.parametrize(
+    "form", others_slow(["csv", "gpkg", "shp", "geojson", "swapped.geojson", "parquet"], 3)
+)
 def test_every_form_of_inventory_gives_the_same(
     run_and_case: tuple[Path, Faulty], tmp_path: Path, form: str, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -234,6 +234,7 @@ def test_the_order_of_the_folders_changes_nothing(folders: list[Path], tmp_path:
     assert features(tmp_path / "a") == features(tmp_path / "b")
 
 
+@pytest.mark.slow
 def test_a_further_drive_renames_no_sign(folders: list[Path], tmp_path: Path) -> None:
     few = {s.id for s in outcome_of(folders[:3], tmp_path / "few").signs}
     more = {s.id for s in outcome_of(folders, tmp_path / "more").signs}

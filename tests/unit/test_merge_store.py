@@ -25,6 +25,7 @@ def drives_of(seed: int, count: int) -> list[DriveSigns]:
     return at_edge(street_scene(seed, count, length_m=2000.0), np.pi)
 
 
+@pytest.mark.slow
 def test_a_store_is_merged_as_all_drives_at_once(tmp_path: Path) -> None:
     # what drives say of existence is one of the columns
     drives = [replace(d, existence=d.confidence**0.1) for d in drives_of(1, 7)]

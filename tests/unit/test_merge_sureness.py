@@ -74,7 +74,7 @@ def readings(
     return p.argmax(axis=2), p.max(axis=2), true
 
 
-@pytest.mark.parametrize("common", [0.0, 0.25, 0.5])
+@pytest.mark.parametrize("common", others_slow([0.25, 0.0, 0.5]))
 @pytest.mark.parametrize("drives", others_slow([4, 2, 8]))
 @pytest.mark.parametrize("sharpness", [1.5, 2.5])
 def test_merged_classes_are_not_overconfident(common: float, drives: int, sharpness: float) -> None:

@@ -53,6 +53,7 @@ def _stamp(ns: int, form: str) -> tuple[str, str]:
     return when.strftime(form), ""
 
 
+@pytest.mark.slow
 @settings(max_examples=150)
 @given(
     language=st.sampled_from(sorted(HEADERS)),

@@ -22,6 +22,7 @@ from automap.io.signs_table import write_signs
 from automap.records import Sign
 from pipeline.export import formats
 from pipeline.export.content import stored_content
+from tests.slow_cases import others_slow
 
 FILES = {
     names.SIGNS_GEOJSON: formats.write_geojson,
@@ -59,6 +60,7 @@ def written(run: Path, signs: list[Sign], out: Path, kept: Kept | None) -> dict[
     return {name: (out / name).read_bytes() for name in FILES}
 
 
+@pytest.mark.slow
 def test_a_map_with_pieces_of_an_older_one_has_the_bytes_of_one_from_nothing(
     run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -88,7 +90,7 @@ def test_a_map_with_pieces_of_an_older_one_has_the_bytes_of_one_from_nothing(
     assert set(made) == {"taken"}
 
 
-@pytest.mark.parametrize("harm", ["bytes", "short", "gone", "index", "no list"])
+@pytest.mark.parametrize("harm", others_slow(["bytes", "short", "gone", "index", "no list"], 2))
 def test_an_older_map_that_is_damaged_is_not_taken_from(
     run: Path, tmp_path: Path, harm: str
 ) -> None:

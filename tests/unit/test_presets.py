@@ -183,6 +183,7 @@ def test_sensor_files_are_no_receivers() -> None:
     assert not set(preset_names(SCHEMA)) & set(preset_names(SENSOR_SCHEMA))
 
 
+@pytest.mark.slow
 def test_a_run_uses_and_names_its_presets(named: Path, tmp_path: Path) -> None:
     text = check_drive(named).text()
     assert "sensor adis16465: Analog Devices" in text

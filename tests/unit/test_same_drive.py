@@ -71,7 +71,7 @@ def test_velocities_that_err_are_no_other_drive() -> None:
 
 
 @pytest.mark.parametrize(
-    "axes", [np.diag([1.0, -1.0, 1.0]), np.roll(np.eye(3), 1, axis=0), -np.eye(3)]
+    "axes", others_slow([np.diag([1.0, -1.0, 1.0]), np.roll(np.eye(3), 1, axis=0), -np.eye(3)])
 )
 def test_axes_and_units_make_no_other_drive(axes: FloatArray) -> None:
     """Mirrored, turned and negated; the gyro in another unit and one that reads nothing."""
@@ -177,6 +177,7 @@ def test_stamps_that_are_off_make_no_other_drive() -> None:
     assert told(replace(imu, t_ns=fast), fixes_of(1)) is None
 
 
+@pytest.mark.slow
 def test_a_run_goes_on_with_the_fixes_and_says_why(tmp_path: Path) -> None:
     """It was doubtful for reasons of which none was it, and its sigmas were too small."""
     folder = write_drive(tmp_path / "drive")
@@ -215,6 +216,7 @@ def test_a_clock_that_the_motions_do_not_tell_is_refused_by_check_too(tmp_path: 
     assert "does not stand out from their motions" in refused(folder, tmp_path)
 
 
+@pytest.mark.slow
 def test_arrival_times_of_a_longer_log_are_named(tmp_path: Path) -> None:
     folder = write_drive(tmp_path / "drive")
     rows = [line.split(",") for line in (folder / "gnss_arrival.csv").read_text().split()]

@@ -47,6 +47,7 @@ def test_velocity_and_position_delays_are_told_apart() -> None:
     assert lags["velocity"].lag_s == pytest.approx(-0.2, abs=0.04)
 
 
+@pytest.mark.slow
 def test_a_drive_of_another_month_in_the_log_costs_neither_memory_nor_the_offset() -> None:
     t, gyro, accel, motion = drive(60.0, 25.0)
     fixes = fixes_of(t, motion, rate=2.0)

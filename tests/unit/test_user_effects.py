@@ -273,6 +273,7 @@ def test_an_effect_on_the_fixes_is_found_and_taken_out() -> None:
 SLIPS, SWINGS = "(1 + tanh((time - 60) / 0.3))", "sin(2 * pi * time / 20)"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("on", "text", "size"),
     [

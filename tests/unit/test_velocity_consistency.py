@@ -258,6 +258,7 @@ def test_a_velocity_that_is_zero_throughout_is_stuck() -> None:
         assert codes(zeroed(fixes, np.ones(len(fixes), np.bool_))) == ["velocity_stuck"]
 
 
+@pytest.mark.slow
 def test_positions_that_come_less_often_than_they_are_logged() -> None:
     for seed in SEEDS:
         fixes = simulated_fixes(seed, Receiver(rate_hz=10.0), seconds=240.0)
@@ -344,6 +345,7 @@ def test_delays_beyond_any_receivers_are_found() -> None:
             assert lag.value == pytest.approx(3.0, abs=4.0 * lag.sd)
 
 
+@pytest.mark.slow
 def test_vertical_sign() -> None:
     # a receiver with corrections, on hills
     good = Receiver(rate_hz=4.0, wander_m=0.02, noise_m=0.01, velocity_error=0.05)

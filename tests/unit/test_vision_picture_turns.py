@@ -102,6 +102,7 @@ def test_bends_and_the_manifest_are_combined_where_they_agree() -> None:
     assert found.corrected(stamp) - stamp == pytest.approx(-0.4e9, abs=0.15e9)
 
 
+@pytest.mark.slow
 def test_bends_add_nothing_to_a_manifest_that_knows_better() -> None:
     assert told(0.0, camera=replace(CAMERA, time_offset_sd=0.02)) == PictureTurns(4)
 
@@ -142,6 +143,7 @@ def test_a_turned_picture_is_told(looks: tuple[float, ...], name: str) -> None:
     assert abs(found.offset_s) < 4 * found.offset_sd_s
 
 
+@pytest.mark.slow
 def test_turned_and_late() -> None:
     found = told(0.7, looks=(1, -1, -1))
     assert found.pictures
@@ -149,6 +151,7 @@ def test_turned_and_late() -> None:
     assert "its picture is mirrored or upside down" in found.told("front")
 
 
+@pytest.mark.slow
 def test_pictures_that_turn_by_themselves_say_nothing() -> None:
     """A video of another drive: no bend agrees."""
     found = told(own=True)
@@ -172,6 +175,7 @@ def test_a_picture_that_follows_slowly_is_not_late() -> None:
     assert "gimbal" in found.told("front")
 
 
+@pytest.mark.slow
 def test_noise_and_what_does_not_move_are_no_other_video() -> None:
     """Of a video of something else bends are asked for, elsewhere than on the path."""
     assert told(looks=(0, 0, 0), noise=0.02) == PictureTurns(0)

@@ -76,6 +76,7 @@ def test_frames_of_a_camera_that_hung_are_told_and_not_searched(
     assert np.any(looked.frame >= 50)
 
 
+@pytest.mark.slow
 def test_a_covered_lens_is_told(tmp_path: Path) -> None:
     _, told = searched(video(tmp_path / "v.mp4", list(range(FRAMES)), 4.0, 0.0), 12.0, False)
     assert len(told) == 1
