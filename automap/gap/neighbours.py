@@ -20,7 +20,7 @@ AMOUNT = re.compile(r"\d+(\.\d+)?e-?\d+|\d+\.\d+")
 WIDER = 4.0
 """Factor by which that may be off what was tried: of a play of that width half is left."""
 WIDTHS = 21
-"""Steps of that: each is an eighth more than the one before."""
+"""Steps of that: each is a seventh more than the one before, so that one of them is within 7 %."""
 MEMORIES_S = (0.3, 1.0, 4.0, 16.0, 60.0)
 """Times for which something may be remembered: from a spring's to what warms through."""
 BENDS = (0.3, 1.0, 3.0)

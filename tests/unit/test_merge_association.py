@@ -11,6 +11,7 @@ from merge_scene import Errors, Scene, Town, drive_through, street_scene
 
 from automap.mapping.association import associate
 from automap.mapping.by_cells import joined_signs
+from automap.mapping.candidates import columns_of
 from automap.mapping.classes import class_evidence
 from automap.mapping.grid import filled_table, neighbours
 from automap.mapping.limits import DIFFERENT, LEAST_SD_M, SAME, UNKNOWN_SD_M
@@ -54,6 +55,24 @@ def test_signs_of_several_drives_are_found_to_be_one(drives: int) -> None:
     # two drives that each miss one of two neighbours cannot be told from two of one sign
     assert recall > 0.97
     assert precision > 0.96
+
+
+def test_kernels_get_columns_of_one_layout_wherever_they_come_from() -> None:
+    """For one in another order, or that is not to be written to, all would be compiled again."""
+    sightings = stack_sightings(street_scene(3, 2).drives)
+    read = sightings.confidence.copy()
+    read.flags.writeable = False
+    strided = np.repeat(sightings.own_u, 2)[::2]
+    other = replace(
+        sightings,
+        confidence=read,
+        own_u=strided,
+        shared_sd=np.asfortranarray(sightings.shared_sd),
+    )
+    for plain, column in zip(columns_of(sightings), columns_of(other), strict=True):
+        assert column.flags.c_contiguous
+        assert column.flags.writeable
+        np.testing.assert_array_equal(column, plain)
 
 
 def test_of_a_sign_that_was_founded_twice_one_is_left() -> None:
