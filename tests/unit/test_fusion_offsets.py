@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -13,6 +13,7 @@ from automap.earth import metres_per_radian
 from automap.fusion.doubts.alternation import alternation
 from automap.fusion.doubts.offsets import Offset, offset_doubts, offsets
 from automap.fusion.doubts.receiver import accuracy_doubts
+from automap.fusion.doubts.slow_drift import beside_motion
 from automap.fusion.fix_axes import Epochs, usable_epochs, whitened_epochs
 from automap.fusion.fix_levels import fix_levels
 from automap.fusion.gnss_only import smooth_fixes
@@ -20,8 +21,8 @@ from automap.fusion.measurements.position import common_errors, position_errors
 from automap.fusion.options import FusionOptions
 from automap.fusion.verdict_alone import weigh_alone
 from automap.fusion.weighed import Weighed
-from automap.interpolation import poses_at_gps
-from automap.records import BoolArray, Fixes, FixType, FloatArray
+from automap.interpolation import Poses, poses_at_gps
+from automap.records import BoolArray, Fixes, FixType, FloatArray, Trajectory
 from automap.sync.velocity_consistency import velocity_consistency
 from tests.unit.fusion_drive import CLOCK
 from tests.unit.fusion_motion import city_drive
@@ -30,6 +31,7 @@ from tests.unit.fusion_receiver import GPS0, Receiver, receive
 OPTIONS = FusionOptions()
 PHONE = Receiver(rate=1.0, velocity=0.1, lasting=0.15, says_all=False)
 U_BLOX = Receiver(rate=5.0)
+EXACT = Receiver(rate=10.0, wander=(0.0,) * 3, white=(0.0,) * 3, velocity=0.0)
 
 
 def drive(receiver: Receiver, seed: int) -> Fixes:
@@ -235,3 +237,37 @@ def test_no_position_is_surer_than_its_kind(
     # and no path is where nothing corrects what satellites have in common
     least = {0.2: 1.27, 0.8: 0.7, 0.3: 0.0, 0.02: 0.0}.get(stated, min(sd, 1.27))
     np.testing.assert_allclose(common_errors(fixes, OPTIONS)[:, :2], least, atol=0.01)
+
+
+def burst(fixes: Fixes, at_s: float) -> Fixes:
+    """4 m ahead at one fix, and 3 and 1.3 m/s too slow at it and the next, as a phone was."""
+    rows = np.searchsorted(fixes.gps_s, GPS0 + at_s) + np.arange(2)
+    course = np.arctan2(fixes.vel_ned[rows, 1], fixes.vel_ned[rows, 0])
+    slower = np.zeros_like(fixes.vel_ned)
+    slower[rows, :2] = np.array([[3.0], [1.3]]) * np.column_stack([np.cos(course), np.sin(course)])
+    one = np.arange(len(fixes)) == rows[0]
+    return moved(replace(fixes, vel_ned=fixes.vel_ned - slower), one, 4.0, 0.0)
+
+
+@pytest.mark.parametrize("seconds", [1.0, 300.0], ids=["two fixes", "from there on"])
+def test_what_a_receiver_has_right_again_is_no_shift_beside_an_imu(seconds: float) -> None:
+    fixes = drive(PHONE, 29)
+    motion = receive(city_drive(300.0, 29), EXACT, 30)
+    path = smooth_fixes(motion, CLOCK, OPTIONS, {})
+    if seconds < 2.0:
+        fixes = burst(fixes, 292.0)
+    else:
+        fixes = moved(fixes, fixes.gps_s >= GPS0 + 150.0, 4.0, 0.0)
+    levels = fix_levels(fixes, OPTIONS)
+    at, alone = usable_epochs(fixes, OPTIONS), smooth_fixes(fixes, CLOCK, OPTIONS, levels)
+    change, _ = offsets(*of_path(at, alone, levels, path), True)
+    assert (change is None) == (seconds < 2.0)
+    # without an IMU nothing tells the two apart
+    assert offsets(at, alone, OPTIONS, levels)[0] is not None
+
+
+def of_path(
+    at: Epochs, alone: Trajectory, levels: Mapping[str, float], path: Trajectory
+) -> tuple[Epochs, Trajectory | Poses, FusionOptions, Mapping[str, float]]:
+    off, there, by_imu = beside_motion(at, alone, levels, path, levels)
+    return off, there, OPTIONS, by_imu

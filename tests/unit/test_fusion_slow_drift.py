@@ -9,7 +9,13 @@ import pytest
 
 from automap.fusion.adapt import COARSE
 from automap.fusion.doubts.reason import Reason
-from automap.fusion.doubts.slow_drift import Drift, drifting, pattern_doubts, slow_drifts
+from automap.fusion.doubts.slow_drift import (
+    Drift,
+    beside_motion,
+    drifting,
+    pattern_doubts,
+    slow_drifts,
+)
 from automap.fusion.fix_axes import usable_epochs
 from automap.fusion.fix_levels import fix_levels
 from automap.fusion.gnss_only import smooth_fixes
@@ -41,14 +47,15 @@ def with_pulse(fixes: Fixes, begin_s: float = 30.0) -> Fixes:
 def drifts_of(fixes: Fixes) -> list[Drift]:
     levels = fix_levels(fixes, OPTIONS)
     alone = smooth_fixes(fixes, CLOCK, OPTIONS, levels)
-    return slow_drifts(usable_epochs(fixes, OPTIONS), alone, OPTIONS, levels)
+    return slow_drifts(usable_epochs(fixes, OPTIONS), alone, OPTIONS, levels, GPS0)
 
 
 def beside(fixes: Fixes, path: Trajectory) -> list[Drift]:
     """The same beside a path that an IMU has made."""
     levels = fix_levels(fixes, OPTIONS)
     alone = smooth_fixes(fixes, CLOCK, OPTIONS, levels)
-    return slow_drifts(usable_epochs(fixes, OPTIONS), alone, OPTIONS, levels, path, {})
+    off, motion, by_imu = beside_motion(usable_epochs(fixes, OPTIONS), alone, levels, path, {})
+    return slow_drifts(off, motion, OPTIONS, by_imu, GPS0)
 
 
 def followed(seconds: float, seed: int, begin_s: float | None) -> Trajectory:

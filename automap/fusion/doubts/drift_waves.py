@@ -32,16 +32,14 @@ from automap.fusion.doubts.limits import (
     DRIFT_TIMES_S,
     MEASURED_SCALE,
     OTHER_SCALE,
-    PATH_ACCELERATION,
     SLOPE_ROUNDS,
 )
 from automap.fusion.doubts.offsets import receivers_own
 from automap.fusion.fix_axes import Epochs, whitened_epochs
-from automap.fusion.levels import ROAD_ACCELERATION
 from automap.fusion.measurements.position import lasting_share
 from automap.fusion.options import FusionOptions
 from automap.gates import sd_by_median
-from automap.interpolation import poses_at_gps
+from automap.interpolation import Poses, poses_at_gps
 from automap.records import BoolArray, FloatArray, IntArray, Trajectory
 from automap.robust import cauchy_weight
 
@@ -65,14 +63,14 @@ class Waves:
     gain: float
 
 
-def about_path(at: Epochs, path: Trajectory, gps_s: FloatArray) -> tuple[Epochs, FloatArray]:
+def about_path(at: Epochs, path: Trajectory, gps_s: FloatArray) -> tuple[Epochs, Poses]:
     """The epochs ``at`` [k] of the instants ``gps_s`` [k], as far as the ``path`` has them, as what
-    they differ from it by, and the velocities of the path there [m, 2] m/s."""
-    poses = poses_at_gps(path, gps_s)
-    rows = poses.covered
+    they differ from it by, and the path there."""
+    rows = poses_at_gps(path, gps_s).covered
+    at, poses = take(at, rows), poses_at_gps(path, gps_s[rows])
     place = local_ned(poses.lat_rad, poses.lon_rad, poses.height_m, at.ref).reshape(-1, 3)
     expected = np.stack([place, poses.vel_ned], axis=-1).transpose(1, 0, 2)
-    return replace(take(at, rows), z=(at.z - expected)[:, rows]), poses.vel_ned[rows, :2]
+    return replace(at, z=at.z - expected), poses
 
 
 def take(at: Epochs, rows: BoolArray) -> Epochs:
@@ -94,11 +92,9 @@ def waves_of(
     count: int,
     options: FusionOptions,
     levels: Mapping[str, float],
-    about: bool,
 ) -> Waves | None:
     """The first ``count`` cosines in the epochs ``at`` [k], whose vehicle goes by ``velocity``
-    [k, 2] m/s, by the ``levels`` of their errors; None of what is not finite. ``about``: the epochs
-    are what fixes differ by from a path."""
+    [k, 2] m/s, by the ``levels`` of their errors; None of what is not finite."""
     z = at.z - np.nan_to_num(at.z[:, :1]) * [1.0, 0.0]
     # a filter begins where its first fix is
     at = replace(at, z=z)
@@ -112,9 +108,8 @@ def waves_of(
         errors[:, 0, axis, axis] = wave
     both = np.concatenate([errors.reshape(len(t), 2, 2, -1), receivers_own(at.t, velocity)], axis=3)
     taken = float(lasting_share(options, levels)[0] * np.median(at.stated_sd[:, :2]))
-    moved = {**levels, ROAD_ACCELERATION: PATH_ACCELERATION if about else 1.0}
     rows = [
-        whitened_epochs(at, axis, options, moved, np.ascontiguousarray(both[:, :, axis]))
+        whitened_epochs(at, axis, options, levels, np.ascontiguousarray(both[:, :, axis]))
         for axis in _PLANE
     ]
     y, design = np.split(np.vstack(rows), [1], axis=1)

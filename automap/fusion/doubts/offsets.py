@@ -12,17 +12,23 @@ Statistical Association 86, 1991).
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from automap.fusion import limits
 from automap.fusion.doubts.alternation import alternation
-from automap.fusion.doubts.limits import OFFSET_INSTANTS, SLOPE_ROUNDS, STEP_WINDOW_S
+from automap.fusion.doubts.limits import (
+    OFFSET_INSTANTS,
+    SLOPE_ROUNDS,
+    STEP_WINDOW_S,
+    UNHELD_PROBABILITY,
+)
 from automap.fusion.doubts.reason import Reason, State
 from automap.fusion.fix_axes import Epochs, whitened_epochs
 from automap.fusion.options import FusionOptions
 from automap.gates import gate, sd_by_median
+from automap.interpolation import Poses
 from automap.records import BoolArray, FloatArray, Trajectory
 from automap.robust import cauchy_weight
 
@@ -48,18 +54,24 @@ class Offset:
         """Its length, m."""
         return float(np.hypot(self.forward, self.right))
 
+    @property
+    def terms(self) -> int:
+        """By how many numbers it is told."""
+        return 1 if self.older_s else 2
+
 
 def offset_doubts(
     at: Epochs,
-    alone: Trajectory,
+    motion: Trajectory | Poses,
     options: FusionOptions,
     levels: Mapping[str, float],
     sd_m: float,
     jumps: Sequence[float] = (),
+    bridged: bool = False,
 ) -> Iterator[Reason]:
-    """Reasons that the epochs ``at`` [k] give by themselves; ``alone`` [k] their smoothed path,
+    """Reasons that the epochs ``at`` [k] give by themselves; ``motion`` [k] the vehicle's there,
     ``levels`` the sizes of their errors, ``sd_m`` what the path is good to, m an axis. A shift at
-    ``jumps``, s of the drive, is told already.
+    ``jumps``, s of the drive, is told already. ``bridged`` as in ``offsets``.
 
     An offset that is smaller than that is no doubt, but adds to it.
     """
@@ -80,9 +92,9 @@ def offset_doubts(
             error_m=apart,
         )
         return
-    change, aside = offsets(at, alone, options, levels)
+    change, aside = offsets(at, motion, options, levels, bridged)
     if change is not None and change.older_s:
-        speed = np.hypot(alone.vel_ned[:, 0], alone.vel_ned[:, 1])
+        speed = np.hypot(motion.vel_ned[:, 0], motion.vel_ned[:, 1])
         metres = abs(change.older_s) * float(np.median(speed[speed > limits.DRIVING_SPEED]))
         yield Reason(
             "age_changes",
@@ -125,18 +137,23 @@ one after the other [m, 1 + c], those of the fixes first."""
 
 
 def offsets(
-    at: Epochs, alone: Trajectory, options: FusionOptions, levels: Mapping[str, float]
+    at: Epochs,
+    motion: Trajectory | Poses,
+    options: FusionOptions,
+    levels: Mapping[str, float],
+    bridged: bool = False,
 ) -> tuple[Offset | None, Offset | None]:
     """The likeliest offset that begins within the drive, and one of the whole drive, of the epochs
-    ``at`` [k] against their smoothed path ``alone`` [k]; None where chance makes it."""
-    velocity, course = alone.vel_ned[:, :2], alone.rpy[:, 2]
+    ``at`` [k] beside the vehicle's ``motion`` [k]; None where chance makes it. ``bridged``: an IMU
+    tells how it went on where fixes are left out."""
+    velocity, course = motion.vel_ned[:, :2], motion.rpy[:, 2]
     driving = np.hypot(velocity[:, 0], velocity[:, 1]) > limits.DRIVING_SPEED
     placed = np.asarray(at.used[:2, :, 0].all(axis=0))
     told = np.asarray(at.used[:2, :, 1].all(axis=0))
     if np.count_nonzero(placed & driving) < limits.LEAST_JUDGED:
         return None, None
 
-    def whiten(errors: FloatArray) -> FloatArray:
+    def whiten(at: Epochs, errors: FloatArray) -> FloatArray:
         parts = [np.ascontiguousarray(errors[:, :, axis]) for axis in _PLANE]
         return np.concatenate(
             [whitened_epochs(at, axis, options, levels, parts[axis]) for axis in _PLANE]
@@ -151,31 +168,46 @@ def offsets(
     # what was some seconds before, of positions and velocities
     aside_or_older[..., 2] = own[..., 0] - own[..., 2]
 
-    def beginning(gps_s: float) -> FloatArray:
-        return whiten(aside_or_older * (at.t >= gps_s)[:, None, None, None])
+    known = np.concatenate([own, aside_or_older[..., :2]], axis=3)
+    whole = whiten(at, known)
 
-    known = whiten(own)[:, 1:]
-    whole = beginning(-np.inf)[:, :3]
-    beside = known, whole[:, 1:]
-    found = []
-    for s in _instants(at, np.where(told[:, None], at.z[:2, :, 1].T, velocity), placed):
-        y, *columns = np.split(beginning(s), [1, 3], axis=1)
-        (forward_m, right_m), square = _fitted(y[:, 0], columns[0], *beside)
-        found.append(Offset(forward_m, right_m, square, s - at.t[0]))
-        (older_s,), square = _fitted(y[:, 0], columns[1], *beside)
-        found.append(Offset(0.0, 0.0, square, s - at.t[0], older_s))
+    def from_instant(at: Epochs, s: float, beside: FloatArray) -> tuple[Offset, Offset]:
+        beginning = aside_or_older * (at.t >= s)[:, None, None, None]
+        y, aside, older = np.split(whiten(at, beginning), [1, 3], axis=1)
+        (forward_m, right_m), far = _fitted(y[:, 0], aside, beside)
+        (older_s,), long = _fitted(y[:, 0], older, beside)
+        at_s = s - at.t[0]
+        return Offset(forward_m, right_m, far, at_s), Offset(0.0, 0.0, long, at_s, older_s)
+
     # one of as many as there are fixes; the likelier, by the number of its terms (Akaike)
     found = [
         offset
-        for offset in found
-        if offset.square > gate(limits.DOUBT_PROBABILITY / len(at.t), 1 if offset.older_s else 2)
+        for s in _instants(at, placed)
+        for offset in from_instant(at, s, whole[:, 1:])
+        if offset.square > gate(limits.DOUBT_PROBABILITY / len(at.t), offset.terms)
     ]
-    change = max(found, key=lambda offset: offset.square + 2.0 * bool(offset.older_s), default=None)
+    change = max(found, key=lambda offset: offset.square - 2.0 * offset.terms, default=None)
+    if change is not None and bridged:
+        # a receiver may err for some seconds and be right again: the rest has to show it too
+        s = change.at_s + at.t[0]
+        rest_of = _without(at, s)
+        far, long = from_instant(rest_of, s, whiten(rest_of, known)[:, 1:])
+        rest = long if change.older_s else far
+        if rest.square < gate(UNHELD_PROBABILITY, rest.terms):
+            change = None
     if np.count_nonzero(placed & told & driving) < limits.LEAST_JUDGED:
         return change, None
-    (forward_m, right_m), square = _fitted(whole[:, 0], whole[:, 1:], known)
-    aside = Offset(forward_m, right_m, square)
-    return change, aside if aside.square > gate(limits.DOUBT_PROBABILITY, 2) else None
+    y, of_receiver, beside = np.split(whole, [1, 6], axis=1)
+    (forward_m, right_m), square = _fitted(y[:, 0], beside, of_receiver)
+    if square < gate(limits.DOUBT_PROBABILITY, 2):
+        return change, None
+    return change, Offset(forward_m, right_m, square)
+
+
+def _without(at: Epochs, instant: float) -> Epochs:
+    """The epochs but those of some seconds about an instant."""
+    near = np.abs(at.t - instant) < 0.5 * STEP_WINDOW_S
+    return replace(at, used=at.used & ~near[:, None])
 
 
 def receivers_own(t: FloatArray, velocity: FloatArray) -> FloatArray:
@@ -187,11 +219,11 @@ def receivers_own(t: FloatArray, velocity: FloatArray) -> FloatArray:
     return np.stack([np.stack(pair, axis=1) for pair in errors], axis=3)
 
 
-def _instants(at: Epochs, velocity: FloatArray, told: BoolArray) -> FloatArray:
+def _instants(at: Epochs, placed: BoolArray) -> FloatArray:
     """Instants from which an offset is tried: spread over the drive, and where positions leave most
-    the way that ``velocity`` [k, 2] leads; of the epochs ``told`` [k] that have one."""
-    n, rows = OFFSET_INSTANTS, np.flatnonzero(told)
-    t, z, v = at.t[rows], at.z[:2, rows, 0], velocity[rows].T
+    the way that velocities lead; of the epochs ``placed`` [k] that have one."""
+    n, rows = OFFSET_INSTANTS, np.flatnonzero(placed)
+    t, z, v = at.t[rows], at.z[:2, rows, 0], at.z[:2, rows, 1]
     step = np.diff(t)
     half = max(round(STEP_WINDOW_S / float(np.median(step))), 1)
     if len(rows) <= 2 * half:

@@ -18,11 +18,18 @@ import numpy as np
 from automap.fusion import limits
 from automap.fusion.adapt import COARSE
 from automap.fusion.doubts.drift_waves import about_path, take, waves_of
-from automap.fusion.doubts.limits import DRIFT_MEAN, DRIFT_WAVE_S, DRIFT_WINDOW_S
+from automap.fusion.doubts.limits import (
+    DRIFT_MEAN,
+    DRIFT_WAVE_S,
+    DRIFT_WINDOW_S,
+    PATH_ACCELERATION,
+)
 from automap.fusion.doubts.offsets import offset_doubts
 from automap.fusion.doubts.reason import Reason
 from automap.fusion.fix_axes import Epochs, usable_epochs
+from automap.fusion.levels import ROAD_ACCELERATION
 from automap.fusion.options import FusionOptions
+from automap.interpolation import Poses
 from automap.records import Fixes, FloatArray, Trajectory
 
 
@@ -57,37 +64,52 @@ def pattern_doubts(
     that is judged is good to; ``levels`` as fixes alone tell them, ``by_imu`` as an IMU does that
     has made a ``path``."""
     at = usable_epochs(fixes, options)
+    begin = float(alone.gps_s[0] - at.t[0])
+    at, motion, levels = beside_motion(at, alone, levels, path, by_imu)
     jumps: list[float] = []
     if any(reason.code == "positions_aside" for reason in told):
         # places between such jumps are told, and which of them are right
         parted = (reason for reason in told if reason.code == "positions_parted")
         jumps = [edge for reason in parted for span in reason.spans for edge in span]
-    found = list(offset_doubts(at, alone, options, levels, sd_m, jumps))
+    found = list(offset_doubts(at, motion, options, levels, sd_m, jumps, path is not None))
     doubted = (reason for reason in (*told, *found) if reason.state != "good")
     if any(reason.error_m or reason.late_s for reason in doubted):
         return found, []
-    drifts = slow_drifts(at, alone, options, levels, path, by_imu)
+    drifts = slow_drifts(at, motion, options, levels, begin)
     return [*found, *drift_doubts(drifts, float(alone.gps_s[0]), sd_m)], drifts
+
+
+def beside_motion(
+    at: Epochs,
+    alone: Trajectory,
+    levels: Mapping[str, float],
+    path: Trajectory | None,
+    by_imu: Mapping[str, float],
+) -> tuple[Epochs, Trajectory | Poses, Mapping[str, float]]:
+    """The epochs ``at`` [k], how the vehicle moved there, and the levels of their errors: by
+    ``alone`` [k], which is smoothed of them, or off a ``path`` where it has them. Velocities that
+    are not told, and not used, are those of the motion."""
+    if path is None:
+        untold, z = ~at.used[..., 1], at.z.copy()
+        z[..., 1][untold] = alone.vel_ned.T[untold]
+        return replace(at, z=z), alone, levels
+    # a slow error that shows less than was stated leaves the rest to what lasts
+    slow = {name: max(by_imu.get(name, 1.0), 1.0) for name in ("wander", "multipath")}
+    levels = {**by_imu, **slow, ROAD_ACCELERATION: PATH_ACCELERATION}
+    off, poses = about_path(at, path, alone.gps_s)
+    off.z[..., 1][~off.used[..., 1]] = 0.0
+    return off, poses, levels
 
 
 def slow_drifts(
     at: Epochs,
-    alone: Trajectory,
+    motion: Trajectory | Poses,
     options: FusionOptions,
     levels: Mapping[str, float],
-    path: Trajectory | None = None,
-    by_imu: Mapping[str, float] = MappingProxyType({}),
+    begin: float,
 ) -> list[Drift]:
-    """Drifts of the epochs ``at`` [k], in windows of some minutes, beside the motion of the
-    ``path``, or of ``alone`` [k] that is smoothed of them; ``levels`` as in ``pattern_doubts``."""
-    gps_s = alone.gps_s
-    velocity = alone.vel_ned[:, :2]
-    if path is not None:
-        begin = float(gps_s[0] - at.t[0])
-        at, velocity = about_path(at, path, gps_s)
-        gps_s = at.t + begin
-        # a slow error that shows less than was stated leaves the rest to what lasts
-        levels = {**by_imu, **{n: max(by_imu.get(n, 1.0), 1.0) for n in ("wander", "multipath")}}
+    """Drifts of the epochs ``at`` [k], ``begin`` s of GPS time later, in windows of some minutes,
+    beside the ``motion`` [k] of the vehicle; ``levels`` of their errors."""
     if not len(at.t):
         return []
     span = float(at.t[-1] - at.t[0])
@@ -98,11 +120,11 @@ def slow_drifts(
         placed = at.used[:2, :, 0].all(axis=0) & (at.t >= edge) & (at.t <= edge + span / count)
         if np.count_nonzero(placed) < limits.LEAST_JUDGED:
             continue
-        one = waves_of(take(at, placed), velocity[placed], waves, options, levels, path is not None)
+        one = waves_of(take(at, placed), motion.vel_ned[placed, :2], waves, options, levels)
         if one is not None:
             var = one.var + DRIFT_MEAN * one.var.mean(axis=0)
             gain = one.gain - math.log(count)
-            found.append(Drift(gps_s[placed], np.sqrt(var), np.sqrt(one.rate_var), gain))
+            found.append(Drift(begin + at.t[placed], np.sqrt(var), np.sqrt(one.rate_var), gain))
     return found
 
 
