@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Literal
 
 import backgrounds
 import numpy as np
+import pyarrow.parquet as pq
 import pytest
 from export_inputs import HOSTILE, sign, write_run
 from PIL import Image
@@ -17,6 +18,7 @@ from view_maps import write_large_map
 
 from automap.io import names
 from automap.io.detections_table import write_detections
+from automap.io.observations_table import write_observations
 from automap.io.signs_table import write_signs
 from automap.records import Detections
 from pipeline.view.command import serving
@@ -130,6 +132,11 @@ def test_video_boxes_and_time(browser: Browser, tmp_path: Path) -> None:
             )
         ],
     )
+    write_observations(
+        out / names.OBSERVATIONS,
+        pq.read_table(out / names.DETECTIONS),
+        {"sign_id": np.array(["s0001", ""], object), "used": np.array([True, False])},
+    )
     with serving(out) as server:
         page, troubles = opened(browser, server.url)
         until(page, "document.querySelector('#video-note').innerText.startsWith('frame ')")
@@ -153,6 +160,17 @@ def test_video_boxes_and_time(browser: Browser, tmp_path: Path) -> None:
         page.keyboard.press(" ")
         until(page, "!document.querySelector('#video-note').innerText.startsWith('frame 40,')")
         page.keyboard.press(" ")
+        # the card shows what was seen, of the frame that has the sign
+        assert page.locator("#seen:visible").count() == 0
+        page.keyboard.press("n")
+        page.wait_for_selector("#seen:visible")
+        assert page.locator("#seen").get_attribute("aria-label") == "As seen in frame 30"
+        shown = page.evaluate(
+            "[...document.querySelector('#seen').getContext('2d').getImageData(64, 64, 1, 1).data]"
+        )
+        assert shown[3] == 255
+        page.keyboard.press("n")
+        until(page, "document.querySelector('#seen').hidden")
         page.close()
     assert troubles == []
 

@@ -20,9 +20,13 @@ export class Card {
   constructor(app) {
     this.app = app; this.head = app.byId("head"); this.details = app.byId("details");
     this.sign = null; this.row = null; this.view = -1; this.boxes = new Set();
+    this.seen = element("canvas");
+    this.seen.id = "seen"; this.seen.width = this.seen.height = 128; this.seen.hidden = true;
+    this.seen.setAttribute("role", "img");
   }
 
   async show(row) {
+    if (row !== this.row) this.seen.hidden = true;
     this.row = row;
     if (row === null) { this.sign = null; this.draw(); return; }
     let sign;
@@ -58,6 +62,18 @@ export class Card {
     this.app.player.paint();
   }
 
+  // what was seen beside what it was taken for, until the next of its frames
+  closeUp(picture, [x0, y0, x1, y1], frame) {
+    const { seen } = this;
+    const side = 1.3 * Math.max(x1 - x0, y1 - y0), at = (a, b) => (a + b - side) / 2;
+    const ctx = seen.getContext("2d");
+    ctx.clearRect(0, 0, seen.width, seen.height);
+    ctx.imageSmoothingQuality = "high";
+    ctx.drawImage(picture, at(x0, x1), at(y0, y1), side, side, 0, 0, seen.width, seen.height);
+    seen.hidden = false;
+    seen.setAttribute("aria-label", `As seen in frame ${frame}`);
+  }
+
   className() { return this.row === null ? "" : classOf(this.app.state.signs, this.row); }
 
   draw() {
@@ -74,6 +90,7 @@ export class Card {
     picture.alt = "";
     picture.src = api.face(name);
     picture.onerror = () => picture.remove();
+    title.append(this.seen);
     element("span", words(name), title);
     if (verdict?.status) element("span", verdict.status, title, `badge ${verdict.status}`);
     if (verdict?.disputed) element("span", "disputed", title, "badge rejected");

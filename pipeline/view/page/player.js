@@ -136,6 +136,7 @@ export class Player {
     for (const box of boxes) {
       const [x0, y0, x1, y1] = box.box.map((v) => v * scale);
       const own = chosen !== null && this.app.card.boxes.has(`${this.drive.number}/${box.row}`);
+      if (own && picture) this.app.card.closeUp(picture, [x0, y0, x1, y1], this.frame);
       ctx.strokeStyle = own ? "#ffd33d" : box.sign ? "#58d68d" : "#9aa5b1";
       ctx.lineWidth = own ? 2 * line : line;
       ctx.strokeRect(x0, y0, x1 - x0, y1 - y0);
