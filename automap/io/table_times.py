@@ -20,7 +20,14 @@ Clock = Literal["host", "unix", "gps", "day"]
 """What stamps count from: a moment nobody knows, 1970 (UTC), 1980-01-06 (GPS time), midnight."""
 
 USUAL_HZ: dict[TableKind, float] = {"imu": 100.0, "gnss": 1.0, "odometer": 10.0, "arrival": 10.0}
-_SLOWEST_HZ, _FASTEST_HZ = 1e-3, 5e4
+_RATES_HZ: dict[TableKind, tuple[float, float]] = {
+    "imu": (0.5, 5e4),
+    "gnss": (0.01, 500.0),
+    "odometer": (0.01, 5e4),
+    "arrival": (1e-3, 5e4),
+}
+"""Between which rows of a recording come. Loggers of fixes save one in a minute, navigators give two
+hundred a second; an IMU of less than a reading in two seconds tells no turn of a car."""
 _FIRST_S, _LAST_S = 946_684_800.0, 4_102_444_800.0
 """2000 and 2100 as seconds since 1970."""
 _BEFORE = "0123456789"
@@ -112,12 +119,12 @@ def guessed_form(
     steps = steps[steps > 0.0]
     step = float(np.median(steps)) if len(steps) else 0.0
     size = float(np.median(np.abs(known))) if len(known) else 0.0
-    if unit is None and _is_excel(size, step):
+    if unit is None and _is_excel(size, step, kind):
         return EXCEL
     since_1970 = [
         name
         for name in ("s", "ms", "us", "ns")
-        if _FIRST_S <= size * UNITS["time"][name] * 1e-9 <= _LAST_S and _runs(step, name)
+        if _FIRST_S <= size * UNITS["time"][name] * 1e-9 <= _LAST_S and _runs(step, name, kind)
     ]
     if unit is None and since_1970:
         unit = since_1970[0]
@@ -155,16 +162,17 @@ def _has_digits_of_a_clock(cells: Sequence[str]) -> bool:
     return zeros and all(map(_COMPACT.fullmatch, filled))
 
 
-def _is_excel(size: float, step: float) -> bool:
+def _is_excel(size: float, step: float, kind: TableKind) -> bool:
     """Whether numbers are days since 1899: of this century, and stepping as a recording does then,
     which as seconds they would not."""
     unix_s = 86400.0 * (size - _EXCEL_DAYS)
-    return step > 0.0 and _FIRST_S <= unix_s <= _LAST_S and _runs(step, "d") and step < 1e-3
+    return step > 0.0 and _FIRST_S <= unix_s <= _LAST_S and _runs(step, "d", kind) and step < 1e-3
 
 
-def _runs(step: float, unit: str) -> bool:
+def _runs(step: float, unit: str, kind: TableKind) -> bool:
     """Whether steps of a unit are those of a recording, or unknown."""
-    return step == 0.0 or _SLOWEST_HZ < 1e9 / (step * UNITS["time"][unit]) < _FASTEST_HZ
+    slowest, fastest = _RATES_HZ[kind]
+    return step == 0.0 or slowest < 1e9 / (step * UNITS["time"][unit]) < fastest
 
 
 def contradiction(cells: Sequence[str], decimal: str, unit: str, kind: TableKind) -> str | None:
@@ -172,7 +180,7 @@ def contradiction(cells: Sequence[str], decimal: str, unit: str, kind: TableKind
     values = numbers_of(cells, decimal)
     steps = np.diff(values[np.isfinite(values)])
     steps = steps[steps > 0.0]
-    if len(steps) < 2 or _runs(float(np.median(steps)), unit):
+    if len(steps) < 2 or _runs(float(np.median(steps)), unit, kind):
         return None
     likely = guessed_form(cells, decimal, None, kind)
     written = "s" if likely is None else likely.spelled

@@ -16,7 +16,7 @@ from automap.io.header_names import role_named, take_apart, triad_axis
 from automap.io.imu_csv import ImuFormat, read_imu_csv
 from automap.io.named_table import look_at_table, read_table
 from automap.io.odometer_csv import read_odometer_csv
-from automap.io.table_form import QUANTITIES, TableForm
+from automap.io.table_form import QUANTITIES, TableForm, TableKind
 
 START = datetime(2024, 5, 17, 8, 59, 58, tzinfo=UTC)
 START_NS = round(START.timestamp()) * 1_000_000_000
@@ -249,6 +249,30 @@ def test_float_seconds_under_our_name_are_told_what_to_write(tmp_path: Path) -> 
         read_imu_csv(path)
     imu = read_imu_csv(path, ImuFormat(table=TableForm(time_format="s"))).data
     np.testing.assert_array_equal(np.diff(imu.t_ns), 10_000_000)
+
+
+@pytest.mark.parametrize(
+    ("kind", "name", "step", "meant"),
+    [
+        # milliseconds would be a thousand fixes a second, seconds one in a quarter of an hour
+        ("gnss", "timestamp_ms", 1.0, "unix_s"),
+        ("gnss", "time_s", 1000.0, "unix_ms"),
+        ("imu", "time_s", 10.0, "unix_ms"),
+        ("imu", "timestamp_ms", 0.01, "unix_s"),
+    ],
+)
+def test_times_in_another_unit_than_their_name_says(
+    tmp_path: Path, kind: TableKind, name: str, step: float, meant: str
+) -> None:
+    first = 1773480000.0 * (1000.0 if meant == "unix_ms" else 1.0)
+    columns = ("gx,gy,gz,ax,ay,az", "1,2,3,0,0,-9.8")
+    if kind == "gnss":
+        columns = ("latitude,longitude,altitude_m", "48.97,8.47,160.0")
+    rows = "".join(f"{first + k * step:.2f},{columns[1]}\n" for k in range(20))
+    path = _write(tmp_path, f"{name},{columns[0]}\n{rows}")
+    with pytest.raises(InputError, match=rf'{name}: steps of .* time_format = "{meant}"'):
+        read_table(path, kind)
+    assert len(read_table(path, kind, TableForm(time_format=meant))) == 20
 
 
 def test_our_own_names_need_no_note(tmp_path: Path) -> None:
