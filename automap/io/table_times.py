@@ -26,8 +26,8 @@ _RATES_HZ: dict[TableKind, tuple[float, float]] = {
     "odometer": (0.01, 5e4),
     "arrival": (1e-3, 5e4),
 }
-"""Between which rows of a recording come. Loggers of fixes save one in a minute, navigators give two
-hundred a second; an IMU of less than a reading in two seconds tells no turn of a car."""
+"""Between which rows of a recording come. Loggers of fixes save one in a minute, navigators give
+two hundred a second; an IMU of less than a reading in two seconds tells no turn of a car."""
 _FIRST_S, _LAST_S = 946_684_800.0, 4_102_444_800.0
 """2000 and 2100 as seconds since 1970."""
 _BEFORE = "0123456789"
