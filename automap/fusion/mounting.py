@@ -58,13 +58,14 @@ def estimate_mounting(
         float(np.sqrt((spread**2).sum(axis=1).mean() / 2.0 / blocks)) + limits.LEAST_FORWARD_SD
     )
 
-    # down: gravity seen in the sensor, averaged over the drive, and the axis of turning
+    # down: gravity seen in the sensor where it goes straight on, as what has two wheels leans in
+    # bends, and the axis of turning
     moving = speed > limits.MOUNTING_SPEED
-    gravity_dir = c_n_s[moving][:, 2, :].mean(axis=0)
-    down_gravity = _across(gravity_dir, forward)
+    down_seen = c_n_s[straight, 2, :]
+    down_gravity = _across(down_seen.mean(axis=0), forward)
     turn_rate = np.einsum("ni,ni->n", rate, c_n_s[:, 2, :])
     right = np.cross(down_gravity, forward)
-    roll, var = 0.0, limits.ROAD_ROLL_SD**2
+    roll, var = 0.0, limits.ROAD_ROLL_SD**2 + float(np.var(down_seen @ right)) / blocks
     turn_roll, turn_var = _roll_from_turns(rate, turn_rate, moving, forward, right, dt)
     if abs(turn_roll) < limits.MAX_TURN_ROLL:
         # by the inverses: a drive without a turn tells nothing, with an infinite variance
@@ -86,8 +87,8 @@ def _roll_from_turns(
 ) -> tuple[float, float]:
     """Roll in rad of the axis of turning against the level guess, and its variance.
 
-    The body leans outwards: left and right turns lean opposite ways, so each side counts
-    the same and one side alone is trusted less.
+    The body leans outwards, or inwards on two wheels: left and right turns lean opposite ways, so
+    each side counts the same and one side alone is trusted less; both by as much as they differ.
     """
     rolls, variances = [], []
     down = np.cross(forward, right)
@@ -101,7 +102,9 @@ def _roll_from_turns(
         variances.append(limits.LEAN_SD**2 + limits.GRADE_SD**2 * (0.5 * np.pi / angle))
     if not rolls:
         return 0.0, np.inf
-    return float(np.mean(rolls)), float(np.sum(variances)) / len(rolls) ** 2
+    lean = 0.5 * float(np.ptp(rolls))
+    beyond = max(lean**2 - limits.LEAN_SD**2, 0.0)
+    return float(np.mean(rolls)), (float(np.sum(variances)) / len(rolls) + beyond) / len(rolls)
 
 
 def _robust_direction(units: FloatArray) -> FloatArray:
