@@ -56,6 +56,14 @@ class Search:
     gain: float
     measured_only: bool = False
 
+    def bounds(
+        self, level: str, least: Mapping[str, float], shaken: Mapping[str, float]
+    ) -> tuple[float, float]:
+        """Between which factors a level is looked for: not less than sensors are at rest, and up
+        to what their readings differ by from one to the next, to a step, where that is much."""
+        most = max(self.limit, self.factor * shaken.get(level, 0.0))
+        return max(1.0 / self.limit, least.get(level, 0.0)), most
+
 
 COARSE = Search(WHITE_LEVELS, 2.0, 16.0, 180.0, 2, 3.0, True)
 """Of every run. Chosen: quick, and no step without odds of 20 to 1 (three nats)."""
@@ -74,9 +82,10 @@ def adapt_noise(
     search: Search = COARSE,
     progress: Callable[[str], None] = lambda text: None,
     least: Mapping[str, float] = MappingProxyType({}),
+    shaken: Mapping[str, float] = MappingProxyType({}),
 ) -> dict[str, float]:
-    """Factors on the levels that the first part of a drive asks for, from ``initial`` ones and none
-    below ``least``.
+    """Factors on the levels that the first part of a drive asks for, from ``initial`` ones, none
+    below ``least``, nor above the search's limit and what readings are ``shaken`` by.
 
     Returns a factor for every one of ``LEVELS``, unchanged where the likelihood does not care:
     white noise of accelerometer and gyro, white parts of position and velocity, horizontal and
@@ -105,7 +114,8 @@ def adapt_noise(
         before = best
         for level in search.levels:
             progress(f"noise levels, sweep {sweep + 1}: {level}")
-            best, factors = _climb(level, best, factors, cached, search, least.get(level, 0.0))
+            bounds = search.bounds(level, least, shaken)
+            best, factors = _climb(level, best, factors, cached, search, bounds)
         if best - before < search.gain:
             break
     found = {k: _refined(k, v, factors, cached, search) for k, v in factors.items()}
@@ -125,9 +135,10 @@ def refine_noise(
     initial: Mapping[str, float],
     levels: Sequence[str] = RUN_LEVELS,
     least: Mapping[str, float] = MappingProxyType({}),
+    shaken: Mapping[str, float] = MappingProxyType({}),
 ) -> dict[str, float]:
     """Factors on the levels at the top of the likelihood about a smoothed path ``linearised_at``,
-    none below ``least``.
+    within the bounds of ``adapt_noise``.
 
     ``adapt_noise`` looks about the filter's own path, which wants coarse steps and little
     data; here every step has exact slopes, and the whole drive counts, so the levels scatter
@@ -148,10 +159,10 @@ def refine_noise(
         measured = level_likelihood(scaled, scale_nodes(part, trial), start, shift, path, room)
         return measured + _expected(trial, levels)
 
-    limit = COARSE.limit if tuple(levels) == RUN_LEVELS else FINE.limit
+    search = COARSE if tuple(levels) == RUN_LEVELS else FINE
 
     def bounds(level: str) -> tuple[float, float]:
-        return max(1.0 / limit, least.get(level, 0.0)), limit
+        return search.bounds(level, least, shaken)
 
     tops = [
         climb(likelihood, _raised(start, least), tuple(levels), bounds)
@@ -225,12 +236,12 @@ def _climb(
     factors: dict[str, float],
     score: Callable[[dict[str, float]], float],
     search: Search,
-    least: float,
+    bounds: tuple[float, float],
 ) -> tuple[float, dict[str, float]]:
-    """Move one level as far as it pays, up or else down to ``least``."""
+    """Move one level as far as it pays, up or else down, within ``bounds``."""
     for step in (search.factor, 1.0 / search.factor):
         moved = False
-        while max(1.0 / search.limit, least) <= factors[level] * step <= search.limit:
+        while bounds[0] <= factors[level] * step <= bounds[1]:
             trial = factors | {level: factors[level] * step}
             value = score(trial)
             if value < best + search.gain:

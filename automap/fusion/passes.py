@@ -28,13 +28,13 @@ from automap.fusion.dense_pieces import linearisation_states
 from automap.fusion.kernel_runs import ForwardRun, SmoothRun, Start
 from automap.fusion.kernels import Samples
 from automap.fusion.layout import HAS_VEL_H
-from automap.fusion.levels import LEVELS
+from automap.fusion.levels import LEVELS, RUN_LEVELS
 from automap.fusion.measurements.wheel_speed import Odometer
 from automap.fusion.model import StateModel, build_state_model
 from automap.fusion.nodes import FixModel, Nodes, Shift, build_nodes, fix_speed
 from automap.fusion.options import FusionOptions
 from automap.fusion.problem import LateChange, Problem, make_problem, with_late_change
-from automap.fusion.rest_noise import least_levels
+from automap.fusion.rest_noise import least_levels, shaken_levels
 from automap.fusion.sections import SECTION_NODES, filter_and_smooth
 from automap.fusion.tuning import Tuned, tune_noise
 from automap.fusion.wheel_limits import MAX_WHEELS_S, TURN_WINDOW_S
@@ -167,16 +167,19 @@ def nodes_of(
 @dataclass(frozen=True)
 class Basis:
     """What passes take of a session's readings: the ``problem`` with noise levels as the options
-    state them, and the ``least`` factors on these levels that readings at rest allow."""
+    state them, the ``least`` factors on these levels that readings at rest allow, and those that
+    readings have ``shaken``, which are no less possible."""
 
     problem: Problem
     least: dict[str, float]
+    shaken: dict[str, float]
 
 
 def basis_of(session: Session) -> Basis:
     """The basis of a session's passes."""
     base = problem_of(session)
-    return Basis(base, least_levels(session.imu, base.t, session.standstill, session.options))
+    least = least_levels(session.imu, base.t, session.standstill, session.options)
+    return Basis(base, least, shaken_levels(session.imu, session.options))
 
 
 def without_readings(session: Session) -> Session:
@@ -204,7 +207,7 @@ def run_passes(
     """
     options = session.options
     basis = basis or basis_of(session)
-    base, least, model = basis.problem, basis.least, basis.problem.model
+    base, model, within = basis.problem, basis.problem.model, (basis.least, basis.shaken)
     speed_t, speed, _ = fix_speed(session.fixes)
     shift = found or first_shift(session, model)
     margin = np.inf
@@ -221,7 +224,7 @@ def run_passes(
             aligned = align(problem, session.fixes, nodes, bias, shift)
             start, margin = aligned.start, aligned.margin
         elif number == 1 and (options.adapt or options.tune):
-            factors = adapt_noise(base, nodes, start, shift, factors, COARSE, progress, least)
+            factors = adapt_noise(base, nodes, start, shift, factors, COARSE, progress, *within)
             problem = scale_problem(base, factors)
         plain, nodes = nodes, scale_nodes(nodes, factors)
         linearised_at = None
@@ -236,11 +239,11 @@ def run_passes(
             del smoothed
             if relinearised == 0 and (options.adapt or options.tune):
                 factors = refine_noise(
-                    base, plain, start, shift, linearised_at, factors, least=least
+                    *(base, plain, start, shift, linearised_at, factors, RUN_LEVELS, *within)
                 )
                 if options.tune and constrained:
                     tuned = tune_noise(
-                        base, plain, start, shift, linearised_at, factors, progress, least
+                        *(base, plain, start, shift, linearised_at, factors, progress, *within)
                     )
                     untuned, factors = factors, tuned.factors
                 problem, nodes = scale_problem(base, factors), scale_nodes(plain, factors)

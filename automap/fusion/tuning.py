@@ -40,14 +40,15 @@ def tune_noise(
     initial: Mapping[str, float],
     progress: Callable[[str], None] = lambda text: None,
     least: Mapping[str, float] = MappingProxyType({}),
+    shaken: Mapping[str, float] = MappingProxyType({}),
 ) -> Tuned:
-    """Find all levels, none below ``least``, on the first half of ``nodes``; they stay
-    ``initial`` where those explain the second half as well. ``problem`` and ``nodes`` are without
-    factors."""
+    """Find all levels, within the bounds of ``adapt_noise``, on the first half of ``nodes``; they
+    stay ``initial`` where those explain the second half as well. ``problem`` and ``nodes`` are
+    without factors."""
     half = nodes.first(max(len(nodes.t) // 2, 2))
     path = PathStates(linearised_at.nominal[: len(half.t)], linearised_at.params[: len(half.t)])
-    found = adapt_noise(problem, half, start, shift, initial, FINE, progress, least)
-    found = refine_noise(problem, half, start, shift, path, found, SLOPED_LEVELS, least)
+    found = adapt_noise(problem, half, start, shift, initial, FINE, progress, least, shaken)
+    found = refine_noise(problem, half, start, shift, path, found, SLOPED_LEVELS, least, shaken)
 
     def unseen_half(factors: Mapping[str, float]) -> float:
         whole, first = (

@@ -18,7 +18,7 @@ from automap.fusion.delay_states import (
     VEL_LATENCY_STATE,
 )
 from automap.fusion.doubts import limits
-from automap.fusion.doubts.reason import Reason
+from automap.fusion.doubts.reason import Reason, State
 from automap.fusion.limits import (
     DOUBT_PROBABILITY,
     MAX_DELAY_S,
@@ -200,22 +200,26 @@ def beside_scale(path: Trajectory, found: Estimates) -> Trajectory:
 def levels_at_bound(
     factors: Mapping[str, float], tuned: bool, shaken: Mapping[str, float] = MappingProxyType({})
 ) -> list[Reason]:
-    """Noise levels as large as they may become; ``shaken`` are those that an IMU's readings show
-    from one to the next, to a step of the search what was found or more."""
+    """Noise levels as large as they may become, and those that are larger since the readings of an
+    IMU are ``shaken`` by as much from one to the next."""
     search = FINE if tuned else COARSE
     reasons = []
     for level, what in _LEVELS.items():
         factor = factors.get(level, 1.0)
         if factor <= limits.AT_BOUND * search.limit:
             continue
-        folds = factor <= search.factor * shaken.get(level, 0.0)
+        _, most = search.bounds(level, {}, shaken)
+        at_end = factor > limits.AT_BOUND * most
+        folds = search.limit <= search.factor * shaken.get(level, 0.0)
         why = (
             "its readings differ by as much from one to the next, as what shakes a sensor faster "
             "than it is read makes them: record at 50 Hz or more, and name the sensor in [imu]"
             if folds
             else "something else is wrong with that sensor; check its units, axes and stamps"
         )
-        text = f"the {what} is {factor:.0f} times what was assumed, the most that is tried: {why}"
+        tried = ", the most that is tried" if at_end else ", which the stated uncertainty includes"
+        text = f"the {what} is {factor:.0f} times what was assumed{tried}: {why}"
         inertial = level in INERTIAL_LEVELS and not folds
-        reasons.append(Reason("noise_at_bound", text, inertial=inertial))
+        state: State = "doubtful" if at_end else "good"
+        reasons.append(Reason("noise_at_bound", text, inertial=inertial, state=state))
     return reasons
