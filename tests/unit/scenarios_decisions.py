@@ -186,7 +186,7 @@ def decisions_fusion() -> Any:
             return -w * float(np.log(trial["accel"] / at) ** 2)
 
         one = {"accel": 1.0}
-        best, factors = adapt._climb("accel", score(one), one, score, adapt.COARSE, 0.2)
+        best, factors = adapt._climb("accel", score(one), one, score, adapt.COARSE, (0.2, 16.0))
         found[f"climb {name}"] = [
             best,
             factors["accel"],

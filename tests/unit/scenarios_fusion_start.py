@@ -146,7 +146,10 @@ def fusion_levels() -> Any:
             for f in (0.0, 0.05, 0.2, 9.0)
         ],
         "climbed": [
-            adapt._climb(level, score({**ones, level: 1.0}), {**ones}, score, quick, low)
+            adapt._climb(
+                *(level, score({**ones, level: 1.0}), {**ones}, score, quick),
+                quick.bounds(level, {level: low}, {}),
+            )
             for level, low in (("accel", 0.0), ("gyro", 0.0), ("gyro", 0.6))
         ],
         "parabola": [
