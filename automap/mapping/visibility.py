@@ -19,6 +19,8 @@ from automap.records import BoolArray, DrivePath, FloatArray, IntArray
 STRIDE = 2
 """Rows of a path from one that is looked at to the next."""
 
+_CAR = ("gps_s", "lat_rad", "lon_rad", "yaw_rad")
+
 DEFAULT_CAMERA = CameraView(0.0, 0.5)
 
 
@@ -56,20 +58,53 @@ class Opportunities:
         return Opportunities(*(column[rows] for column in vars(self).values()))
 
 
+class PathErrors:
+    """How far paths are off where they pass signs, as their sightings of the signs beside tell:
+    between them in time it goes straight, before the first and after the last it holds.
+
+    ``home`` [m] cell of every sign: by the sightings of its own signs alone, so that a cell tells
+    the same by itself. Of the sightings [n] the ``sign``, the ``drive``, ``time_s`` and the
+    ``offset`` [n, 2] m east, north by which the drive is off there.
+    """
+
+    def __init__(
+        self, home: IntArray, sign: IntArray, drive: IntArray, time_s: FloatArray,
+        offset: FloatArray,
+    ) -> None:  # fmt: skip
+        cells, number = np.unique(home, return_inverse=True)
+        self.home, self._cells = number.astype(np.int64), len(cells)
+        key = drive * len(cells) + self.home[sign]
+        order = np.lexsort((time_s, key))
+        self._key, self._known = key[order], np.column_stack([time_s, offset])[order]
+
+    def of(self, drive: int) -> tuple[IntArray, FloatArray]:
+        """Of one drive its sightings [k, 3], time and offset, in the order of the cells [c], and
+        where each of these begins [c + 1]."""
+        first = drive * self._cells
+        edges = np.searchsorted(self._key, np.arange(first, first + self._cells + 1))
+        return edges - edges[0], self._known[edges[0] : edges[-1]]
+
+
 def opportunities(
     drives: Sequence[Passage],
     lat: FloatArray,
     lon: FloatArray,
     facing: FloatArray,
     stride: int = STRIDE,
+    errors: PathErrors | None = None,
 ) -> Opportunities:
     """Which of the signs [m] each drive had in view, by its path and its cameras.
 
     Positions in rad; a sign whose ``facing`` is NaN can be seen from all sides. A drive
-    without a path or without cameras says nothing.
+    without a path or without cameras says nothing. Paths are taken less their ``errors``, where
+    these are known.
     """
+    none = np.zeros(0, np.int64)
+    errors = errors or PathErrors(
+        np.zeros(len(lat), np.int64), none, none, np.zeros(0), np.zeros((0, 2))
+    )
     table = filled_table(lat, lon, limits.FARTHEST_M)
-    none, zero = np.zeros(0, np.int64), np.zeros(0)
+    zero = np.zeros(0)
     parts = [(none, none, zero, zero, none)]
     touched = np.empty(len(lat), np.int64)
     for number, drive in enumerate(drives):
@@ -80,10 +115,11 @@ def opportunities(
         views = np.array([[c.yaw_rad, limits.EDGE_SHARE * c.half_angle_rad] for c in drive.cameras])
         count, nearest = np.zeros(len(lat), np.int64), np.full((len(lat), 3), np.inf)
         # a path that was read is not to be written to: for that it would all be compiled once more
-        car = [np.require(a, None, "W") for a in (path.lat_rad, path.lon_rad, path.yaw_rad)]
+        car = [np.require(getattr(path, name), None, "W") for name in _CAR]
+        edges, known = errors.of(number)
         n = _look(
-            stride, car[0], car[1], car[2], per_lat, per_lon, views, table,
-            lat, lon, facing, count, nearest, touched,
+            stride, car[0], car[1], car[2], car[3], per_lat, per_lon, views, table,
+            lat, lon, facing, errors.home, edges, known, count, nearest, touched,
         )  # fmt: skip
         seen = np.sort(touched[:n])
         seen = seen[count[seen] >= limits.LEAST_ROWS]
@@ -95,6 +131,7 @@ def opportunities(
 @kernel
 def _look(
     stride: int,
+    time_s: FloatArray,
     car_lat: FloatArray,
     car_lon: FloatArray,
     yaw: FloatArray,
@@ -105,6 +142,9 @@ def _look(
     lat: FloatArray,
     lon: FloatArray,
     facing: FloatArray,
+    home: IntArray,
+    edges: IntArray,
+    known: FloatArray,
     count: IntArray,
     nearest: FloatArray,
     touched: IntArray,
@@ -119,11 +159,19 @@ def _look(
         if not (car_lat[row] == car_lat[row] and yaw[row] == yaw[row]):
             continue
         found = neighbours(table, car_lat[row], car_lon[row], 1, near)
+        cell, off_e, off_n = -1, 0.0, 0.0
         for place in range(found):
             k = near[place]
             east, north = delta(
                 lat[k], lon[k], car_lat[row], car_lon[row], per_lat[row], per_lon[row]
             )
+            # further off a cell that is looked at by itself has no path
+            if np.hypot(east, north) > limits.FARTHEST_M:
+                continue
+            if home[k] != cell:
+                cell = home[k]
+                off_e, off_n = _error_at(known[edges[cell] : edges[cell + 1]], time_s[row])
+            east, north = east + off_e, north + off_n
             distance = np.hypot(east, north)
             if distance < limits.NEAREST_M or distance > limits.FARTHEST_M:
                 continue
@@ -143,6 +191,20 @@ def _look(
                         nearest[k, 2] = distance * np.sin(azimuth - yaw[row])
                     break
     return n
+
+
+@kernel
+def _error_at(known: FloatArray, time_s: float) -> tuple[float, float]:
+    """Offset east and north at a time, of those ``known`` [k, 3] with theirs; none of none."""
+    n = len(known)
+    if n == 0:
+        return 0.0, 0.0
+    after = min(int(np.searchsorted(known[:, 0], time_s)), n - 1)
+    error = known[after]
+    if after > 0 and time_s < error[0]:
+        before = known[after - 1]
+        error = before + (time_s - before[0]) / (error[0] - before[0]) * (error - before)
+    return error[1], error[2]
 
 
 def alike(views: Opportunities, seen: BoolArray) -> BoolArray:
