@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -18,8 +18,6 @@ from automap.records import BoolArray, DrivePath, FloatArray, IntArray
 
 STRIDE = 2
 """Rows of a path from one that is looked at to the next."""
-
-_CAR = ("gps_s", "lat_rad", "lon_rad", "yaw_rad")
 
 DEFAULT_CAMERA = CameraView(0.0, 0.5)
 
@@ -58,31 +56,32 @@ class Opportunities:
         return Opportunities(*(column[rows] for column in vars(self).values()))
 
 
-class PathErrors:
+class PathErrors(NamedTuple):
     """How far paths are off where they pass signs, as their sightings of the signs beside tell:
     between them in time it goes straight, before the first and after the last it holds.
 
     ``home`` [m] cell of every sign: by the sightings of its own signs alone, so that a cell tells
-    the same by itself. Of the sightings [n] the ``sign``, the ``drive``, ``time_s`` and the
-    ``offset`` [n, 2] m east, north by which the drive is off there.
+    the same by itself. Of the sightings [n], ordered by drive and time, the ``sign``, the
+    ``drive``, ``time_s`` and the ``offset`` [n, 2] m east, north by which the drive is off there.
     """
 
-    def __init__(
-        self, home: IntArray, sign: IntArray, drive: IntArray, time_s: FloatArray,
-        offset: FloatArray,
-    ) -> None:  # fmt: skip
-        cells, number = np.unique(home, return_inverse=True)
-        self.home, self._cells = number.astype(np.int64), len(cells)
-        key = drive * len(cells) + self.home[sign]
-        order = np.lexsort((time_s, key))
-        self._key, self._known = key[order], np.column_stack([time_s, offset])[order]
+    home: IntArray
+    sign: IntArray
+    drive: IntArray
+    time_s: FloatArray
+    offset: FloatArray
 
-    def of(self, drive: int) -> tuple[IntArray, FloatArray]:
-        """Of one drive its sightings [k, 3], time and offset, in the order of the cells [c], and
-        where each of these begins [c + 1]."""
-        first = drive * self._cells
-        edges = np.searchsorted(self._key, np.arange(first, first + self._cells + 1))
-        return edges - edges[0], self._known[edges[0] : edges[-1]]
+    def of(self, drive: int, time_s: FloatArray) -> tuple[FloatArray, IntArray]:
+        """Errors [c, k, 2] of a drive at times [k], and which of them each of the signs [m] has."""
+        own = slice(*np.searchsorted(self.drive, [drive, drive + 1]))
+        seen_in, known = self.home[self.sign[own]], (self.time_s[own], *self.offset[own].T)
+        cells = np.unique(seen_in)
+        errors = np.zeros((len(cells) + 1, len(time_s), 2))
+        for k, cell in enumerate(cells):
+            at_s, *axes = (column[seen_in == cell] for column in known)
+            errors[k] = np.column_stack([np.interp(time_s, at_s, axis) for axis in axes])
+        told = np.isin(self.home, cells)
+        return np.nan_to_num(errors), np.where(told, np.searchsorted(cells, self.home), len(cells))
 
 
 def opportunities(
@@ -99,12 +98,9 @@ def opportunities(
     without a path or without cameras says nothing. Paths are taken less their ``errors``, where
     these are known.
     """
-    none = np.zeros(0, np.int64)
-    errors = errors or PathErrors(
-        np.zeros(len(lat), np.int64), none, none, np.zeros(0), np.zeros((0, 2))
-    )
     table = filled_table(lat, lon, limits.FARTHEST_M)
-    zero = np.zeros(0)
+    none, zero = np.zeros(0, np.int64), np.zeros(0)
+    errors = errors or PathErrors(np.zeros(len(lat), np.int64), none, none, zero, np.zeros((0, 2)))
     parts = [(none, none, zero, zero, none)]
     touched = np.empty(len(lat), np.int64)
     for number, drive in enumerate(drives):
@@ -115,11 +111,11 @@ def opportunities(
         views = np.array([[c.yaw_rad, limits.EDGE_SHARE * c.half_angle_rad] for c in drive.cameras])
         count, nearest = np.zeros(len(lat), np.int64), np.full((len(lat), 3), np.inf)
         # a path that was read is not to be written to: for that it would all be compiled once more
-        car = [np.require(getattr(path, name), None, "W") for name in _CAR]
-        edges, known = errors.of(number)
+        car = [np.require(a, None, "W") for a in (path.lat_rad, path.lon_rad, path.yaw_rad)]
+        off, which = errors.of(number, path.gps_s)
         n = _look(
-            stride, car[0], car[1], car[2], car[3], per_lat, per_lon, views, table,
-            lat, lon, facing, errors.home, edges, known, count, nearest, touched,
+            stride, car[0], car[1], car[2], per_lat, per_lon, views, table,
+            lat, lon, facing, off, which, count, nearest, touched,
         )  # fmt: skip
         seen = np.sort(touched[:n])
         seen = seen[count[seen] >= limits.LEAST_ROWS]
@@ -131,7 +127,6 @@ def opportunities(
 @kernel
 def _look(
     stride: int,
-    time_s: FloatArray,
     car_lat: FloatArray,
     car_lon: FloatArray,
     yaw: FloatArray,
@@ -142,9 +137,8 @@ def _look(
     lat: FloatArray,
     lon: FloatArray,
     facing: FloatArray,
-    home: IntArray,
-    edges: IntArray,
-    known: FloatArray,
+    off: FloatArray,
+    which: IntArray,
     count: IntArray,
     nearest: FloatArray,
     touched: IntArray,
@@ -159,7 +153,6 @@ def _look(
         if not (car_lat[row] == car_lat[row] and yaw[row] == yaw[row]):
             continue
         found = neighbours(table, car_lat[row], car_lon[row], 1, near)
-        cell, off_e, off_n = -1, 0.0, 0.0
         for place in range(found):
             k = near[place]
             east, north = delta(
@@ -168,10 +161,7 @@ def _look(
             # further off a cell that is looked at by itself has no path
             if np.hypot(east, north) > limits.FARTHEST_M:
                 continue
-            if home[k] != cell:
-                cell = home[k]
-                off_e, off_n = _error_at(known[edges[cell] : edges[cell + 1]], time_s[row])
-            east, north = east + off_e, north + off_n
+            east, north = east + off[which[k], row, 0], north + off[which[k], row, 1]
             distance = np.hypot(east, north)
             if distance < limits.NEAREST_M or distance > limits.FARTHEST_M:
                 continue
@@ -191,20 +181,6 @@ def _look(
                         nearest[k, 2] = distance * np.sin(azimuth - yaw[row])
                     break
     return n
-
-
-@kernel
-def _error_at(known: FloatArray, time_s: float) -> tuple[float, float]:
-    """Offset east and north at a time, of those ``known`` [k, 3] with theirs; none of none."""
-    n = len(known)
-    if n == 0:
-        return 0.0, 0.0
-    after = min(int(np.searchsorted(known[:, 0], time_s)), n - 1)
-    error = known[after]
-    if after > 0 and time_s < error[0]:
-        before = known[after - 1]
-        error = before + (time_s - before[0]) / (error[0] - before[0]) * (error - before)
-    return error[1], error[2]
 
 
 def alike(views: Opportunities, seen: BoolArray) -> BoolArray:

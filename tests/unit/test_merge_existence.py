@@ -216,7 +216,7 @@ def test_a_path_that_is_off_is_looked_at_where_it_was() -> None:
         [SimpleNamespace(path=each, cameras=(CameraView(0.0, 0.6),))] for each in (path, off)
     )
     true = opportunities(right, lat, lon, facing)
-    zero, seen_s = np.zeros(2, np.int64), path.gps_s[[38, 12]]
+    zero, seen_s = np.zeros(2, np.int64), path.gps_s[[12, 38]]
 
     def moved(home: list[int], sign: list[int], late: list[float]) -> FloatArray:
         told = np.column_stack([late, [0.0, 0.0]])
@@ -225,8 +225,8 @@ def test_a_path_that_is_off_is_looked_at_where_it_was() -> None:
         assert (found.rows[0], found.sign[0]) == (true.rows[0], true.sign[0])
         return found.offset - true.offset[found.sign]
 
-    assert moved([7, 7, 9], [1, 0], [20.0, 20.0]) == pytest.approx([0.0, 0.0, -20.0], abs=1e-2)
-    first, middle, last = moved([7, 7, 7], [2, 0], [10.0, 20.0])
+    assert moved([7, 7, 9], [0, 1], [20.0, 20.0]) == pytest.approx([0.0, 0.0, -20.0], abs=1e-2)
+    first, middle, last = moved([7, 7, 7], [0, 2], [20.0, 10.0])
     assert (first, last) == pytest.approx((0.0, -10.0), abs=1e-2)
     assert -6.5 < middle < -4.0
 
