@@ -11,10 +11,10 @@ from automap.geolocation import limits
 from automap.geolocation.facing import Facing
 from automap.geolocation.path_relation import Path, roads_at, side_of_path
 from automap.geolocation.rules import GeolocationRules
-from automap.geolocation.sightings import Sighting, class_of, class_weights
+from automap.geolocation.sightings import Sighting, class_of
 from automap.geolocation.views import Views
+from automap.mapping.sureness import class_probabilities, group_probabilities
 from automap.records import FloatArray, IntArray, Sign
-from automap.signs.vocabulary import load_vocabulary
 
 C_ENU_NED: FloatArray = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 
@@ -120,26 +120,17 @@ def _status(sightings: Sequence[Sighting], size: float, above_road: float, n_vie
 
 
 def class_beliefs(views: Views, rows: IntArray, class_name: str) -> tuple[float, float]:
-    """The probabilities that a sign is of a class, and of its shape and colour, by its boxes: what
-    their tracks tell, each box by its score. A track of another class tells against it. NaN where
-    no box's track tells them.
-    """
-    group = load_vocabulary().group_of(class_name)
-    weight = class_weights(views, rows)
-    told = np.isfinite(views.class_probability[rows])
-    if not told.any():
-        return float("nan"), float("nan")
-    names = views.class_name[rows]
-    alike = np.array([name == class_name for name in names], np.bool_)
-    of_group = alike | np.array(
-        [group is not None and load_vocabulary().group_of(str(n)) == group for n in names], np.bool_
+    """The probabilities that a sign is of a class, and of its shape and colour: what the detector's
+    tracks of its boxes tell, each once, as of the drives of a map (``mapping/sureness.py``). NaN
+    where none tells them. Boxes of one class that no track has are as of one."""
+    names, code = np.unique([class_name, *views.class_name[rows]], return_inverse=True)
+    key = np.column_stack([views.camera[rows], views.track[rows], code[1:]])
+    tracks, which = np.unique(key, axis=0, return_inverse=True)
+    sign, boxes = np.zeros(len(tracks), np.int64), np.bincount(which.ravel())
+    by_class, by_group = (
+        np.bincount(which.ravel(), told[rows]) / boxes
+        for told in (views.class_probability, views.group_probability)
     )
-    weight = weight * told / weight[told].sum()
-    p_class, p_group = (
-        float(np.sum(weight * np.where(right, np.nan_to_num(value[rows]), 0.0)))
-        for right, value in (
-            (alike, views.class_probability),
-            (of_group, views.group_probability),
-        )
-    )
-    return p_class, max(p_class, p_group)
+    of_class = class_probabilities(tracks[:, 2], by_class, sign, code[:1])
+    of_group = group_probabilities(tracks[:, 2], names.tolist(), by_group, sign, code[:1])
+    return float(of_class[0]), float(np.fmax(of_class, of_group)[0])

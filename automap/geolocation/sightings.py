@@ -15,7 +15,7 @@ from automap.geolocation.landmark import Landmark, SizePrior, position_jacobian
 from automap.geolocation.landmark_kernels import MARGIN
 from automap.geolocation.view_errors import crowd
 from automap.geolocation.views import Views
-from automap.records import FloatArray, IntArray
+from automap.records import FloatArray
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,7 @@ class Sighting:
     of the boxes);
     ``path_sd`` [3] the trajectory's position error at the nearest view, m; ``time_s`` the
     middle of the pass; ``facing`` [2] unit vector (north, east) from the sign towards the
-    cameras; ``class_score`` sum of ``class_weights`` by class. ``size_effect`` [3] what of
+    cameras; ``class_score`` sum of its boxes' scores by class. ``size_effect`` [3] what of
     ``own_cov`` and ``pass_cov`` comes of the size that the sign was taken for and of what boxes
     leave around it: how far a sigma of both moves the place, m. Every pass and every drive takes
     the sign for that size, and a detector leaves about as much around it each time.
@@ -95,12 +95,6 @@ def _by_size(views: Views, landmark: Landmark, size: SizePrior) -> FloatArray:
     return np.asarray(both * (total / max(float(np.linalg.norm(both)), 1e-12)))
 
 
-def class_weights(views: Views, rows: IntArray) -> FloatArray:
-    """What each view [n] of one sign counts where they tell its class: its score, those from one
-    place together as much as one of them."""
-    return np.asarray(np.maximum(views.score[rows], limits.LEAST_SCORE) / crowd(views, rows))
-
-
 def make_sighting(
     views: Views,
     landmark: Landmark,
@@ -122,7 +116,9 @@ def make_sighting(
     distance = np.linalg.norm(towards, axis=1)
     mean = (towards / np.maximum(distance, 1e-6)[:, None]).mean(axis=0)
     scores: dict[str, float] = {}
-    for name, weight in zip(views.class_name[rows], class_weights(views, rows), strict=True):
+    # those from one place together count as much as one of them
+    weights = np.maximum(views.score[rows], limits.LEAST_SCORE) / crowd(views, rows)
+    for name, weight in zip(views.class_name[rows], weights, strict=True):
         scores[str(name)] = scores.get(str(name), 0.0) + float(weight)
     return Sighting(
         landmark=landmark,

@@ -11,12 +11,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from automap.mapping.adjustment import Adjusted, adjust, own_variance
+from automap.mapping.adjustment import Adjusted, adjust, own_variance, rough_places
 from automap.mapping.association import renumbered
 from automap.mapping.attributes import Attributes, combine_attributes
+from automap.mapping.cells import cell_of
 from automap.mapping.existence import Chances, chances
 from automap.mapping.sightings import Sightings
-from automap.mapping.visibility import STRIDE, Passage, opportunities
+from automap.mapping.visibility import STRIDE, Passage, PathErrors, opportunities
 from automap.records import FloatArray, IntArray
 
 PLACE_MARGIN_M = 100.0
@@ -72,7 +73,9 @@ def place_signs(
     adjusted = replace(whole, **columns, offset=whole.offset[rows])
     attributes = combine_attributes(own, place)
     stride = STRIDE if cell is None else 1
-    views = opportunities(passages, adjusted.lat, adjusted.lon, attributes.facing_rad, stride)
+    home = cell_of(*rough_places(grouped, group))[standing] if len(group) else place
+    off = PathErrors(home, place, own.drive, own.time_s, adjusted.offset[:, :2])
+    views = opportunities(passages, adjusted.lat, adjusted.lon, attributes.facing_rad, stride, off)
     return PlacedSigns(
         sightings=own, sign=place, founder=np.unique(place, return_index=True)[1],
         adjusted=adjusted, attributes=attributes,

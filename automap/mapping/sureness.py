@@ -1,4 +1,4 @@
-"""How sure the class of a map sign is, from how sure each drive was.
+"""How sure the class of a sign is, from how sure each drive was, or each track within a drive.
 
 Each drive tells the probability of the class that it read; what it leaves goes in equal parts to
 the classes that it may be mistaken for. Independent drives multiply such odds. These are not: a

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -56,20 +56,51 @@ class Opportunities:
         return Opportunities(*(column[rows] for column in vars(self).values()))
 
 
+class PathErrors(NamedTuple):
+    """How far paths are off where they pass signs, as their sightings of the signs beside tell:
+    between them in time it goes straight, before the first and after the last it holds.
+
+    ``home`` [m] cell of every sign: by the sightings of its own signs alone, so that a cell tells
+    the same by itself. Of the sightings [n], ordered by drive and time, the ``sign``, the
+    ``drive``, ``time_s`` and the ``offset`` [n, 2] m east, north by which the drive is off there.
+    """
+
+    home: IntArray
+    sign: IntArray
+    drive: IntArray
+    time_s: FloatArray
+    offset: FloatArray
+
+    def of(self, drive: int, time_s: FloatArray) -> tuple[FloatArray, IntArray]:
+        """Errors [c, k, 2] of a drive at times [k], and which of them each of the signs [m] has."""
+        own = slice(*np.searchsorted(self.drive, [drive, drive + 1]))
+        seen_in, known = self.home[self.sign[own]], (self.time_s[own], *self.offset[own].T)
+        cells = np.unique(seen_in)
+        errors = np.zeros((len(cells) + 1, len(time_s), 2))
+        for k, cell in enumerate(cells):
+            at_s, *axes = (column[seen_in == cell] for column in known)
+            errors[k] = np.column_stack([np.interp(time_s, at_s, axis) for axis in axes])
+        told = np.isin(self.home, cells)
+        return np.nan_to_num(errors), np.where(told, np.searchsorted(cells, self.home), len(cells))
+
+
 def opportunities(
     drives: Sequence[Passage],
     lat: FloatArray,
     lon: FloatArray,
     facing: FloatArray,
     stride: int = STRIDE,
+    errors: PathErrors | None = None,
 ) -> Opportunities:
     """Which of the signs [m] each drive had in view, by its path and its cameras.
 
     Positions in rad; a sign whose ``facing`` is NaN can be seen from all sides. A drive
-    without a path or without cameras says nothing.
+    without a path or without cameras says nothing. Paths are taken less their ``errors``, where
+    these are known.
     """
     table = filled_table(lat, lon, limits.FARTHEST_M)
     none, zero = np.zeros(0, np.int64), np.zeros(0)
+    errors = errors or PathErrors(np.zeros(len(lat), np.int64), none, none, zero, np.zeros((0, 2)))
     parts = [(none, none, zero, zero, none)]
     touched = np.empty(len(lat), np.int64)
     for number, drive in enumerate(drives):
@@ -81,9 +112,10 @@ def opportunities(
         count, nearest = np.zeros(len(lat), np.int64), np.full((len(lat), 3), np.inf)
         # a path that was read is not to be written to: for that it would all be compiled once more
         car = [np.require(a, None, "W") for a in (path.lat_rad, path.lon_rad, path.yaw_rad)]
+        off, which = errors.of(number, path.gps_s)
         n = _look(
             stride, car[0], car[1], car[2], per_lat, per_lon, views, table,
-            lat, lon, facing, count, nearest, touched,
+            lat, lon, facing, off, which, count, nearest, touched,
         )  # fmt: skip
         seen = np.sort(touched[:n])
         seen = seen[count[seen] >= limits.LEAST_ROWS]
@@ -105,6 +137,8 @@ def _look(
     lat: FloatArray,
     lon: FloatArray,
     facing: FloatArray,
+    off: FloatArray,
+    which: IntArray,
     count: IntArray,
     nearest: FloatArray,
     touched: IntArray,
@@ -124,6 +158,10 @@ def _look(
             east, north = delta(
                 lat[k], lon[k], car_lat[row], car_lon[row], per_lat[row], per_lon[row]
             )
+            # further off a cell that is looked at by itself has no path
+            if np.hypot(east, north) > limits.FARTHEST_M:
+                continue
+            east, north = east + off[which[k], row, 0], north + off[which[k], row, 1]
             distance = np.hypot(east, north)
             if distance < limits.NEAREST_M or distance > limits.FARTHEST_M:
                 continue

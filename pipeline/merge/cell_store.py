@@ -85,7 +85,7 @@ class Near:
             whole.update(repr(track.cameras).encode())
             if track.path is not None:
                 whole.update(track.path.lat_rad.tobytes() + track.path.lon_rad.tobytes())
-                whole.update(track.path.yaw_rad.tobytes())
+                whole.update(track.path.yaw_rad.tobytes() + track.path.gps_s.tobytes())
         return whole.hexdigest()
 
 

@@ -28,6 +28,7 @@ from automap.geolocation.rules import GeolocationRules
 from automap.geolocation.stamp_scatter import Residuals, deviance, told, tracked_or_linked
 from automap.mapping import limits as mapping
 from automap.mapping.backs import backs
+from automap.mapping.sureness import class_probabilities
 from automap.records import FloatArray
 
 FREEDOM = 4.0
@@ -192,34 +193,27 @@ def test_frames_that_should_show_a_sign_are_those_a_walk_along_the_frames_finds(
     assert found.score.tolist() == [0.5, 0.6, 0.7, 0.8]
 
 
-def beliefs(n: int, rng: np.random.Generator) -> Any:
-    names = np.array(["a", "b"], object)[rng.integers(0, 2, n)]
-    p = np.where(rng.random(n) < 0.3, np.nan, rng.random(n))
-    return SimpleNamespace(
-        score=np.concatenate([[0.0], rng.random(n - 1)]), class_name=names,
-        class_probability=p, group_probability=p + 0.5 * (1.0 - p), t_ns=np.arange(n),
-        # the car waits where it saw the first three
-        centre=np.maximum(np.arange(n) - 2.0, 0.0)[:, None] * [10.0, 0.0, 0.0],
-    )  # fmt: skip
+def test_a_class_is_believed_by_its_tracks_as_by_the_drives_of_a_map() -> None:
+    """However many boxes a track has; one that reads another class tells against it, and cameras
+    number their tracks alike."""
 
+    def believed(track: list[int], camera: list[int], name: str, p: list[float]) -> FloatArray:
+        told = np.array(p)
+        views: Any = SimpleNamespace(
+            track=np.array(track), camera=np.array(camera), class_probability=told,
+            class_name=np.array(list(name), object), group_probability=0.5 + 0.5 * told,
+        )  # fmt: skip
+        return np.array(class_beliefs(views, np.arange(len(p)), "a"))
 
-def test_a_class_is_believed_by_what_tracks_tell_each_box_by_its_score() -> None:
-    """Against a walk over the boxes; those of another class tell against it, and those of a wait
-    count as one."""
-    views = beliefs(12, np.random.default_rng(6))
-    rows = np.arange(12)
-    above, below = 0.0, 0.0
-    for k in rows:
-        p = views.class_probability[k]
-        if np.isfinite(p):
-            w = max(views.score[k], limits.LEAST_SCORE) / (3.0 if k < 3 else 1.0)
-            below += w
-            above += w * p * (views.class_name[k] == "a")
-    found = class_beliefs(views, rows, "a")
-    assert found[0] == pytest.approx(above / below)
-    assert found[1] >= found[0]
-    views.class_probability[:] = np.nan
-    assert np.isnan(class_beliefs(views, rows, "a")).all()
+    zero, one = np.zeros(3, np.int64), np.zeros(1, np.int64)
+    three = believed([4, 4, 7, 4], [0, 0, 0, 1], "aaba", [0.8, 0.8, 0.5, 0.7])
+    by_drives = class_probabilities(np.array([0, 1, 0]), np.array([0.8, 0.5, 0.7]), zero, one)
+    assert three[0] == pytest.approx(by_drives[0])
+    assert three[1] >= three[0]
+    assert believed([4, 4], [0, 0], "aa", [0.8, 0.8])[0] == pytest.approx(0.8)
+    assert believed([4, 5], [0, 0], "aa", [0.8, 0.8])[0] > 0.85
+    assert believed([-1, -1], [0, 0], "aa", [0.7, 0.9])[0] == pytest.approx(0.8)
+    assert np.isnan(believed([1, 2], [0, 0], "ab", [np.nan, np.nan])).all()
 
 
 def sighting(depth: float = 20.0, sd: float = 0.1, contradictory: bool = False) -> Any:
@@ -279,6 +273,7 @@ def test_a_sign_of_the_map_has_place_and_covariance_where_it_stands(
     views: Any = SimpleNamespace(
         origin=ORIGIN, t_ns=t_ns, score=np.full(5, 0.4), row=np.array([9, 8, 7, 6, 5]),
         class_name=np.array(["a"] * 5, object), class_probability=np.full(5, np.nan),
+        track=np.arange(5), camera=np.zeros(5, np.int64),
         group_probability=np.full(5, np.nan), centre=np.arange(5.0)[:, None] * [10.0, 0.0, 0.0],
     )  # fmt: skip
     facing: Any = SimpleNamespace(rad=0.3, sd_rad=0.2)

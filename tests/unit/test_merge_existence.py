@@ -23,11 +23,12 @@ from automap.mapping.merge import merge_drives
 from automap.mapping.sightings import CameraView
 from automap.mapping.visibility import (
     Opportunities,
+    PathErrors,
     alike,
     head_on,
     opportunities,
 )
-from automap.records import DrivePath
+from automap.records import DrivePath, FloatArray, IntArray
 
 RATES = DetectionRates(0.85, np.full(50, 0.85), 0.9)
 DAY_S = 86400.0
@@ -203,6 +204,55 @@ def test_what_a_drive_has_in_view(east: float, north: float, facing_deg: float, 
         assert 4 <= found.rows[0] <= 7
 
 
+def test_a_path_that_is_off_is_looked_at_where_it_was() -> None:
+    """20 m to the east, and 10 m at a later sighting: between them in between. In a cell without a
+    sighting nothing tells of it."""
+    north = np.array([60.0, 120.0, 180.0])
+    lat, lon, _ = to_geodetic(np.column_stack([np.full(3, -5.0), north, np.zeros(3)]))
+    facing, path = np.full(3, np.pi), straight()
+    east = np.column_stack([np.full(50, 20.0), np.zeros((50, 2))])
+    off = replace(path, lon_rad=to_geodetic(east)[1])
+    right, wrong = (
+        [SimpleNamespace(path=each, cameras=(CameraView(0.0, 0.6),))] for each in (path, off)
+    )
+    true = opportunities(right, lat, lon, facing)
+    zero, seen_s = np.zeros(2, np.int64), path.gps_s[[12, 38]]
+
+    def moved(home: list[int], sign: list[int], late: list[float]) -> FloatArray:
+        told = np.column_stack([late, [0.0, 0.0]])
+        errors = PathErrors(np.array(home), np.array(sign), zero, seen_s, told)
+        found = opportunities(wrong, lat, lon, facing, errors=errors)
+        assert (found.rows[0], found.sign[0]) == (true.rows[0], true.sign[0])
+        return found.offset - true.offset[found.sign]
+
+    assert moved([7, 7, 9], [0, 1], [20.0, 20.0]) == pytest.approx([0.0, 0.0, -20.0], abs=1e-2)
+    first, middle, last = moved([7, 7, 7], [0, 2], [20.0, 10.0])
+    assert (first, last) == pytest.approx((0.0, -10.0), abs=1e-2)
+    assert -6.5 < middle < -4.0
+
+
+def test_drives_metres_off_their_way_miss_what_is_not_there() -> None:
+    """By their paths as they are, most of them would have been in another street."""
+    rng = np.random.default_rng(9)
+    town = street(rng, 600.0, 15.0)
+    path = np.array([[-1.5, -40.0], [-1.5, 640.0]])
+    scene = Scene(town)
+    for number in range(8):
+        errors = Errors(shared=(8.0, 8.0, 9.0), clutter=0.3 if number == 3 else 0.0)
+        drive, truth = drive_through(
+            rng, town, path, 12.0, f"d{number}", 1.4e9 + DAY_S * number, errors
+        )
+        scene.drives.append(drive)
+        scene.truth.append(truth)
+    merged = merge_drives(scene.drives)
+    s = merged.sightings
+    truth, there = scene_truth(scene, s.first, s.row), merged.existence > 0.5
+    real = np.isin(np.arange(len(merged)), merged.sign[truth >= 0])
+    assert (~real).sum() >= 3
+    assert not (there & ~real).any()
+    assert set(truth[there[merged.sign]].tolist()) >= set(truth.tolist()) - {-1}
+
+
 def test_a_camera_to_the_side_sees_the_side() -> None:
     lat, lon, _ = to_geodetic(np.array([[30.0, 100.0, 2.0]]))
     facing = np.radians([270.0])
@@ -238,6 +288,11 @@ def test_what_was_seen_from_afar_those_should_have_seen_that_came_at_its_face() 
     assert pairs.seen.tolist() == [False, True]
 
 
+def scene_truth(scene: Scene, first: IntArray, row: IntArray) -> IntArray:
+    """True sign of every sighting in the order of a merge."""
+    return np.concatenate([own[row[first[k] : first[k + 1]]] for k, own in enumerate(scene.truth)])
+
+
 def test_clutter_of_one_drive_is_unlikely_when_others_passed() -> None:
     rng = np.random.default_rng(8)
     town = street(rng, 600.0, 30.0)
@@ -255,11 +310,8 @@ def test_clutter_of_one_drive_is_unlikely_when_others_passed() -> None:
         merged.drives, merged.adjusted.lat, merged.adjusted.lon, merged.attributes.facing_rad
     )
     s = merged.sightings
-    truth = np.concatenate(
-        [own[s.row[s.first[k] : s.first[k + 1]]] for k, own in enumerate(scene.truth)]
-    )
     real = np.zeros(len(merged), bool)
-    real[merged.sign[truth >= 0]] = True
+    real[merged.sign[scene_truth(scene, s.first, s.row) >= 0]] = True
     passed = np.bincount(views.sign, minlength=len(real)) >= 6
     assert (merged.existence[real] > 0.5).mean() > 0.97
     assert (~real & passed).any()
