@@ -243,6 +243,16 @@ class Selection:
         """Whether a move's odds are high, and other stretches predict what it explains."""
         return move.odds >= limits.LEAST_ODDS and move.evidence.predicted_without_best > 0.0
 
+    def suspects(self, chosen: Chosen) -> list[Move]:
+        """The likeliest formulas beside a choice, those that are not told apart, where it is a
+        hundred to one that any candidate is there: forms of one thing share what speaks for it,
+        and the one in the dictionary need not be sure."""
+        moves = [m for m in self.best(chosen) if m.name not in chosen.names]
+        if not moves or np.logaddexp.reduce([m.odds for m in moves]) < -math.log(limits.SUSPECTED):
+            return []
+        formulas = [m for m in moves if self.candidates[m.name].terms]
+        return [m for m in formulas if m.odds > formulas[0].odds - limits.CLOSE_NATS]
+
     def log_prior(self, chosen: Chosen) -> float:
         """Logarithm of a choice's prior probability."""
         names = sum(self.candidates[name].log_prior for name in chosen.names)
