@@ -24,7 +24,7 @@ from automap.gap.linear import (
     conditional,
     linearised,
 )
-from automap.gap.neighbours import AMOUNT, Terms, amounts, neighbours
+from automap.gap.neighbours import AMOUNT, Terms, amounts, as_turn, neighbours
 from automap.gap.result import equation
 
 STEPS = 3
@@ -57,7 +57,8 @@ def nearby(
     """Formulas near one of a single term, or near the likeliest of its ``rivals`` on its channel,
     and out of how many each is the likeliest: those that are reached step by step, and at each step
     the likeliest. Another form pays for all that are tried, an amount that moves does not: those
-    near it say much the same. With them those whose neighbours were tried."""
+    near it say much the same. What a gyro reads of changes may be a unit that turns. With them
+    those whose neighbours were tried."""
     ((on, text),) = terms
     found: dict[str, int] = {}
     around = [text]
@@ -95,6 +96,8 @@ def nearby(
             break
         text, *others = every[:FORMS]
     told = [(single_term(t), choices) for t, choices in found.items() if t != terms[0][1]]
+    turns = {as_turn(on, t): 2 * choices for t, choices in found.items()}
+    told += [(turn, choices) for turn, choices in turns.items() if turn]
     return told, [single_term(t) for t in around]
 
 

@@ -15,7 +15,7 @@ from automap.effects.signals import FIELDS, Signals
 from automap.gap import forms
 from automap.gap.dictionary import formula_terms
 from automap.gap.forms import About
-from automap.gap.neighbours import Terms, amounts, neighbours
+from automap.gap.neighbours import Terms, amounts, as_turn, neighbours
 
 if TYPE_CHECKING:
     from automap.gap.linear import Conditional
@@ -153,3 +153,31 @@ def test_what_is_remembered_has_shapes_and_no_second_memory(signals: Signals) ->
     assert "lag(force_y, 0.5)" in neighbours("(force_y - lag(force_y, 0.5))", signals)
     # a play is one shape already
     assert not any("tanh(" in text for text in neighbours("play(force_y, 0.5)", signals))
+
+
+@pytest.mark.parametrize(
+    ("on", "text", "turn"),
+    [
+        ("gyro_z", "lag(jerk_y, 1.0)", (("imu_yaw", "lag(force_y, 1.0)"),)),
+        ("gyro_y", "angular_acceleration_x", (("imu_pitch", "rate_x"),)),
+        # these read no change, or no turn
+        ("gyro_z", "force_y", ()),
+        ("accel_y", "jerk_y", ()),
+    ],
+)
+def test_a_gyro_that_reads_a_change_is_much_as_a_unit_that_turns(
+    on: str, text: str, turn: Terms
+) -> None:
+    assert as_turn(on, text) == turn
+
+
+def test_a_unit_that_turns_is_among_the_forms_of_what_its_gyro_reads(
+    monkeypatch: pytest.MonkeyPatch, signals: Signals
+) -> None:
+    monkeypatch.setattr(forms, "ranked", lambda about, tried, *price: list(tried))
+    near, _ = forms.nearby(cast("About", None), signals, (("gyro_z", "jerk_y"),))
+    told = dict(near)
+    assert (("imu_yaw", "force_y"),) in told
+    # both channels are paid for
+    bent = next(terms for terms in told if terms[0][0] == "gyro_z")
+    assert told[as_turn(*bent[0])] == 2 * told[bent]
