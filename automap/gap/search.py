@@ -242,8 +242,10 @@ class Search:
         """The choice with its formulas in other forms, for as long as one is better, or with what
         is suspected in one that is sure; None where none is."""
         instead = None
-        room = len(chosen.names) < limits.MAX_FINDINGS
-        unsure = selection.suspects(chosen) if room and not ending else []
+        room = len(chosen.names) < limits.MAX_FINDINGS and not ending
+        moves = selection.suspected(chosen) if room else []
+        formulas = [m for m in moves if selection.candidates[m.name].terms]
+        unsure = [m for m in formulas if m.odds > formulas[0].odds - limits.CLOSE_NATS]
         while not ending and (found := self._better_form(here, selection, chosen, unsure)):
             (chosen, here), unsure = found, []
             instead = chosen

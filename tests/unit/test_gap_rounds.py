@@ -323,7 +323,7 @@ def test_of_forms_that_say_much_the_same_the_filter_tells_one_step_by_step(
         candidates={f: SimpleNamespace(terms=(("gyro_z", f),)) for f in of},
         log_prior=lambda chosen: 0.0,
         of_vehicle=lambda chosen, names: False,
-        suspects=lambda chosen: [],
+        suspected=lambda chosen: [],
     )
     formed = asked._formed(fit_of("rate_z"), formulas, only("rate_z"), ending=False)
     assert (formed and formed.names[0]) == told
@@ -338,19 +338,28 @@ def move_of(name: str, odds: float) -> Move:
 
 
 @pytest.mark.parametrize(
-    ("worth", "already", "ending", "told"),
+    ("worth", "suspects", "already", "ending", "told"),
     [
-        ({SQUARED: 5.0, BENT: 15.0}, (), False, BENT),
+        ({SQUARED: 5.0, BENT: 15.0}, {"rate_z": 5.0}, (), False, BENT),
+        # a name is sure or none, and what it is behind is looked at all the same
+        ({SQUARED: 5.0, BENT: 15.0}, {"name": 6.0, "rate_z": 1.0}, (), False, BENT),
+        # told apart from the likeliest formula
+        ({SQUARED: 5.0, BENT: 15.0}, {"rate_x": 6.0, "rate_z": 1.0}, (), False, None),
         # a thousand to one must speak for it, as for any name
-        ({SQUARED: 5.0, BENT: 6.0}, (), False, None),
+        ({SQUARED: 5.0, BENT: 6.0}, {"rate_z": 5.0}, (), False, None),
         # of two that are not told apart the simpler
-        ({SQUARED: 6.0, BENT: 8.0}, (), False, SQUARED),
-        ({SQUARED: 5.0, BENT: 15.0}, (), True, None),
-        ({SQUARED: 5.0, BENT: 15.0}, range(limits.MAX_FINDINGS), False, None),
+        ({SQUARED: 6.0, BENT: 8.0}, {"rate_z": 5.0}, (), False, SQUARED),
+        ({SQUARED: 5.0, BENT: 15.0}, {"rate_z": 5.0}, (), True, None),
+        ({SQUARED: 5.0, BENT: 15.0}, {"rate_z": 5.0}, range(limits.MAX_FINDINGS), False, None),
+        ({SQUARED: 5.0, BENT: 15.0}, {}, (), False, None),
     ],
 )
 def test_what_is_suspected_is_told_in_the_form_that_is_sure(
-    worth: dict[str, float], already: Collection[int], ending: bool, told: str | None
+    worth: dict[str, float],
+    suspects: dict[str, float],
+    already: Collection[int],
+    ending: bool,
+    told: str | None,
 ) -> None:
     asked = Asked()
     asked.screening = cast(
@@ -372,42 +381,17 @@ def test_what_is_suspected_is_told_in_the_form_that_is_sure(
     )
     names = [f"rate_z + {i}" for i in already]
     formulas: Any = SimpleNamespace(
-        candidates={f: SimpleNamespace(terms=(("gyro_z", f),)) for f in (*worth, "rate_z", *names)},
+        candidates={
+            f: SimpleNamespace(terms=(("gyro_z", f),) if f != "name" else ())
+            for f in (*worth, "rate_z", "rate_x", "name", *names)
+        },
         log_prior=lambda chosen: 0.0,
         of_vehicle=lambda chosen, names: False,
-        suspects=lambda chosen: [move_of("rate_z", 5.0)],
+        suspected=lambda chosen: [move_of(n, odds) for n, odds in suspects.items()],
     )
     chosen = Chosen(tuple((name, (0,), 1.0) for name in names))
     formed = asked._formed(fit_of("nothing"), formulas, chosen, ending)
     assert (formed and formed.names[0]) == told
-
-
-@pytest.mark.parametrize(
-    ("odds", "suspects"),
-    [
-        ({"name": 3.0, "formula": 4.5}, ["formula"]),
-        # neither alone is a hundred to one, both are
-        ({"formula": 4.0, "other": 4.2}, ["other", "formula"]),
-        ({"formula": 3.0, "name": 3.5}, []),
-        # told apart from the likeliest
-        ({"formula": 5.0, "other": 1.0}, ["formula"]),
-        ({"name": 6.0}, []),
-        ({"known": 9.0, "formula": 3.0}, []),
-    ],
-)
-def test_formulas_are_suspected_where_something_surely_is_there(
-    odds: dict[str, float], suspects: list[str]
-) -> None:
-    class Offered(Selection):
-        """One whose moves are known."""
-
-        def best(self, *about: Any, **more: Any) -> list[Move]:
-            return sorted((move_of(*each) for each in odds.items()), key=lambda m: -m.odds)
-
-    terms = (("gyro_z", "rate_z"),)
-    candidates = {n: Candidate(n, ((0,),), 0.0, terms=terms * (n != "name")) for n in odds}
-    told = Offered(cast("Any", None), candidates).suspects(only("known"))
-    assert [m.name for m in told] == suspects
 
 
 @pytest.mark.parametrize(("size", "borne_out"), [(0.8, True), (-0.8, False)])
