@@ -152,9 +152,10 @@ def _different(known: Conditional, parts: Sequence[Part], nats: float) -> set[Pa
     would lose so many ``nats`` with the one in the place of the other."""
     columns = [i for (i,) in parts]
     info = known.info(tuple(columns))
-    size = np.maximum(np.diag(info), 1e-300)
-    most = 0.5 * float(np.max(known.score[columns] ** 2 / size))
-    alike = most * (1.0 - info**2 / np.outer(size, size)) < nats
+    # of columns that show nothing the product of sizes would be nothing
+    unit = np.maximum(np.diag(info), 1e-300) ** -0.5
+    most = 0.5 * float(np.max((known.score[columns] * unit) ** 2))
+    alike = most * (1.0 - (info * np.outer(unit, unit)) ** 2) < nats
     kept: list[int] = []
     for k in range(len(columns)):
         if not alike[k, kept].any():

@@ -105,6 +105,10 @@ def test_forms_that_data_do_not_tell_from_a_likelier_one_are_not_asked_about() -
     assert different(10000.0) == {(0,), (1,), (2,)}
     # an amount is where it is likeliest to half a nat
     assert different(1000.0, 0.5) == {(0,), (1,), (2,)}
+    # what shows nothing is not told from what comes before it, and is no division by nothing
+    info[1:] = info[:, 1:] = 0.0
+    with np.errstate(all="raise"):
+        assert (0,) in different(100.0)
 
 
 def test_what_is_remembered_takes_a_shape_and_a_shape_is_remembered(signals: Signals) -> None:
