@@ -33,7 +33,7 @@ from automap.gap.noise import INERTIAL_LEVELS, Fitted, fitted_about, noise_score
 from automap.gap.reading_steps import cut_off
 from automap.gap.result import Drift
 from automap.gap.screening import Screening
-from automap.gap.selection import Chosen, Move, Selection
+from automap.gap.selection import Chosen, Selection
 from automap.records import FloatArray
 
 SWALLOW = ((tuple(bias_walks()), True), (INERTIAL_LEVELS, True), (RECEIVER_LEVELS, False))
@@ -129,27 +129,13 @@ def in_noise(
 def _likeliest(
     selection: Selection, chosen: Chosen, maxima: FloatArray, least: float = 0.0
 ) -> tuple[Misfit, ...]:
-    """The likeliest of what may be missing beside a choice, where it is a hundred to one that any
-    of it is: forms of one thing share what speaks for it, and none alone need be sure."""
+    """The likeliest of what may be missing beside a choice, where anything surely is."""
     # what the filter gave up may be there in another form, but courses of time follow any sway
     courses = {c.name for c in selection.candidates.values() if follows_time(c.terms)}
     refused = frozenset(key for key in selection.refused if key[0] in courses)
-    asked, moves = replace(selection, refused=refused, inflated={}), list[Move]()
-    for _ in range(2):
-        moves = [
-            m
-            for m in asked.best(chosen)
-            if m.name not in chosen.names
-            and m.evidence.nats >= least
-            and m.evidence.predicted_without_best > 0.0
-        ]
-        if not moves:
-            return ()
-        # all is lowered by what candidates say too much together, for noise that is not as
-        # modelled, but beside the likeliest: what is missing makes all that resemble it say more
-        first = moves[0]
-        asked.inflate(chosen.joined(first.name, first.part, first.evidence.scale))
-    if np.logaddexp.reduce([m.odds for m in moves]) < -math.log(limits.SUSPECTED):
+    asked = replace(selection, refused=refused)
+    moves = asked.suspected(chosen, least)
+    if not moves:
         return ()
     first = moves[0]
     channel, size = shown_by(asked.given(chosen), first.part)

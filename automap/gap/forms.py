@@ -24,7 +24,7 @@ from automap.gap.linear import (
     conditional,
     linearised,
 )
-from automap.gap.neighbours import AMOUNT, Terms, amounts, neighbours
+from automap.gap.neighbours import AMOUNT, Terms, amounts, as_turn, neighbours
 from automap.gap.result import equation
 
 STEPS = 3
@@ -57,7 +57,8 @@ def nearby(
     """Formulas near one of a single term, or near the likeliest of its ``rivals`` on its channel,
     and out of how many each is the likeliest: those that are reached step by step, and at each step
     the likeliest. Another form pays for all that are tried, an amount that moves does not: those
-    near it say much the same. With them those whose neighbours were tried."""
+    near it say much the same. What a gyro reads of changes may be a unit that turns. With them
+    those whose neighbours were tried."""
     ((on, text),) = terms
     found: dict[str, int] = {}
     around = [text]
@@ -95,6 +96,8 @@ def nearby(
             break
         text, *others = every[:FORMS]
     told = [(single_term(t), choices) for t, choices in found.items() if t != terms[0][1]]
+    turns = {as_turn(on, t): 2 * choices for t, choices in found.items()}
+    told += [(turn, choices) for turn, choices in turns.items() if turn]
     return told, [single_term(t) for t in around]
 
 
@@ -149,9 +152,10 @@ def _different(known: Conditional, parts: Sequence[Part], nats: float) -> set[Pa
     would lose so many ``nats`` with the one in the place of the other."""
     columns = [i for (i,) in parts]
     info = known.info(tuple(columns))
-    size = np.maximum(np.diag(info), 1e-300)
-    most = 0.5 * float(np.max(known.score[columns] ** 2 / size))
-    alike = most * (1.0 - info**2 / np.outer(size, size)) < nats
+    # of columns that show nothing the product of sizes would be nothing
+    unit = np.maximum(np.diag(info), 1e-300) ** -0.5
+    most = 0.5 * float(np.max((known.score[columns] * unit) ** 2))
+    alike = most * (1.0 - (info * np.outer(unit, unit)) ** 2) < nats
     kept: list[int] = []
     for k in range(len(columns)):
         if not alike[k, kept].any():

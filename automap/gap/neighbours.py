@@ -34,6 +34,10 @@ INSTEAD = (
     ("lateral_acceleration", "rate_z"),
 )
 """Quantities that are much the same in a vehicle."""
+TURNS = {"gyro_x": "imu_roll", "gyro_y": "imu_pitch", "gyro_z": "imu_yaw"}
+CHANGES = ("jerk_", "force_"), ("angular_acceleration_", "rate_")
+"""A gyro that reads what a quantity changes by is much the same as a unit that turns by the
+quantity, but that the accelerometer turns along."""
 SHAPED = ("abs", "max", "min", "tanh", "sqrt")
 FORMED = ("play(", "min(max(")
 """What a factor with another shape upon it has too many of: only its amounts are moved, as those of
@@ -59,6 +63,15 @@ def neighbours(text: str, signals: Signals) -> list[str]:
         for old, new in (pair, pair[::-1]):
             out.append(re.sub(rf"\b{old}\b", new, text))
     return _others(out, text)
+
+
+def as_turn(on: str, text: str) -> Terms:
+    """What the unit, or the vehicle, turns by where its gyro reads the changes of that; nothing
+    where it reads something else."""
+    changes = [(change, of) for change, of in CHANGES if change in text]
+    if on not in TURNS or len(changes) != 1:
+        return ()
+    return ((TURNS[on], text.replace(*changes[0])),)
 
 
 def complexity(terms: Terms) -> tuple[int, int]:

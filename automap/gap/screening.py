@@ -315,8 +315,10 @@ class Screening:
             return np.inf
         most = limits.ONE_IN_A_THOUSAND * max(limits.PRIOR_SCALES)
         usual = self._prior_sds(selection, name, columns)
-        if not candidate.terms and (np.abs(joint.values[rows]) > most * usual).any():
-            # a delay of ten seconds is none: what the filter has found is something else
+        values = joint.values[rows]
+        below = candidate.positive and candidate.unless not in chosen.names and values[0] <= 0.0
+        if below or (not candidate.terms and (np.abs(values) > most * usual).any()):
+            # a delay of ten seconds is none, nor a dead zone below nothing: it is something else
             return -np.inf
         nats = self.nats(joint, selection, chosen, name)
         return nats + candidate.log_prior + len(rows) * candidate.log_choice

@@ -28,7 +28,7 @@ from automap.gap.noise import Fitted, Log, fitted_about, noise_score, with_level
 from automap.gap.result import equation
 from automap.gap.scoring import likelier
 from automap.gap.screening import Screening
-from automap.gap.selection import Chosen, Key, Selection
+from automap.gap.selection import Chosen, Key, Move, Selection
 from automap.gap.stepwise import pruned, select, swallowed
 
 WALK_OF = {term.sensor: w for w, e in bias_walks().items() for term in imu_terms([e.name])}
@@ -208,7 +208,7 @@ class Search:
             self._bar(selection.alike(idle))
             return fewer
         rival = None
-        if found.names and not ending:
+        if not ending:
             formed = self._formed(here, selection, found, ending)
             if formed is not None:
                 return formed
@@ -239,33 +239,46 @@ class Search:
     def _formed(
         self, here: Fitted, selection: Selection, chosen: Chosen, ending: bool
     ) -> Chosen | None:
-        """The choice with its formulas in other forms, for as long as one is better; None where
-        none is."""
+        """The choice with its formulas in other forms, for as long as one is better, or with what
+        is suspected in one that is sure; None where none is."""
         instead = None
-        while not ending and (found := self._better_form(here, selection, chosen)) is not None:
-            chosen, here = found
+        room = len(chosen.names) < limits.MAX_FINDINGS and not ending
+        moves = selection.suspected(chosen) if room else []
+        formulas = [m for m in moves if selection.candidates[m.name].terms]
+        unsure = [m for m in formulas if m.odds > formulas[0].odds - limits.CLOSE_NATS]
+        while not ending and (found := self._better_form(here, selection, chosen, unsure)):
+            (chosen, here), unsure = found, []
             instead = chosen
         return instead
 
     def _better_form(
-        self, here: Fitted, selection: Selection, chosen: Chosen
+        self, here: Fitted, selection: Selection, chosen: Chosen, suspects: Sequence[Move]
     ) -> tuple[Chosen, Fitted] | None:
         """The choice with a formula in the form near it with which all drives are likeliest by the
         filter itself: where a linear model says nearly the same of two, it is off by more. Where
-        another of the choice and the formula may be one thing, also in the place of both. Of forms
-        that are not told apart the simplest is taken, and the others are noted."""
+        another of the choice and the formula may be one thing, also in the place of both. One of
+        the ``suspects`` may be sure in another form, for which a thousand to one must speak. Of
+        forms that are not told apart the simplest is taken, and the others are noted."""
         known, joint = (self.screening.refinements, selection.candidates), here.joint()
-        for name in chosen.names:
+        unsure = {m.name: m for m in suspects}
+        for name in (*chosen.names, *unsure):
             terms = selection.candidates[name].terms
-            near = [(0.0, chosen, (terms, 0.0), here)]
-            for gone in ("", *self.screening.entangled(joint, selection, chosen, name)):
-                fewer = chosen.without(gone)
-                for form in self.screening.forms(here, selection, chosen, name, gone):
+            least, begun, entangled = 0.0, chosen, list[str]()
+            if name in unsure:
+                move = unsure[name]
+                least = limits.LEAST_ODDS - limits.CLOSE_NATS
+                begun = chosen.joined(name, move.part, move.evidence.scale)
+            else:
+                entangled = self.screening.entangled(joint, selection, chosen, name)
+            near = [(least, chosen, (terms, 0.0), here)]
+            for gone in ("", *entangled):
+                fewer = begun.without(gone)
+                for form in self.screening.forms(here, selection, begun, name, gone):
                     self.screening.refinements = dict(known[0])
                     selection.candidates = dict(known[1])
                     its = self.screening.in_form(here, selection, fewer, name, *form)
                     fitted = self.screening.states(here, selection, its)
-                    of_vehicle = selection.of_vehicle(chosen, {name, gone})
+                    of_vehicle = selection.of_vehicle(begun, {name, gone})
                     ahead, sigmas = self.judge.ahead(fitted, here, of_vehicle)
                     ahead += selection.log_prior(its) - selection.log_prior(chosen)
                     # a few wild stretches are no reason to prefer either

@@ -243,6 +243,30 @@ class Selection:
         """Whether a move's odds are high, and other stretches predict what it explains."""
         return move.odds >= limits.LEAST_ODDS and move.evidence.predicted_without_best > 0.0
 
+    def suspected(self, chosen: Chosen, least: float = 0.0) -> list[Move]:
+        """The strongest parts beside a choice, best first, of ``least`` nats, where it is a hundred
+        to one that any of them is there: forms of one thing share what speaks for it, and none
+        alone need be sure.
+
+        All is lowered by what candidates say too much together, for noise that is not as modelled,
+        but beside the likeliest: what is missing makes all that resemble it say more.
+        """
+        asked, moves = replace(self, inflated={}), list[Move]()
+        for _ in range(2):
+            moves = [
+                m
+                for m in asked.best(chosen)
+                if m.name not in chosen.names
+                and m.evidence.nats >= least
+                and m.evidence.predicted_without_best > 0.0
+            ]
+            if not moves:
+                return []
+            first = moves[0]
+            asked.inflate(chosen.joined(first.name, first.part, first.evidence.scale))
+        surely = np.logaddexp.reduce([m.odds for m in moves]) >= -math.log(limits.SUSPECTED)
+        return moves if surely else []
+
     def log_prior(self, chosen: Chosen) -> float:
         """Logarithm of a choice's prior probability."""
         names = sum(self.candidates[name].log_prior for name in chosen.names)

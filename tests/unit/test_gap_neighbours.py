@@ -15,7 +15,7 @@ from automap.effects.signals import FIELDS, Signals
 from automap.gap import forms
 from automap.gap.dictionary import formula_terms
 from automap.gap.forms import About
-from automap.gap.neighbours import Terms, amounts, neighbours
+from automap.gap.neighbours import Terms, amounts, as_turn, neighbours
 
 if TYPE_CHECKING:
     from automap.gap.linear import Conditional
@@ -105,6 +105,10 @@ def test_forms_that_data_do_not_tell_from_a_likelier_one_are_not_asked_about() -
     assert different(10000.0) == {(0,), (1,), (2,)}
     # an amount is where it is likeliest to half a nat
     assert different(1000.0, 0.5) == {(0,), (1,), (2,)}
+    # what shows nothing is not told from what comes before it, and is no division by nothing
+    info[1:] = info[:, 1:] = 0.0
+    with np.errstate(all="raise"):
+        assert (0,) in different(100.0)
 
 
 def test_what_is_remembered_takes_a_shape_and_a_shape_is_remembered(signals: Signals) -> None:
@@ -153,3 +157,31 @@ def test_what_is_remembered_has_shapes_and_no_second_memory(signals: Signals) ->
     assert "lag(force_y, 0.5)" in neighbours("(force_y - lag(force_y, 0.5))", signals)
     # a play is one shape already
     assert not any("tanh(" in text for text in neighbours("play(force_y, 0.5)", signals))
+
+
+@pytest.mark.parametrize(
+    ("on", "text", "turn"),
+    [
+        ("gyro_z", "lag(jerk_y, 1.0)", (("imu_yaw", "lag(force_y, 1.0)"),)),
+        ("gyro_y", "angular_acceleration_x", (("imu_pitch", "rate_x"),)),
+        # these read no change, or no turn
+        ("gyro_z", "force_y", ()),
+        ("accel_y", "jerk_y", ()),
+    ],
+)
+def test_a_gyro_that_reads_a_change_is_much_as_a_unit_that_turns(
+    on: str, text: str, turn: Terms
+) -> None:
+    assert as_turn(on, text) == turn
+
+
+def test_a_unit_that_turns_is_among_the_forms_of_what_its_gyro_reads(
+    monkeypatch: pytest.MonkeyPatch, signals: Signals
+) -> None:
+    monkeypatch.setattr(forms, "ranked", lambda about, tried, *price: list(tried))
+    near, _ = forms.nearby(cast("About", None), signals, (("gyro_z", "jerk_y"),))
+    told = dict(near)
+    assert (("imu_yaw", "force_y"),) in told
+    # both channels are paid for
+    bent = next(terms for terms in told if terms[0][0] == "gyro_z")
+    assert told[as_turn(*bent[0])] == 2 * told[bent]

@@ -13,14 +13,14 @@ import numpy as np
 import pytest
 
 from automap.fusion.level_climb import Maximum
-from automap.gap import base_model, confirm, finder, noise, search
+from automap.gap import base_model, confirm, finder, limits, noise, search
 from automap.gap.candidates import Candidate
 from automap.gap.confirm import Judge
 from automap.gap.linear import Column
 from automap.gap.noise import Fitted, Joint
 from automap.gap.screening import Screening
 from automap.gap.search import Search
-from automap.gap.selection import Chosen, Selection
+from automap.gap.selection import Chosen, Move, Selection
 
 LATE, LOW_PASSED = "gnss_velocity_latency", "gnss_velocity_lag"
 SELECTION = cast(
@@ -323,12 +323,90 @@ def test_of_forms_that_say_much_the_same_the_filter_tells_one_step_by_step(
         candidates={f: SimpleNamespace(terms=(("gyro_z", f),)) for f in of},
         log_prior=lambda chosen: 0.0,
         of_vehicle=lambda chosen, names: False,
+        suspected=lambda chosen: [],
     )
     formed = asked._formed(fit_of("rate_z"), formulas, only("rate_z"), ending=False)
     assert (formed and formed.names[0]) == told
     assert asked.alike.get(f"gyro_z += k * {told or 'rate_z'}", ()) == tuple(
         f"gyro_z += k * {f}" for f in alike
     )
+
+
+def move_of(name: str, odds: float) -> Move:
+    """A part that may be added with such log odds."""
+    return Move(name, (0,), cast("Any", SimpleNamespace(scale=1.0)), odds)
+
+
+@pytest.mark.parametrize(
+    ("worth", "suspects", "already", "ending", "told"),
+    [
+        ({SQUARED: 5.0, BENT: 15.0}, {"rate_z": 5.0}, (), False, BENT),
+        # a name is sure or none, and what it is behind is looked at all the same
+        ({SQUARED: 5.0, BENT: 15.0}, {"name": 6.0, "rate_z": 1.0}, (), False, BENT),
+        # told apart from the likeliest formula
+        ({SQUARED: 5.0, BENT: 15.0}, {"rate_x": 6.0, "rate_z": 1.0}, (), False, None),
+        # a thousand to one must speak for it, as for any name
+        ({SQUARED: 5.0, BENT: 6.0}, {"rate_z": 5.0}, (), False, None),
+        # of two that are not told apart the simpler
+        ({SQUARED: 6.0, BENT: 8.0}, {"rate_z": 5.0}, (), False, SQUARED),
+        ({SQUARED: 5.0, BENT: 15.0}, {"rate_z": 5.0}, (), True, None),
+        ({SQUARED: 5.0, BENT: 15.0}, {"rate_z": 5.0}, range(limits.MAX_FINDINGS), False, None),
+        ({SQUARED: 5.0, BENT: 15.0}, {}, (), False, None),
+    ],
+)
+def test_what_is_suspected_is_told_in_the_form_that_is_sure(
+    worth: dict[str, float],
+    suspects: dict[str, float],
+    already: Collection[int],
+    ending: bool,
+    told: str | None,
+) -> None:
+    asked = Asked()
+    asked.screening = cast(
+        "Screening",
+        SimpleNamespace(
+            refinements={},
+            entangled=lambda joint, selection, chosen, name: [],
+            forms=lambda here, selection, chosen, name, gone: [
+                ((("gyro_z", f),), 1.0) for f in worth if name == "rate_z"
+            ],
+            in_form=lambda here, selection, chosen, name, terms, choices: only(terms[0][1]),
+            states=lambda here, selection, chosen: fit_of(chosen.names[0]),
+        ),
+    )
+    of = {**worth, "nothing": 0.0}
+    asked.judge = cast(
+        "Judge",
+        SimpleNamespace(ahead=lambda one, other, of_vehicle: (of[one.name] - of[other.name], 3.0)),
+    )
+    names = [f"rate_z + {i}" for i in already]
+    formulas: Any = SimpleNamespace(
+        candidates={
+            f: SimpleNamespace(terms=(("gyro_z", f),) if f != "name" else ())
+            for f in (*worth, "rate_z", "rate_x", "name", *names)
+        },
+        log_prior=lambda chosen: 0.0,
+        of_vehicle=lambda chosen, names: False,
+        suspected=lambda chosen: [move_of(n, odds) for n, odds in suspects.items()],
+    )
+    chosen = Chosen(tuple((name, (0,), 1.0) for name in names))
+    formed = asked._formed(fit_of("nothing"), formulas, chosen, ending)
+    assert (formed and formed.names[0]) == told
+
+
+@pytest.mark.parametrize(("size", "borne_out"), [(0.8, True), (-0.8, False)])
+def test_what_nature_knows_of_one_sign_is_not_borne_out_by_the_other(
+    size: float, borne_out: bool
+) -> None:
+    zone = "gyro_dead_zone"
+    asked = object.__new__(Screening)
+    asked.effects, asked.refinements = {zone: zone}, {}
+    joint = Joint(((zone, "z"),), np.array([size]), np.array([[0.01]]), 0.0)
+    linear = SimpleNamespace(layout=[Column(zone, "z", 1.0)], prior_sd=np.ones(1))
+    candidate = Candidate(zone, ((0,),), 0.0, positive=True)
+    selection: Any = SimpleNamespace(linear=linear, candidates={zone: candidate})
+    here = cast("Fitted", SimpleNamespace(joint=lambda: joint))
+    assert asked.not_borne_out(here, selection, only(zone)) == ([] if borne_out else [zone])
 
 
 def test_forms_come_before_courses_of_time_and_what_is_too_brief_costs_no_round(
