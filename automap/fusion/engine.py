@@ -19,7 +19,7 @@ from automap.fusion.delay_states import DELAY_STATE, LATENCY_STATE, WHEELS_STATE
 from automap.fusion.dense_pieces import MARGIN_S, dense_pieces
 from automap.fusion.gnss_only import smooth_fixes
 from automap.fusion.kernel_runs import Start
-from automap.fusion.layout import HAS_POS_H
+from automap.fusion.layout import HAS_POS_H, HAS_POS_V
 from automap.fusion.measurements.position import age_sd_of
 from automap.fusion.mounting import Mounting, estimate_mounting
 from automap.fusion.nodes import FixModel, Shift, model_fixes
@@ -277,6 +277,8 @@ def _turn(session: Session, last: Pass, mounting: Mounting) -> tuple[Session, St
     nominal = last.smooth.nominal[0].copy()
     nominal[6:10] = matrix_to_quat(quat_to_matrix(nominal[6:10]) @ c.T)
     place, speed = np.full(3, limits.TURNED_START_SD_M), np.full(3, limits.TURNED_START_SPEED_SD)
+    if not (session.fixes.flags & HAS_POS_V).any():
+        place[2] = limits.UNKNOWN_HEIGHT_SD_M
     tilt = limits.START_TILT_SD
     sd = np.concatenate([place, speed, [tilt, tilt, limits.TURNED_HEADING_SD]])
     return replace(session, imu=imu, means=means), Start(nominal, sd)

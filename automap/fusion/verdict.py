@@ -31,6 +31,7 @@ from automap.fusion.doubts.antenna import (
     overturned_arm,
     unproven_arm,
 )
+from automap.fusion.doubts.bridged import bridged, outside
 from automap.fusion.doubts.constancy import constancy_doubts
 from automap.fusion.doubts.difference import off_course
 from automap.fusion.doubts.estimates import (
@@ -45,7 +46,7 @@ from automap.fusion.doubts.estimates import (
     unexpected_delay,
 )
 from automap.fusion.doubts.heights import height_doubts, separation_doubts
-from automap.fusion.doubts.hole import hole_doubts, left_aside, regained_jumps
+from automap.fusion.doubts.hole import hole_doubts, not_led_back, regained_jumps
 from automap.fusion.doubts.own_velocities import smoothed_doubts
 from automap.fusion.doubts.path import fix_misses, off_the_fixes
 from automap.fusion.doubts.position_jump import (
@@ -57,11 +58,11 @@ from automap.fusion.doubts.position_jump import (
     places_of,
     position_jumps,
 )
-from automap.fusion.doubts.reason import Reason
+from automap.fusion.doubts.reason import Reason, Span
 from automap.fusion.doubts.receiver import (
     accuracy_doubts,
+    beside_imu,
     dated_velocities,
-    no_further_aside,
     overstated,
     receiver_doubts,
     told_late,
@@ -159,21 +160,25 @@ def weigh(
     axle = of_axes(found, "nhc_lever_arm")
     lifts = found.get("vehicle_pitch_coefficient", (0.0, 0.0))[0]
     steps: list[Reason] = []
+    over: list[Span] = []
     jumps: list[Jump] = []
     of_heights = height_jumps(stated, path)
     if free is not None:
-        steps = _steps(result, path, free, found, fixes, options, arm)
         age = found.get(LATENCY_STATE, (0.0, 0.0))[0]
         places = beside_readings(places, free, path, arm, age)
         of_heights += position_jumps(beside_readings(heights, free, path, arm, age))
-        free = None  # of ten hours a hundred megabytes
         # readings of an instant are stamped later by the delay
         late = age - (0.0 if delay_is_clock else result.delay.mean)
         jumps = regained_jumps(stated, result.innovations, path, late)
         beside = fix_misses(path, stated, arm, age)
-        aside = left_aside(receiver.parted, result.innovations, path, late, beside, age)
-        of_receiver = list(no_further_aside(of_receiver, aside))
-        of_receiver += hole_doubts(places, path, age, level_sd(part for _, part in known()))
+        left = not_led_back(receiver.parted, result.innovations, path, late, beside, age)
+        of_receiver = list(beside_imu(of_receiver, receiver.parted, left, path))
+        at_start = float(path.gps_s[0]), age, level_sd(part for _, part in known())
+        of_receiver = bridged(of_receiver, receiver.parted, places, beside, *at_start)
+        over = [span for reason in of_receiver if reason.span_errors_m for span in reason.spans]
+        of_receiver += hole_doubts(places, path, *at_start[1:])
+        steps = _steps(result, path, free, found, fixes, options, arm, over)
+        free = None  # of ten hours a hundred megabytes
     drifts: list[Drift] = []
     try:
         dated = dated_velocities(fixes, receiver)
@@ -225,7 +230,7 @@ def weigh(
     ]
     model = as_shown(stated, options, result.noise_factors)
     at = of_axes(found, "gnss_lever_arm"), found.get(LATENCY_STATE, (0.0, 0.0))[0]
-    misses = fix_misses(path, model, *at)
+    misses = outside(fix_misses(path, model, *at), over)
     old = math.hypot(age_sd_of(fixes, clock, options), result.delay.sd)
     reasons += overstated(fix_misses(path, stated, *at))
     far, share = off_the_fixes(misses, options.wander_tau_s)
@@ -285,9 +290,13 @@ def _steps(
     fixes: Fixes,
     options: FusionOptions,
     arm: FloatArray,
+    over: Sequence[Span],
 ) -> list[Reason]:
-    """The reason that jumps of the receiver's velocity give, at ``arm`` [3] m from the IMU."""
+    """The reason that jumps of the receiver's velocity give, at ``arm`` [3] m from the IMU, but in
+    stretches that the IMU leads ``over``."""
     seen = compare(free, fixes, path, found, arm)
     # the less a drive seems to show of what comes and goes, the less it is believed
     wander = options.velocity_wander_sd * max(result.noise_factors.get(VELOCITY_WANDER, 1.0), 1.0)
-    return step_doubts(velocity_steps(seen, wander), path)
+    steps = velocity_steps(seen, wander)
+    steps = [step for step in steps if not any(a <= step.t <= b for a, b in over)]
+    return step_doubts(steps, path)

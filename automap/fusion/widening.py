@@ -60,9 +60,13 @@ def _widened(
             there |= (t >= a) & (t <= b)
         if not reason.spans:
             there[:] = True
-        doubted |= there & (reason.state != "good")
+        if not reason.span_errors_m:
+            doubted |= there & (reason.state != "good")
+            floor[there] = np.maximum(floor[there], reason.error_m)
+        for (a, b), metres in zip(reason.spans, reason.span_errors_m, strict=False):
+            known = (t >= a) & (t <= b)
+            floor[known] = np.maximum(floor[known], metres)
         factor[there] = np.maximum(factor[there], reason.factor)
-        floor[there] = np.maximum(floor[there], reason.error_m)
         high[there] = np.maximum(high[there], reason.height_m)
         late[there] = np.maximum(late[there], reason.late_s)
         only[there] = np.maximum(only[there], reason.moved_s)

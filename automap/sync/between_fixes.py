@@ -11,7 +11,7 @@ import numpy as np
 from automap.gates import exceeds_ratio
 from automap.records import BoolArray, Fixes
 from automap.sync import limits
-from automap.sync.held_values import told_again
+from automap.sync.held_values import repeated, told_again
 from automap.sync.receiver_path import ReceiverPath, receiver_path
 
 
@@ -100,9 +100,34 @@ def carried_on(fixes: Fixes) -> BoolArray:
     return none
 
 
+def coasted(fixes: Fixes) -> BoolArray:
+    """Rows [n] of a receiver that has lost its view and goes straight on: they repeat the velocity
+    of the last measured fix, and their positions lie, but for their digits, evenly on a line.
+
+    How often a velocity repeats by chance while the vehicle drives, the other rows show.
+    """
+    path = receiver_path(fixes)
+    none = np.zeros(len(fixes), np.bool_)
+    moves = np.isfinite(path.velocity) & (np.abs(path.velocity) > limits.SLOW_M_S)
+    same = moves[1:] & (np.diff(path.velocity) == 0.0)
+    digit = _digit_m(path) if len(path) > 1 else 0.0
+    for first, last in repeated(same):
+        many = last - first
+        others = np.count_nonzero(moves) - many, np.count_nonzero(same) - many
+        nats = -many * math.log((others[1] + 1.0) / (others[0] + 2.0))
+        if many < limits.LEAST_REPEATS or nats < limits.CERTAIN_LEAD_NATS:
+            continue
+        rows = slice(first, last + 1)
+        share = (path.t[rows] - path.t[first]) / (path.t[last] - path.t[first])
+        line = path.place[first] + share * (path.place[last] - path.place[first])
+        if np.abs(path.place[rows] - line).max() < 2.0 * digit:
+            none[path.row[first + 1 : last + 1]] = True
+    return none
+
+
 def nothing_new(fixes: Fixes) -> BoolArray:
     """Rows [n] that say what others said already: again, between them or on from them."""
     again = told_again(fixes)
     own = replace(fixes, lat_rad=np.where(again, np.nan, fixes.lat_rad))
     between = told_between(own)
-    return again | (between if between.any() else carried_on(own))
+    return again | (between if between.any() else carried_on(own)) | coasted(own)

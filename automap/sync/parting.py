@@ -55,6 +55,10 @@ def partings(
         step = np.diff(apart)
         step[inside] = 0.0
         apart = np.concatenate([apart[:1], apart[0] + np.cumsum(step)])
+    # nothing says of a place that lasts for less than positions are compared over that it is right
+    for first, last in repeated(~inside):
+        if 0 < first and last < len(inside) and path.t[last] - path.t[first] < limits.PARTING_S[1]:
+            inside[first:last] = True
     whole = path.place - right
     return [
         Stretch(first, last, float(np.abs(whole[first : last + 1] - whole[first]).max()))

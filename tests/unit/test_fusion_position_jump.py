@@ -9,7 +9,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from automap.fusion.doubts.hole import left_aside, regained_jumps
+from automap.fusion.doubts.hole import not_led_back, regained_jumps
 from automap.fusion.doubts.path import Misses
 from automap.fusion.doubts.position_jump import (
     Jump,
@@ -21,7 +21,7 @@ from automap.fusion.doubts.position_jump import (
     position_jumps,
 )
 from automap.fusion.doubts.reason import Reason
-from automap.fusion.doubts.receiver import no_further_aside
+from automap.fusion.doubts.receiver import beside_imu
 from automap.fusion.nodes import model_fixes
 from automap.fusion.options import FusionOptions
 from automap.fusion.output import Innovations
@@ -243,14 +243,29 @@ def test_positions_that_come_back_to_where_the_filter_leads_were_not_aside_befor
     told = Innovations(stamps, names, off / np.sqrt(2.0), one, one, one > 0.0)
     zero = np.zeros((len(tag), 3))
     near = Misses(tag - GPS0, zero, zero, zero)
-    aside = 0.0 if off_m < 40.0 else 80.0
-    assert left_aside(jumps, told, path, 0.0, near, 0.0) == aside
+    followed = [] if off_m < 40.0 else jumps[1:]
+    assert not_led_back(jumps, told, path, 0.0, near, 0.0) == followed
     # a path that goes on elsewhere was not come back to
-    assert left_aside(jumps, told, path, 0.0, replace(near, miss=zero + 60.0), 0.0) == 160.0
+    assert not_led_back(jumps, told, path, 0.0, replace(near, miss=zero + 60.0), 0.0) == jumps
     # nothing is known of a jump that no fix follows, nor of none
     unseen = [*jumps, Interval(GPS0 + 60.3, GPS0 + 60.4, 80.0)]
-    assert left_aside(unseen, told, path, 0.0, near, 0.0) == np.inf
-    assert left_aside([], told, path, 0.0, near, 0.0) == np.inf
-    said = Reason("positions_aside", "up to 110 m", error_m=110.0)
-    assert [r.error_m for r in no_further_aside([said], aside)] == [aside] * bool(aside)
-    assert list(no_further_aside([said], np.inf)) == [said]
+    assert not_led_back(unseen, told, path, 0.0, near, 0.0) is None
+    assert not_led_back([], told, path, 0.0, near, 0.0) is None
+    said = Reason("positions_aside", "up to 110 m", ((0.0, 59.0), (60.0, 119.0)), error_m=110.0)
+    beside = list(beside_imu([said], jumps, followed, path))
+    assert [reason.error_m for reason in beside] == [80.0] * len(followed)
+    # where it is for four tenths of the drive, nothing tells which is aside
+    assert all(reason.spans == said.spans for reason in beside)
+    assert list(beside_imu([said], jumps, None, path)) == [said]
+
+
+def test_positions_are_aside_behind_the_jumps_that_an_imu_does_not_lead_over() -> None:
+    """For a quarter of the drive, and where they are for the rest is right."""
+    path = _path()
+    end = float(path.gps_s[-1] - path.gps_s[0])
+    first, second = 0.6 * end, 0.85 * end
+    jumps = [Interval(GPS0 + t - 1.0, GPS0 + t, 80.0) for t in (first, second)]
+    said = Reason("positions_aside", "up to 80 m", ((0.0, end),), error_m=80.0)
+    (told,) = beside_imu([said], jumps, jumps[:1], path)
+    assert told.spans == (pytest.approx((first, second - 1.0)),)
+    assert told.error_m == 80.0 and told.text == said.text

@@ -120,28 +120,28 @@ def regained_jumps(
     return found
 
 
-def left_aside(
+def not_led_back(
     parted: Sequence[Interval],
     told: Innovations,
     path: Trajectory,
     late_s: float,
     misses: Misses,
     age_s: float,
-) -> float:
-    """How far, m, positions may lie aside by those of the jumps, by which they part from the
-    receiver's velocities, that do not come back to where the filter leads, and to the path, as
-    those do behind places that a receiver made up; endless where that is not known of one.
-    ``misses`` of fixes ``age_s`` old, the rest as above."""
+) -> list[Interval] | None:
+    """Those of the jumps, by which positions part from the receiver's velocities, that do not come
+    back to where the filter leads, and to the path, as those do behind places that a receiver made
+    up; None where that is not known of one. ``misses`` of fixes ``age_s`` old, the rest as above.
+    """
     tag = misses.t + float(path.gps_s[0]) + age_s
-    left = 0.0 if parted else math.inf
+    left = []
     for jump in parted:
         row, by = _led_off(told, path, jump.end_gps_s - late_s, limits.BACK_S)
         off = misses.miss[np.abs(tag - jump.end_gps_s) < limits.BACK_S]
         if row < 0 or not len(off):
-            return math.inf
+            return None
         if max(np.hypot(by[0], by[1]), np.hypot(off[0, 0], off[0, 1])) > 0.5 * jump.metres:
-            left += jump.metres
-    return left
+            left.append(jump)
+    return left if parted else None
 
 
 def _led_off(

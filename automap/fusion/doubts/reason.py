@@ -20,7 +20,8 @@ class Reason:
     what to do.
 
     ``spans`` the stretches it is about, none for the whole drive; ``error_m`` the error of
-    position that shows there, horizontally, ``height_m`` that of the height, ``late_s`` by how
+    position that shows there, horizontally, ``span_errors_m`` what the path is off by in each of
+    them at most, where that is known, ``height_m`` the error of the height, ``late_s`` by how
     much the whole state may be of another instant, ``moved_s`` the same of velocity and attitude
     where the positions are of theirs; ``heading`` rad that headings are off; ``factor`` by how much
     the sigmas are too small.
@@ -40,6 +41,7 @@ class Reason:
     state: State = "doubtful"
     inertial: bool = False
     handled: bool = False
+    span_errors_m: tuple[float, ...] = ()
 
     def as_dict(self) -> dict[str, Any]:
         """For run.json."""

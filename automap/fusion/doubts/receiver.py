@@ -16,9 +16,9 @@ from automap.fusion.limits import LEAST_JUDGED
 from automap.fusion.measurements.position import has_position, states_accuracy
 from automap.fusion.options import FusionOptions
 from automap.gates import sd_by_median
-from automap.records import BoolArray, Fixes, FixType, FloatArray
+from automap.records import BoolArray, Fixes, FixType, FloatArray, Trajectory
 from automap.sync.between_fixes import nothing_new
-from automap.sync.limits import DELAY_SD_S
+from automap.sync.limits import DELAY_SD_S, MOST_OF_DRIVE
 from automap.sync.path_match import Estimate
 from automap.sync.velocity_consistency import Interval, VelocityConsistency, told_intervals
 
@@ -124,16 +124,35 @@ def receiver_doubts(
     return list(_doubts(found, start_gps_s, felt))
 
 
-def no_further_aside(reasons: Iterable[Reason], most_m: float) -> Iterator[Reason]:
-    """The ``reasons`` with positions aside by no more than ``most_m`` m, which an IMU shows."""
+def beside_imu(
+    reasons: Iterable[Reason],
+    parted: Sequence[Interval],
+    left: Sequence[Interval] | None,
+    path: Trajectory,
+) -> Iterator[Reason]:
+    """The ``reasons`` with positions aside by no more than an IMU shows, of whose jumps ``parted``
+    those that it does not lead over were ``left``, None where that is not known; and aside behind
+    these alone, where positions lie elsewhere for most of the drive."""
+    most_m = math.inf if left is None else sum(jump.metres for jump in left)
+    start, end = float(path.gps_s[0]), float(path.gps_s[-1])
+    begins = [start, *(jump.end_gps_s for jump in parted)]
+    ends = [*(jump.start_gps_s for jump in parted), end]
+    places = [(a - start, b - start) for a, b in zip(begins, ends, strict=True)]
+    behind = [place for jump, place in zip(parted, places[1:], strict=True) if jump in (left or ())]
+    share = sum(b - a for a, b in behind) / sum(b - a for a, b in places)
     for reason in reasons:
-        if reason.code != "positions_aside" or reason.error_m <= most_m:
+        if reason.code != "positions_aside" or left is None:
             yield reason
-        elif most_m:
-            text = (
-                f"{reason.text}; beside the way that the IMU shows, by no more than {most_m:.0f} m"
+        elif left:
+            error = min(reason.error_m, most_m)
+            text = f"{reason.text}; beside the way that the IMU shows, by no more than {error:.0f} m"
+            most = share > 1.0 - MOST_OF_DRIVE
+            yield replace(
+                reason,
+                text=text if error < reason.error_m else reason.text,
+                error_m=error,
+                spans=reason.spans if most else tuple(behind),
             )
-            yield replace(reason, text=text, error_m=most_m)
 
 
 def accuracy_doubts(fixes: Fixes, options: FusionOptions) -> list[Reason]:
