@@ -171,9 +171,10 @@ def weigh(
         late = age - (0.0 if delay_is_clock else result.delay.mean)
         jumps = regained_jumps(stated, result.innovations, path, late)
         beside = fix_misses(path, stated, arm, age)
-        left = not_led_back(receiver.parted, result.innovations, path, late, beside, age)
-        of_receiver = list(beside_imu(of_receiver, receiver.parted, left, path))
-        at_start = float(path.gps_s[0]), age, level_sd(part for _, part in known())
+        ends = float(path.gps_s[0]), float(path.gps_s[-1])
+        unled = not_led_back(receiver.parted, result.innovations, path, late, beside, age)
+        of_receiver = list(beside_imu(of_receiver, receiver.parted, unled, beside, *ends))
+        at_start = ends[0], age, level_sd(part for _, part in known())
         of_receiver = bridged(of_receiver, receiver.parted, places, beside, *at_start)
         over = [span for reason in of_receiver if reason.span_errors_m for span in reason.spans]
         of_receiver += hole_doubts(places, path, *at_start[1:])

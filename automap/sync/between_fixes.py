@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from automap.gates import exceeds_ratio
-from automap.records import BoolArray, Fixes
+from automap.records import BoolArray, Fixes, FloatArray
 from automap.sync import limits
 from automap.sync.held_values import repeated, told_again
 from automap.sync.receiver_path import ReceiverPath, receiver_path
@@ -119,10 +119,21 @@ def coasted(fixes: Fixes) -> BoolArray:
             continue
         rows = slice(first, last + 1)
         share = (path.t[rows] - path.t[first]) / (path.t[last] - path.t[first])
-        line = path.place[first] + share * (path.place[last] - path.place[first])
-        if np.abs(path.place[rows] - line).max() < 2.0 * digit:
+        way = path.place[last] - path.place[first]
+        off = np.abs(path.place[rows] - path.place[first] - share * way).max()
+        # positions that stay are another thing, and what tells of hills is measured
+        if abs(way) > many * digit and off < 2.0 * digit and _even_heights(path, rows, share):
             none[path.row[first + 1 : last + 1]] = True
     return none
+
+
+def _even_heights(path: ReceiverPath, rows: slice, share: FloatArray) -> bool:
+    """Whether heights of ``rows`` lie, but for their digits, on a line at its ``share`` [m]."""
+    height = path.height[rows]
+    steps = np.abs(np.diff(path.height))
+    digit = float(steps.min(where=steps > 0.0, initial=np.inf))
+    off = np.abs(height - height[0] - share * (height[-1] - height[0]))
+    return not np.isfinite(off).all() or bool(off.max() < 2.0 * digit)
 
 
 def nothing_new(fixes: Fixes) -> BoolArray:

@@ -55,11 +55,17 @@ def partings(
         step = np.diff(apart)
         step[inside] = 0.0
         apart = np.concatenate([apart[:1], apart[0] + np.cumsum(step)])
-    # nothing says of a place that lasts for less than positions are compared over that it is right
-    for first, last in repeated(~inside):
-        if 0 < first and last < len(inside) and path.t[last] - path.t[first] < limits.PARTING_S[1]:
-            inside[first:last] = True
     whole = path.place - right
+    left = whole[:1].sum()
+    for first, last in repeated(~inside):
+        # nothing says of a place that it is right which is another than before, and lasts for less
+        # than positions are compared over
+        short = path.t[last] - path.t[first] < limits.PARTING_S[1]
+        other = abs(whole[first] - left) > limits.STEP_SD_M
+        if short and other and first > 0 and last < len(inside):
+            inside[first:last] = True
+        else:
+            left = whole[last]
     return [
         Stretch(first, last, float(np.abs(whole[first : last + 1] - whole[first]).max()))
         for first, last in repeated(inside)

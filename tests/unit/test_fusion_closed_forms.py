@@ -17,7 +17,7 @@ from automap.fusion.kernel_runs import PathStates
 from automap.fusion.kernels.axis import smooth_axis
 from automap.fusion.kernels.resample import interpolate_states
 from automap.fusion.kernels.transition import reach
-from automap.fusion.layout import N_NAV
+from automap.fusion.layout import HAS_POS_H, HAS_POS_V, N_NAV
 from automap.fusion.measurements.position import age_sd_of
 from automap.fusion.mechanisation import radii, rotate_left, rotate_right
 from automap.fusion.mounting import Mounting
@@ -186,7 +186,8 @@ def test_a_session_in_sensor_axes_is_turned_into_the_vehicles() -> None:
     gyro, accel, bias = rng.normal(size=(5, 3)), rng.normal(size=(5, 3)), rng.normal(size=3)
     means = {f"gyro_bias_{a}": float(v) for a, v in zip("xyz", bias, strict=True)} | {"other": 2.0}
     imu = ImuData(np.arange(5), gyro, accel, axes_known=False)
-    session = Session(imu, None, FusionOptions(), [], means, {}, (0.0, 1.0))  # type: ignore[arg-type]
+    fixes = SimpleNamespace(flags=np.array([HAS_POS_H, HAS_POS_H | HAS_POS_V]))
+    session = Session(imu, fixes, FusionOptions(), [], means, {}, (0.0, 1.0))  # type: ignore[arg-type]
     attitude = Rotation.random(random_state=rng)
     nominal = np.zeros((2, 10))
     nominal[:, :6], nominal[:, 6:] = np.arange(6.0), attitude.as_quat(scalar_first=True)
@@ -207,6 +208,10 @@ def test_a_session_in_sensor_axes_is_turned_into_the_vehicles() -> None:
     assert start.sd == pytest.approx(
         [place] * 3 + [speed] * 3 + [tilt, tilt, limits.TURNED_HEADING_SD]
     )
+    # a height that no fix has told is none for having been smoothed
+    level = replace(session, fixes=SimpleNamespace(flags=np.array([HAS_POS_H])))
+    height_sd = _turn(level, last, mounting)[1].sd[2]  # type: ignore[arg-type]
+    assert height_sd == limits.UNKNOWN_HEIGHT_SD_M
     plain = replace(session, means={"other": 2.0})
     assert _turn(plain, last, mounting)[0].means == {"other": 2.0}  # type: ignore[arg-type]
 

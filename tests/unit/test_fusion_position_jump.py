@@ -252,20 +252,32 @@ def test_positions_that_come_back_to_where_the_filter_leads_were_not_aside_befor
     assert not_led_back(unseen, told, path, 0.0, near, 0.0) is None
     assert not_led_back([], told, path, 0.0, near, 0.0) is None
     said = Reason("positions_aside", "up to 110 m", ((0.0, 59.0), (60.0, 119.0)), error_m=110.0)
-    beside = list(beside_imu([said], jumps, followed, path))
+    ends = float(path.gps_s[0]), float(path.gps_s[-1])
+    beside = list(beside_imu([said], jumps, followed, near, *ends))
     assert [reason.error_m for reason in beside] == [80.0] * len(followed)
-    # where it is for four tenths of the drive, nothing tells which is aside
+    # a path that is at both places does not tell which is aside
     assert all(reason.spans == said.spans for reason in beside)
-    assert list(beside_imu([said], jumps, None, path)) == [said]
+    assert list(beside_imu([said], jumps, None, near, *ends)) == [said]
 
 
-def test_positions_are_aside_behind_the_jumps_that_an_imu_does_not_lead_over() -> None:
-    """For a quarter of the drive, and where they are for the rest is right."""
+@pytest.mark.parametrize(("first", "last", "few"), [(0.6, 0.85, True), (0.2, 0.9, False)])
+def test_positions_are_aside_behind_the_jumps_that_an_imu_does_not_lead_over(
+    first: float, last: float, few: bool
+) -> None:
+    """For a quarter of the drive, which its path passes by: the rest is where they are."""
     path = _path()
-    end = float(path.gps_s[-1] - path.gps_s[0])
-    first, second = 0.6 * end, 0.85 * end
-    jumps = [Interval(GPS0 + t - 1.0, GPS0 + t, 80.0) for t in (first, second)]
-    said = Reason("positions_aside", "up to 80 m", ((0.0, end),), error_m=80.0)
-    (told,) = beside_imu([said], jumps, jumps[:1], path)
-    assert told.spans == (pytest.approx((first, second - 1.0)),)
-    assert told.error_m == 80.0 and told.text == said.text
+    start, end = float(path.gps_s[0]), float(path.gps_s[-1])
+    at = [share * (end - start) for share in (first, last)]
+    jumps = [Interval(start + t - 1.0, start + t, 80.0) for t in at]
+    said = Reason("positions_aside", "up to 80 m", ((0.0, end - start),), error_m=80.0)
+    t = np.arange(0.0, end - start)
+    off = np.where((t > at[0]) & (t < at[1]), 70.0, 1.0)[:, None] * [1.0, 0.0, 0.0]
+    misses = Misses(t, off, np.ones_like(off), np.ones_like(off))
+    (told,) = beside_imu([said], jumps, jumps[:1], misses, start, end)
+    spans = [(pytest.approx(at[0]), pytest.approx(at[1] - 1.0))] if few else list(said.spans)
+    assert list(told.spans) == spans
+    assert (told.error_m, told.text) == (80.0, said.text)
+    # one that went there may be led astray before or behind
+    followed = replace(misses, miss=0.0 * off)
+    (told,) = beside_imu([said], jumps, jumps[:1], followed, start, end)
+    assert told.spans == said.spans

@@ -10,7 +10,7 @@ import pytest
 from automap.earth import metres_per_radian
 from automap.fusion.doubts.receiver import receiver_doubts, usable_fixes
 from automap.records import Fixes, FloatArray
-from automap.sync.between_fixes import carried_on, nothing_new, told_between
+from automap.sync.between_fixes import carried_on, coasted, nothing_new, told_between
 from automap.sync.velocity_consistency import velocity_consistency
 from tests.unit.fusion_motion import city_drive
 from tests.unit.fusion_receiver import Receiver, receive
@@ -120,3 +120,34 @@ def test_a_velocity_that_is_held_beside_measured_positions_is_no_way_on() -> Non
     log = receive(MOTION, Receiver(rate=5.0), 4)
     held = replace(log, vel_ned=log.vel_ned[np.arange(len(log)) // 5 * 5])
     assert not carried_on(_logged(held)).any()
+
+
+@pytest.mark.parametrize("rate", [1.0, 5.0])
+def test_a_receiver_that_goes_straight_on_measures_nothing(rate: float) -> None:
+    """As one does that has lost its view: that had taken the path beside an IMU 15 m off."""
+    log = _logged(receive(MOTION, Receiver(rate=rate), 4))
+    log = replace(log, vel_ned=np.round(log.vel_ned, 3))
+    speed = np.hypot(*log.vel_ned[:, :2].T)
+    rows = round(25.0 * rate)
+    fast = np.lib.stride_tricks.sliding_window_view(speed, rows).mean(axis=1)
+    first = int(np.argmax(fast))
+    late = (log.gps_s - log.gps_s[first])[first : first + rows]
+    north, east = metres_per_radian(log.lat_rad[first], log.height_m[first])
+    place = ("lat_rad", "lon_rad", "height_m")
+    straight = replace(log, **{n: getattr(log, n).copy() for n in (*place, "vel_ned")})
+    inside = slice(first, first + rows)
+    straight.vel_ned[inside] = log.vel_ned[first]
+    way = log.vel_ned[first, :2, None] * late / np.array([[north], [east]])
+    straight.lat_rad[inside] = log.lat_rad[first] + way[0]
+    straight.lon_rad[inside] = log.lon_rad[first] + way[1]
+    straight.height_m[inside] = log.height_m[first]
+    led = np.zeros(len(log), np.bool_)
+    led[first + 1 : first + rows] = True
+    assert (coasted(_logged(straight)) == led).all()
+    # a velocity that stays beside positions or heights that were measured, or all of them do
+    held = replace(log, vel_ned=straight.vel_ned)
+    assert not coasted(held).any()
+    assert not coasted(_logged(replace(straight, height_m=log.height_m))).any()
+    for name in place:
+        getattr(held, name)[inside] = getattr(held, name)[first]
+    assert not coasted(held).any()

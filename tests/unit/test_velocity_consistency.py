@@ -314,6 +314,20 @@ def test_positions_that_jump_are_a_parting_where_it_is() -> None:
         assert part.metres == pytest.approx(30.0, abs=6.0)
 
 
+def test_places_of_a_moment_on_the_way_back_are_part_of_one_parting() -> None:
+    """Reflections leave by steps; a place for a moment where positions are otherwise is sound."""
+    for seed in SEEDS:
+        fixes = simulated_fixes(seed, seconds=240.0)
+        t = fixes.gps_s - fixes.gps_s[0]
+        steps = np.select([(t > 100.0) & (t <= 102.0), (t > 102.0) & (t < 104.0)], [60.0, 30.0])
+        (part,) = velocity_consistency(shifted(fixes, t >= 0.0, steps)).parted
+        assert (part.start_gps_s - fixes.gps_s[0], part.seconds) == pytest.approx(
+            (100.0, 4.0), abs=1.0
+        )
+        twice = np.where(((t > 100.0) & (t < 101.5)) | ((t > 103.0) & (t < 104.5)), 60.0, 0.0)
+        assert len(velocity_consistency(shifted(fixes, t >= 0.0, twice)).parted) == 2
+
+
 def test_positions_that_drift_off_are_a_parting() -> None:
     for seed in SEEDS:
         fixes = simulated_fixes(seed, Receiver(), seconds=400.0)

@@ -108,8 +108,8 @@ def _whole(seen: Places, before: IntArray, after: IntArray, reach_s: float) -> b
 
 
 def _led(seen: Places, rows: IntArray, gone: IntArray) -> FloatArray:
-    """Where [k, 2] m the readings lead at the fixes ``gone`` [k], by the parabola that takes them to
-    the positions of ``rows``: attitude and start are known to nobody."""
+    """Where [k, 2] m the readings lead at the fixes ``gone`` [k], by the parabola that takes them
+    to the positions of ``rows``: attitude and start are known to nobody."""
     middle = int(gone[len(gone) // 2])
     scale = max(float(np.ptp(seen.t[rows])), 1e-9)
 
@@ -118,7 +118,7 @@ def _led(seen: Places, rows: IntArray, gone: IntArray) -> FloatArray:
         return np.stack([np.ones_like(t), t, t**2], axis=-1)
 
     def felt(of: IntArray) -> FloatArray:
-        return (seen.felt[of] - seen.felt[middle]) @ seen.turn[middle].T
+        return np.asarray((seen.felt[of] - seen.felt[middle]) @ seen.turn[middle].T)
 
     fit, *_ = np.linalg.lstsq(curve(rows), seen.at[rows] - felt(rows), rcond=None)
     return np.asarray(curve(gone) @ fit + felt(gone))

@@ -8,7 +8,6 @@ Fixed carrier phases behind others, or none, lie where the filter leads, to what
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Sequence
 
 import numpy as np

@@ -16,7 +16,7 @@ from automap.fusion.limits import LEAST_JUDGED
 from automap.fusion.measurements.position import has_position, states_accuracy
 from automap.fusion.options import FusionOptions
 from automap.gates import sd_by_median
-from automap.records import BoolArray, Fixes, FixType, FloatArray, Trajectory
+from automap.records import BoolArray, Fixes, FixType, FloatArray
 from automap.sync.between_fixes import nothing_new
 from automap.sync.limits import DELAY_SD_S, MOST_OF_DRIVE
 from automap.sync.path_match import Estimate
@@ -128,30 +128,41 @@ def beside_imu(
     reasons: Iterable[Reason],
     parted: Sequence[Interval],
     left: Sequence[Interval] | None,
-    path: Trajectory,
+    misses: Misses,
+    start_gps_s: float,
+    end_gps_s: float,
 ) -> Iterator[Reason]:
     """The ``reasons`` with positions aside by no more than an IMU shows, of whose jumps ``parted``
-    those that it does not lead over were ``left``, None where that is not known; and aside behind
-    these alone, where positions lie elsewhere for most of the drive."""
+    those that it does not lead over were ``left``, None where that is not known; ``misses`` of a
+    path from ``start_gps_s`` to ``end_gps_s``.
+
+    They are aside behind these alone where the path passes by all that lies there, and positions
+    are on it for most of the drive, or for half of it and come back to it: no reflection does.
+    """
     most_m = math.inf if left is None else sum(jump.metres for jump in left)
-    start, end = float(path.gps_s[0]), float(path.gps_s[-1])
-    begins = [start, *(jump.end_gps_s for jump in parted)]
-    ends = [*(jump.start_gps_s for jump in parted), end]
-    places = [(a - start, b - start) for a, b in zip(begins, ends, strict=True)]
-    behind = [place for jump, place in zip(parted, places[1:], strict=True) if jump in (left or ())]
+    begins = [start_gps_s, *(jump.end_gps_s for jump in parted)]
+    ends = [*(jump.start_gps_s for jump in parted), end_gps_s]
+    places = [(a - start_gps_s, b - start_gps_s) for a, b in zip(begins, ends, strict=True)]
+    off = np.hypot(*misses.miss[:, :2].T)
+    behind, passed = [], True
+    for jump, (a, b) in zip(parted, places[1:], strict=True):
+        if jump in (left or ()):
+            there = off[(misses.t >= a) & (misses.t <= b)]
+            passed &= bool(len(there)) and float(np.median(there)) > 0.5 * jump.metres
+            behind.append((a, b))
     share = sum(b - a for a, b in behind) / sum(b - a for a, b in places)
     for reason in reasons:
         if reason.code != "positions_aside" or left is None:
             yield reason
         elif left:
             error = min(reason.error_m, most_m)
-            text = f"{reason.text}; beside the way that the IMU shows, by no more than {error:.0f} m"
-            most = share > 1.0 - MOST_OF_DRIVE
+            told = f"; beside the way that the IMU shows, by no more than {error:.0f} m"
+            few = share < (1.0 - MOST_OF_DRIVE if len(left) == len(parted) else 0.5)
             yield replace(
                 reason,
-                text=text if error < reason.error_m else reason.text,
+                text=reason.text + told * (error < reason.error_m),
                 error_m=error,
-                spans=reason.spans if most else tuple(behind),
+                spans=tuple(behind) if passed and few else reason.spans,
             )
 
 
