@@ -15,10 +15,10 @@ from automap.fusion.doubts.reason import Reason, Span, State
 from automap.fusion.limits import LEAST_JUDGED
 from automap.fusion.measurements.position import has_position, states_accuracy
 from automap.fusion.options import FusionOptions
-from automap.gates import sd_by_median
+from automap.gates import OUTSIDE_95, gate, sd_by_median
 from automap.records import BoolArray, Fixes, FixType, FloatArray
 from automap.sync.between_fixes import nothing_new
-from automap.sync.limits import DELAY_SD_S, MOST_OF_DRIVE
+from automap.sync.limits import DELAY_SD_S, MOST_OF_DRIVE, STEP_SD_M
 from automap.sync.path_match import Estimate
 from automap.sync.velocity_consistency import Interval, VelocityConsistency, told_intervals
 
@@ -144,11 +144,13 @@ def beside_imu(
     ends = [*(jump.start_gps_s for jump in parted), end_gps_s]
     places = [(a - start_gps_s, b - start_gps_s) for a, b in zip(begins, ends, strict=True)]
     off = np.hypot(*misses.miss[:, :2].T)
+    # sound positions step by less
+    most_step = STEP_SD_M * math.sqrt(gate(OUTSIDE_95, 2))
     behind, passed = [], True
     for jump, (a, b) in zip(parted, places[1:], strict=True):
         if jump in (left or ()):
             there = off[(misses.t >= a) & (misses.t <= b)]
-            passed &= bool(len(there)) and float(np.median(there)) > 0.5 * jump.metres
+            passed &= bool(len(there)) and float(np.median(there)) > most_step
             behind.append((a, b))
     share = sum(b - a for a, b in behind) / sum(b - a for a, b in places)
     for reason in reasons:
