@@ -29,7 +29,7 @@ from automap.fusion.problem import stored
 from automap.fusion.result import ARM_UP, FusionResult, Prior, WheelResult, assemble, collect
 from automap.fusion.screening import screen_fixes
 from automap.fusion.standstill import find_standstill, rest_gyro_bias, shown_speed, unmoved
-from automap.fusion.unread import over_holes
+from automap.fusion.unread import longest_trip, over_holes
 from automap.fusion.unusable_readings import bridge_noise, bridge_unusable
 from automap.fusion.wheels import Wheels, prepare_wheels
 from automap.interpolation import LONGEST_GAP_S
@@ -83,8 +83,11 @@ def fuse_imu_gnss(
     if len(imu) < 10:
         raise InputError(f"the IMU recording has only {len(imu)} usable samples; record longer")
     made_noise: FloatArray | None = None
+    trips: list[str] = []
     if np.diff(imu.t_ns).max() > LONGEST_GAP_S * 1e9:
-        imu, made_noise = over_holes(imu, smooth_fixes(fixes, clock, options))
+        alone = smooth_fixes(fixes, clock, options)
+        imu, trips = longest_trip(imu, alone)
+        imu, made_noise = over_holes(imu, alone)
     base_ns = int(imu.t_ns[0])
     bridged = bridge_unusable(imu)
     imu = bridged.imu
@@ -139,7 +142,7 @@ def fuse_imu_gnss(
     options = replace(options, effects=effects)
     session = Session(imu, model, options, standstill, means, sds, span, readings)
     session = replace(session, made_noise=made_noise)
-    warnings = list(wheels.warnings) if wheels else []
+    warnings = [*trips, *(wheels.warnings if wheels else ())]
     if screened.n_outliers:
         warnings.append(
             f"{screened.n_outliers} fixes lie up to {screened.largest_m:.0f} m off the path that "

@@ -56,8 +56,9 @@ def of_readings(
     against the IMU already.
     """
     imu = read_imu()
-    # the path may begin behind readings that told nothing
-    imu = imu.at(slice(int(np.searchsorted(imu.t_ns, t_ns[0])), None))
+    # the path may begin behind readings that told nothing, and end before those of another trip
+    first, last = np.searchsorted(imu.t_ns, [t_ns[0], t_ns[-1] + 1])
+    imu = imu.at(slice(int(first), int(last)))
     bridged = bridge_unusable(imu)
     at_readings = np.interp(imu.t_ns, t_ns, speed)
     told = np.isfinite(fixes.vel_ned[:, :2]).all(axis=1)

@@ -172,6 +172,9 @@ STEADY_GAP_STEPS = 3.0
 SHORT_GAP_S, GAP_ROWS = 1.0, 20_000
 """Over a gap no longer than this the readings change as they do elsewhere in the drive, of which so
 many rows tell it to a hundredth. Chosen: a bend or a stop lasts for seconds."""
+MOST_LOST_S = 300.0
+"""After so long without readings and fixes, in which a vehicle has moved, no state is left to go on
+from: behind 373 s a filter came to the fixes again, behind 573 s it was not finite."""
 SHOCK_WINDOW_S = 0.15
 """Scatter is taken over so much: a wheel that hops at some 10 Hz has one or two swings."""
 USUAL_PERCENTILE = 75.0

@@ -8,16 +8,21 @@ of the fixes.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
 
+from automap.earth import local_ned
+from automap.fusion import limits
 from automap.fusion.aside import whole_trajectory
 from automap.fusion.doubts.reason import Reason
 from automap.fusion.limits import DRIVING_SPEED, MOVING_SPEED, SHORT_GAP_S, TRIAL_MOVING_S
+from automap.gates import gate
 from automap.interpolation import LONGEST_GAP_S
 from automap.records import FloatArray, ImuData, IntArray, Trajectory
+from automap.timebase import gps_to_iso
 
 
 def over_holes(imu: ImuData, alone: Trajectory) -> tuple[ImuData, FloatArray]:
@@ -52,6 +57,52 @@ def over_holes(imu: ImuData, alone: Trajectory) -> tuple[ImuData, FloatArray]:
     unsure = order >= len(imu)
     unsure[:-1] |= unsure[1:]
     return whole, unsure[:, None] * psd
+
+
+def lost_holes(
+    read_s: FloatArray, fix_s: FloatArray, lat_rad: FloatArray, lon_rad: FloatArray, sd_m: float
+) -> list[tuple[float, float, float]]:
+    """From and until when neither readings at ``read_s`` [n] nor fixes at ``fix_s`` [k] tell
+    anything, for so long that no state is left to go on from, and by how many m the vehicle moved
+    meanwhile, by fixes good to ``sd_m`` m an axis."""
+    known = np.union1d(read_s, fix_s)
+    found = []
+    for k in np.flatnonzero(np.diff(known) > limits.MOST_LOST_S).tolist():
+        behind = int(np.searchsorted(fix_s, known[k], side="right"))
+        if 0 < behind < len(fix_s):
+            here, there = behind - 1, behind
+            ref = float(lat_rad[here]), float(lon_rad[here]), 0.0
+            way = local_ned(lat_rad[there], lon_rad[there], 0.0, ref).ravel()[:2]
+            square = float((way**2).sum())
+            if square > gate(limits.DOUBT_PROBABILITY, 2) * 2.0 * sd_m**2:
+                found.append((float(known[k]), float(known[k + 1]), math.sqrt(square)))
+    return found
+
+
+def longest_trip(imu: ImuData, alone: Trajectory) -> tuple[ImuData, list[str]]:
+    """The recording of the trip that is driven for longest, of those between ``lost_holes``, and
+    what is to be told of the others; ``alone`` the path of the fixes."""
+    fix_s, read_s = ((t - alone.t_ns[0]) * 1e-9 for t in (alone.t_ns, imu.t_ns))
+    sd_m = float(np.sqrt(np.median(alone.sd_pos_ned[:, :2] ** 2)))
+    holes = lost_holes(read_s, fix_s, alone.lat_rad, alone.lon_rad, sd_m)
+    if not holes:
+        return imu, []
+    edges = [end - 0.5e-9 for _, end, _ in holes]
+    moves = np.hypot(alone.vel_ned[:, 0], alone.vel_ned[:, 1]) > MOVING_SPEED
+    trip = np.searchsorted(edges, fix_s[moves])
+    read = np.searchsorted(edges, read_s)
+    # of trips without readings none
+    driven = np.bincount(trip, minlength=len(edges) + 1) * np.isin(range(len(edges) + 1), read)
+    rows = np.flatnonzero(read == np.argmax(driven))
+    begin, end, metres = max(holes, key=lambda hole: hole[1] - hole[0])
+    more = f" and {len(holes) - 1} more" if len(holes) > 1 else ""
+    told = (
+        f"for {(end - begin) / 60.0:.0f} min from {gps_to_iso(float(alone.gps_s[0]) + begin)} on "
+        f"there are neither readings nor fixes{more}, and the vehicle was moved by {metres:.0f} m: "
+        "nothing tells how it stands behind. The IMU is read on the longest trip alone, the path "
+        "of the others is that of their fixes; cut the recording there, into a drive for each trip"
+    )
+    return imu.at(slice(int(rows[0]), int(rows[-1]) + 1)), [told]
 
 
 def _from_first_drive(imu: ImuData, alone: Trajectory) -> ImuData:

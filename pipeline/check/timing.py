@@ -6,13 +6,15 @@ import numpy as np
 
 from automap.errors import InputError
 from automap.evaluation.plausibility import Finding, overlap_s
-from automap.fusion.limits import FIX_EDGE_S, LEAST_FIXES
+from automap.fusion.limits import DRIVING_SPEED, FIX_EDGE_S, LEAST_FIXES, UNSTATED_SD_M
+from automap.fusion.unread import lost_holes
+from automap.interpolation import LONGEST_GAP_S
 from automap.io.arrival import read_arrival
 from automap.io.drive import Drive
 from automap.io.frame_times import frame_times
 from automap.io.recording import Recording, imu_time
 from automap.io.video import VideoInput, read_header
-from automap.records import NO_TIME, FloatArray, IntArray
+from automap.records import NO_TIME, Fixes, FixType, FloatArray, IntArray
 from automap.timebase import MOST_ZONE_H, QUARTER_S, ROLLOVER_S, gps_to_iso, unix_to_gps
 from pipeline.check import clock_set, limits
 
@@ -95,17 +97,46 @@ def check(drive: Drive, recording: Recording) -> list[Finding]:
     if was_set is not None:
         findings.append(was_set)
         return findings
-    outside = int(np.count_nonzero((dated < gps_s[0]) | (dated > gps_s[-1])))
+    findings += _trips(gps_s, fixes)
+    unread_s = _driven_unread_s(gps_s, fixes)
     if shared < limits.SHORT_OVERLAP * shorter:
         text = f"IMU and fixes overlap for {shared:.1f} s only: {spans}"
         findings.append(Finding("warning", text, "", "short_overlap"))
-    elif outside > limits.SHORT_OVERLAP * len(dated):
-        text = f"{outside} of {len(dated)} fixes lie outside the IMU's time: {spans}"
+    elif unread_s > LONGEST_GAP_S:
+        text = f"{unread_s:.0f} s were driven before or after all readings of the IMU: {spans}"
         advice = "is the rest of the IMU's file missing?"
         findings.append(Finding("warning", text, advice, "short_overlap"))
     else:
         findings.append(Finding("ok", f"IMU and fixes overlap for {shared:.1f} s"))
     return findings
+
+
+def _driven_unread_s(gps_s: FloatArray, fixes: Fixes) -> float:
+    """For how many s the receiver tells of driving before or behind all readings at ``gps_s``."""
+    rows = np.flatnonzero(np.isfinite(fixes.gps_s))
+    rows = rows[np.argsort(fixes.gps_s[rows], kind="stable")]
+    t, speed = fixes.gps_s[rows], np.hypot(fixes.vel_ned[rows, 0], fixes.vel_ned[rows, 1])
+    outside = (t < gps_s[0]) | (t > gps_s[-1])
+    step = np.diff(t, append=t[-1:])
+    return float(step[outside & (speed > DRIVING_SPEED) & (step <= LONGEST_GAP_S)].sum())
+
+
+def _trips(gps_s: FloatArray, fixes: Fixes) -> list[Finding]:
+    """Of more than one trip in a recording, with readings at ``gps_s`` [n]."""
+    rows = np.flatnonzero(np.isfinite(fixes.gps_s + fixes.lat_rad + fixes.lon_rad))
+    rows = rows[np.argsort(fixes.gps_s[rows], kind="stable")]
+    at = fixes.gps_s[rows], fixes.lat_rad[rows], fixes.lon_rad[rows]
+    return [
+        Finding(
+            "warning",
+            f"for {(end - begin) / 60.0:.0f} min from {gps_to_iso(begin)} on there are neither "
+            f"readings nor fixes, and the vehicle was moved by {metres:.0f} m",
+            "cut the recording there, into a drive for each trip: the IMU is read on the longest "
+            "one alone, for nothing tells how it stands behind the hole",
+            "trips",
+        )
+        for begin, end, metres in lost_holes(gps_s, *at, UNSTATED_SD_M[FixType.THREE_D])
+    ]
 
 
 def camera_clock(drive: Drive, recording: Recording, video: VideoInput) -> list[Finding]:

@@ -86,7 +86,8 @@ def compare_with_inventory(
     warnings += read.warnings
     driven = country_of(products.json(names.RUN))
     country = country or driven
-    listed, rows_of = listed_signs(read, country, inventory, warnings)
+    named = {sign.class_name for sign in signs}
+    listed, rows_of = listed_signs(read, country, inventory, warnings, named)
     drives = _drives(folder, warnings)
     at_home = len(country_set(driven)) < len(load_classes())
     result = compare_inventory(signs, listed, drives, _class_shares(products, signs), at_home)

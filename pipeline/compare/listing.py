@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
+from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
@@ -22,17 +23,26 @@ def _number(n: int, one: str, many: str) -> str:
 
 
 def listed_signs(
-    read: InventoryFile, country: str | None, path: Path, warnings: list[str]
+    read: InventoryFile,
+    country: str | None,
+    path: Path,
+    warnings: list[str],
+    named: Iterable[str] = (),
 ) -> tuple[Inventory, list[int]]:
-    """The list's signs that have a position, and their rows."""
+    """The list's signs that have a position, and their rows; a class that no catalogue has is that
+    of the same text among those ``named`` in the map, as a detector of one's own writes them."""
     rows, codes = _entries(read, path, warnings)
     if not rows:
         raise InputError(
             f"{path}: none of its entries has a position that can be read as numbers; see whether "
             "a spreadsheet has put separators into them, or name other columns with --columns."
         )
-    classes = classes_of(codes, country)
-    _tell_unread(codes, country, path, warnings)
+    own = {_text(name): name for name in named if name}
+    classes = [
+        name or own.get(_text(code))
+        for name, code in zip(classes_of(codes, country), codes, strict=True)
+    ]
+    _tell_unread([c for c in codes if _text(c) not in own], country, path, warnings)
     several = Counter(rows)
     place: Counter[int] = Counter()
     ids = []
@@ -50,6 +60,11 @@ def listed_signs(
         ),
         rows,
     )
+
+
+def _text(name: str) -> str:
+    """A class as texts are compared: whatever its letters' case and the space about it."""
+    return name.strip().casefold()
 
 
 def _tell_unread(codes: list[str], country: str | None, path: Path, warnings: list[str]) -> None:

@@ -12,10 +12,10 @@ from automap.earth import metres_per_radian
 from automap.frames import wrap_pi
 from automap.fusion.gnss_only import smooth_fixes
 from automap.fusion.options import FusionOptions
-from automap.fusion.unread import over_holes
+from automap.fusion.unread import longest_trip, lost_holes, over_holes
 from automap.fusion.verdict_alone import weigh_alone
 from automap.fusion.weighed import Weighed
-from automap.records import FloatArray, ImuData, Trajectory
+from automap.records import Fixes, FloatArray, ImuData, Trajectory
 from automap.sync.velocity_consistency import velocity_consistency
 from tests.unit.fusion_drive import CLOCK, Sensor, record
 from tests.unit.fusion_motion import city_drive
@@ -101,6 +101,39 @@ def test_a_hole_is_turned_through_as_the_fixes_are() -> None:
 
     assert turned(whole) == pytest.approx(turned(imu), abs=0.15)
     assert abs(turned(left) - turned(imu)) > 1.0
+
+
+@pytest.mark.parametrize(("apart_s", "parked"), [(900.0, False), (900.0, True), (200.0, False)])
+def test_of_two_trips_in_one_log_the_longer_is_read(apart_s: float, parked: bool) -> None:
+    """Between which the vehicle drove on with its loggers off: behind 573 s nothing was finite."""
+    imu = record(city_drive(180.0, 4), Sensor(), 4)
+    fixes = receive(city_drive(180.0, 4), Receiver(lever=LEVER), 5)
+    cut = int(imu.t_ns[0] + 110e9)
+    first = CLOCK.t_ns(fixes.gps_s) < cut
+    kept = first | (CLOCK.t_ns(fixes.gps_s) > cut + 20e9)
+    log = Fixes(**{name: values[kept] for name, values in vars(fixes).items()})
+    late = np.where(first[kept], 0.0, apart_s - 20.0)
+    if parked:
+        # it goes on where it stood
+        last = np.flatnonzero(first[kept])[-1]
+        places = (v - (late > 0.0) * (v[last + 1] - v[last]) for v in (log.lat_rad, log.lon_rad))
+        log = replace(log, **dict(zip(("lat_rad", "lon_rad"), places, strict=True)))
+    log = replace(log, gps_s=log.gps_s + late)
+    rows = (imu.t_ns < cut) | (imu.t_ns > cut + 20e9)
+    stamps = imu.t_ns + np.where(imu.t_ns < cut, 0, round((apart_s - 20.0) * 1e9))
+    read = replace(imu, t_ns=stamps[rows], gyro=imu.gyro[rows], accel=imu.accel[rows])
+    left, told = longest_trip(read, smooth_fixes(log, CLOCK, FusionOptions()))
+    if parked or apart_s < 300.0:
+        assert left is read
+        assert told == []
+        return
+    assert left.t_ns[-1] < cut
+    assert len(left) == np.count_nonzero(imu.t_ns < cut)
+    (text,) = told
+    assert text.startswith("for 15 min from ")
+    # where nothing was driven behind the hole there is one trip
+    places = log.gps_s[first[kept]], log.lat_rad[first[kept]], log.lon_rad[first[kept]]
+    assert lost_holes(read.t_ns * 1e-9, *places, 1.3) == []
 
 
 @pytest.mark.slow

@@ -13,6 +13,7 @@ from inventory_case import faulty, town_and_drive
 
 from automap.errors import InputError
 from automap.export.inventory import WORK
+from automap.inventory.classes import same_face
 from automap.inventory.comparison import compare_inventory
 from automap.inventory.findings import Finding, Inventory
 from automap.io.inventory_file import InventoryFile, read_inventory
@@ -220,6 +221,16 @@ def test_an_entry_with_several_signs_is_as_many() -> None:
     assert list(inventory.ids) == ["A0#1", "A0#2", "A1"]
     assert inventory.class_name[1] == "regulatory--maximum-speed-limit-60--g1"
     assert "1 entry names several signs" in told[0]
+
+
+def test_classes_of_a_detector_of_ones_own_are_compared_by_their_text() -> None:
+    told: list[str] = []
+    entries = read(codes=["my-stop", " My-Stop ", "else", "stop"], lat=["0.1", "0.2", "0.3", "0.4"])
+    inventory, _ = listed_signs(entries, None, Path("x"), told, {"my-stop", "no-entry", ""})
+    assert inventory.class_name == ["my-stop", "my-stop", "", "regulatory--stop--g1"]
+    assert "1 sign has a code not known, such as 'else' (1)" in told[0]
+    assert same_face("my-stop", "my-stop")
+    assert same_face("my-stop", "my-yield") is False
 
 
 def test_what_is_new_may_be_an_entry_without_a_position() -> None:
