@@ -21,7 +21,8 @@ from automap.records import Roads
 
 _IDS = (
     *("roadid", "strassenschluessel", "strassennummer", "strassennr", "id", "osmid", "wayid"),
-    *("strid", "linkid", "segmentid", "ref", "nr", "fid", "gid"),
+    *("roadno", "roadnr", "roadnumber", "roadkey", "roadcode", "strnr", "strno", "strassenno"),
+    *("routeid", "strid", "linkid", "segmentid", "ref", "nr", "fid", "gid"),
 )
 _NAMES = (
     *("name", "roadname", "strname", "streetname", "strassenname", "strasse", "bezeichnung", "ref"),
@@ -102,6 +103,7 @@ def read_roads(path: Path, box: tuple[float, float, float, float]) -> Roads:
         np.array([begun[k] for k in keep], np.float64),
         [kinds[rows[k]] for k in keep],
         np.array([oneway[rows[k]] for k in keep], np.int64),
+        () if column_named(table.columns, _IDS) else tuple(table.columns),
     )
 
 
@@ -111,7 +113,9 @@ def _columns(
     own = column_named(table.columns, _IDS)
     title = column_named(table.columns, _NAMES)
     start = column_named(table.columns, _STARTS)
-    ids = [str(k + 1) for k in range(len(table))] if own is None else texts(table.columns[own])
+    # no number that may pass for a key
+    rows = [f"row {k + 1}" for k in range(len(table))]
+    ids = rows if own is None else texts(table.columns[own])
     titles = [""] * len(table) if title is None else texts(table.columns[title])
     first = np.zeros(len(table)) if start is None else numbers(table.columns[start])
     # motorways have a number and seldom a name

@@ -188,6 +188,7 @@ class Roads:
     direction; ``ids``, ``names`` ("" unknown); ``start_m`` [n] chainage of the first
     point; ``kinds``, as "motorway" ("" unknown); ``oneway`` [n] 1 for roads that are driven in the
     digitised direction alone, -1 against it alone, 0 in both. Empty where the layer tells neither.
+    ``unread``: the layer's columns, where it has none of ids and the ``ids`` are as "row 3".
     """
 
     lines: list[FloatArray]
@@ -196,6 +197,7 @@ class Roads:
     start_m: FloatArray
     kinds: list[str] = field(default_factory=list)
     oneway: IntArray = field(default_factory=lambda: np.zeros(0, np.int64))
+    unread: tuple[str, ...] = ()
 
     def kind(self, road: int) -> str:
         """The kind of a road, "" unknown."""

@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 
 _MARGIN_DEG = 0.01
 """Round the path, some kilometre: roads that it may have gone along begin no further."""
+_SHOWN = 8
+"""Columns of a layer that are told, so that the right one is found."""
 _TOLD = 3
 """So many signs of a kind are named in a sentence."""
 
@@ -106,6 +108,12 @@ def signs_on_roads(products: RunProducts, file: Path) -> tuple[list[RoadRow], li
     if lost:
         texts.append(f"{lost} of {len(signs)} signs have no place on one")
     sentences = [f"{file}: {' and '.join(texts)}."] if texts else []
+    if roads.unread:
+        sentences.append(
+            f"{file}: which column holds the roads' keys is not known, so road_id is their row's "
+            f"place in the file; give that column the name road_id (it has "
+            f"{', '.join(roads.unread[:_SHOWN])})."
+        )
     return road_rows(signs, positions, roads), sentences
 
 

@@ -221,8 +221,19 @@ def test_other_layers_count_from_where_they_say(tmp_path: Path, form: str) -> No
     roads = read_roads(path, EVERYWHERE)
     assert roads.ids == ["A1"]
     assert roads.start_m.tolist() == [1250.0]
+    assert roads.unread == ()
     with pytest.raises(InputError, match="where the drive went"):
         read_roads(path, (7.0, 50.0, 8.0, 51.0))
+
+
+def test_a_layer_whose_keys_are_not_known_has_rows(tmp_path: Path) -> None:
+    path = tmp_path / "roads.geojson"
+    line = {"type": "LineString", "coordinates": [[149.13, -35.28], [149.13, -35.27]]}
+    feature = {"type": "Feature", "properties": {"WHAT": "R7", "LEN": 3}, "geometry": line}
+    path.write_text(json.dumps({"type": "FeatureCollection", "features": [feature]}))
+    roads = read_roads(path, EVERYWHERE)
+    assert roads.ids == ["row 1"]
+    assert set(roads.unread) == {"WHAT", "LEN"}
 
 
 def test_points_are_no_roads(tmp_path: Path) -> None:
