@@ -149,6 +149,9 @@ def meaning(words: tuple[str, ...], kind: TableKind) -> Meaning:
             unknown += 1
         else:
             ideas.update(found)
+    if kept == ["gps"] and len(words) == 2 and words[1] in ("s", "us", "ns"):
+        # as we write it; "ms" is a speed as well
+        ideas.add("time")
     return Meaning(frozenset(ideas), unknown)
 
 

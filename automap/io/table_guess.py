@@ -6,6 +6,10 @@ import difflib
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+from time import time as now
+
+import numpy as np
 
 from automap.errors import ConfigError, InputError
 from automap.io.angle_text import SPELLED_OUT, are_signs, is_spelled_out
@@ -30,10 +34,13 @@ from automap.io.table_time_guess import (
     stated_time,
     told_apart,
 )
-from automap.io.table_times import TimeForm, guessed_form
+from automap.io.table_times import TimeForm, guessed_form, numbers_of
+from automap.io.table_units import UNITS
+from automap.timebase import gps_to_unix
 
 _NUMERIC = re.compile(r"[-+]?[\d.,]*\d[\d.,]*([eE][-+]?\d+)?")
 
+_SINCE_1970 = re.compile("unix|utc|posix|epoch")
 _MINUTES = {"min", "mins", "minute", "minutes", "minuten", "minuti", "minutos", "minuut"}
 
 NEEDED: dict[TableKind, tuple[str, ...]] = {
@@ -279,10 +286,32 @@ def _doubts(layout: Layout, guess: TableGuess) -> list[str]:
         if other is not None and _both_fit(layout, guess, other):
             doubts.append(DATES_DOUBT.format(other))
     ours = {layout.names[at].strip().lower() for at in guess.places.values()} & {"t_ns", "gps_s"}
+    if time is not None and not ours and guess.form.time_format is None:
+        doubts += _other_epoch(layout, guess, time)
     high = [role for role in ("height", "msl") if role in guess.assumed]
     if high and not ours:
         doubts.append(f'heights are taken as m; write units = {{ {high[0]} = "ft" }} if they are')
     return doubts
+
+
+def _other_epoch(layout: Layout, guess: TableGuess, time: TimeForm) -> list[str]:
+    """That counts since 1970 would be GPS time of a day that has been, where nothing says which."""
+    if time.clock != "unix" or time.unit is None or time.excel or "t" not in guess.places:
+        return []
+    at = guess.places["t"]
+    values = numbers_of([row[at] for row in layout.sample], layout.decimal)
+    known = values[np.isfinite(values)]
+    if not len(known) or _SINCE_1970.search(layout.names[at].lower()):
+        return []
+    unix_s = float(known[0]) * UNITS["time"][time.unit] * 1e-9
+    gps_s = float(gps_to_unix(unix_s))
+    if gps_s > now():
+        return []
+    here, other = (datetime.fromtimestamp(t, UTC).date() for t in (unix_s, gps_s))
+    return [
+        f"times are taken as since 1970, of {here}; in GPS time they are of {other}: write "
+        f'time_format = "gps_{time.unit}" if so'
+    ]
 
 
 def _both_fit(layout: Layout, guess: TableGuess, other: str) -> bool:

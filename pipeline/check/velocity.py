@@ -58,6 +58,13 @@ WHOLE = ("velocity_unit", "velocity_scale", "course_turned", "sign_turned")
 """Reasons that are about all velocities of a log."""
 
 
+_MINUTES = (
+    "look up a position on a map: if it is tens of km off, write positions as degrees with "
+    "decimals, 48.2167 for 48 deg 13'; if it is right, convert the column of velocities, or take "
+    "them out"
+)
+
+
 def check(fixes: Fixes) -> list[Finding]:
     """What is wrong with the velocities, or how they agree with the positions; nothing where there
     are none."""
@@ -78,6 +85,8 @@ def check(fixes: Fixes) -> list[Finding]:
         if reason.code in held and _little(held[reason.code], found.compared_s):
             severity = "info"
         advice = ADVICE[reason.code]
+        if reason.code == "velocity_unit" and found.may_be_minutes:
+            advice = _MINUTES
         if reason.code in WHOLE and reason.code != MIRRORED:
             advice += "; they are left out until then"
         findings.append(Finding(severity, reason.text, advice, reason.code))

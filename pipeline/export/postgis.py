@@ -42,7 +42,10 @@ def export_postgis(
     lineage, warnings, flat = content.lineage, content.warnings, None
     if crs:
         moved = in_projection(content, crs, heights, "")
-        signs, lineage, warnings = moved.signs, moved.lineage, moved.warnings
+        signs, warnings = moved.signs, moved.warnings
+        # geom stays as it was
+        other = {k: v for k, v in moved.lineage.items() if content.lineage.get(k) != v}
+        lineage = {**content.lineage, "projected": other}
         assert moved.plane is not None
         places = moved.plane.points(signs.lon_deg, signs.lat_deg, signs.height_m)
         flat = Projected(int(moved.plane.projection.code.partition(":")[2]), *places)
