@@ -96,7 +96,7 @@ def _check_folders(folders: Sequence[Path], out: Path) -> None:
     resolved = [folder.resolve() for folder in folders]
     for folder in folders:
         if not folder.exists():
-            raise ConfigError(f"{folder} does not exist; give the folders of the runs.")
+            raise InputError(f"{folder}: no such output folder; give folders of runs.")
     for number, folder in enumerate(resolved):
         if folder in resolved[:number]:
             raise ConfigError(f"{folders[number]} is given twice; leave out one of them.")

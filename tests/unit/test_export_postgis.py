@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import json
 import os
 import pwd
 import shutil
@@ -156,6 +157,9 @@ def test_a_plane_stands_beside_the_degrees(url: str, tmp_path: Path) -> None:
     # the server takes WGS 84 for ETRS89, which moved 0.9 m away since 1989
     assert 0.6 < float(str(told[3])) < 1.1
     assert float(str(told[4])) < 0.2
+    ((lineage,),) = ask(url, "SELECT lineage FROM automap_maps WHERE map = 'plane'")
+    assert lineage["datum"].startswith("WGS-84")
+    assert "ETRS89" in json.dumps(lineage["projected"])
     path, _ = export_run(out, "csv", tmp_path / "plane.csv", crs="EPSG:25832")
     rows = {row["id"]: row for row in csv.DictReader(path.open(newline=""))}
     for name, x, y in ask(

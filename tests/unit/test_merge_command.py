@@ -324,6 +324,9 @@ def test_folders_that_cannot_be_merged(folders: list[Path], tmp_path: Path) -> N
         merge_runs(folders[:2], folders[2])
     with pytest.raises(InputError, match="no such output folder"):
         merge_runs([tmp_path / "nowhere"], tmp_path / "m")
+    # a name that was mistyped makes no smaller map
+    with pytest.raises(InputError, match="nowhere: no such output folder"):
+        merge_runs([*folders[:2], tmp_path / "nowhere"], tmp_path / "m")
     empty = tmp_path / "empty"
     empty.mkdir()
     with pytest.raises(InputError, match="holds no signs"):

@@ -275,6 +275,37 @@ def test_times_in_another_unit_than_their_name_says(
     assert len(read_table(path, kind, TableForm(time_format=meant))) == 20
 
 
+@pytest.mark.parametrize(
+    ("name", "first", "clock", "asked"),
+    [
+        ("t", 1457515218.0, "unix", True),
+        # in GPS time of a day that is to come, or said
+        ("t", 1757515218.0, "unix", False),
+        ("unix_time", 1457515218.0, "unix", False),
+        ("gps_time", 1457515218.0, "gps", False),
+    ],
+)
+def test_seconds_that_may_be_gps_time_are_asked_about(
+    tmp_path: Path, name: str, first: float, clock: str, asked: bool
+) -> None:
+    """Read as since 1970 a drive of ten years later has its date wrong, and nothing else."""
+    rows = [f"{first + k:.3f},48.1,11.5,500.0" for k in range(20)]
+    path = _write(tmp_path, "\n".join([f"{name},lat,lon,height", *rows]) + "\n")
+    guess = look_at_table(path, "gnss")
+    assert guess.time is not None
+    assert guess.time.clock == clock
+    assert any("in GPS time they are of 2026-03-14" in doubt for doubt in guess.doubts) == asked
+
+
+def test_gps_seconds_of_readings_are_times(tmp_path: Path) -> None:
+    rows = [f"{1457515218.0 + 0.01 * k:.3f},0.0,0.0,0.01,0.1,0.2,-9.8" for k in range(20)]
+    path = _write(tmp_path, "\n".join(["gps_s,gx,gy,gz,ax,ay,az", *rows]) + "\n")
+    table = read_table(path, "imu")
+    assert table.clock == "gps"
+    assert table.t_ns is not None
+    assert table.t_ns[0] == 1457515218 * 10**9
+
+
 def test_our_own_names_need_no_note(tmp_path: Path) -> None:
     rows = "".join(f"{k * 10_000_000},1,2,3,0,0,-9.8\n" for k in range(20))
     path = _write(tmp_path, "t_ns,gx,gy,gz,ax,ay,az\n" + rows)
