@@ -52,7 +52,8 @@ def _choose(what: str, paths: list[Path], usual: str, ask: Ask | None) -> Path |
 
 def _imu(draft: Draft, path: Path, guess: TableGuess, candidates: list[Path]) -> None:
     others = [other.name for other in candidates if other != path]
-    draft.set("imu", "file", path, "its columns are turn rates and accelerations" + _beside(others))
+    draft.set("imu", "file", path, "its columns are turn rates and accelerations")
+    _beside(draft, "imu", others, "readings")
     draft.set("imu", "axes", "unknown", "how the sensor sits in the vehicle is not in the file")
     clock = "host" if guess.time is None else guess.time.clock
     time = _CLOCKS.get(clock, "boot_ns")
@@ -119,14 +120,15 @@ def _receiver(draft: Draft, found: Found, imu: Path | None, ask: Ask | None) -> 
     if path is None:
         draft.note("gnss", "no receiver log and no table of fixes was found")
         return
-    others = [other.name for other in (*logs, *tables) if other not in (path, imu)]
     if path in logs:
-        draft.set("gnss", "file", path, f"it holds {_LOG_KINDS[logs[path]]}{_beside(others)}")
+        draft.set("gnss", "file", path, f"it holds {_LOG_KINDS[logs[path]]}")
         for text in other_logs.told(path, [log for log in logs if log != path]):
             draft.doubt("gnss", text)
     else:
-        draft.set("gnss", "file", path, f"its columns are latitude and longitude{_beside(others)}")
+        draft.set("gnss", "file", path, "its columns are latitude and longitude")
         _form(draft, "gnss", tables[path])
+    others = [other.name for other in tables if other not in (path, imu)]
+    _beside(draft, "gnss", others, "fixes")
     arrivals = [table.path for table in found.of_kind("arrival")]
     arrival = _choose("arrival times", arrivals, "gnss_arrival.csv", ask)
     if arrival is not None and path in logs:
@@ -144,8 +146,11 @@ def _receiver(draft: Draft, found: Found, imu: Path | None, ask: Ask | None) -> 
         draft.note("gnss", "measure IMU to antenna and add: lever_arm_m = [forward, right, down]")
 
 
-def _beside(others: list[str]) -> str:
-    return f"; not taken: {', '.join(others)}" if others else ""
+def _beside(draft: Draft, section: str, others: list[str], what: str) -> None:
+    """That ``others`` than the file that was taken hold the same."""
+    if others:
+        have = "has" if len(others) == 1 else "have"
+        draft.doubt(section, f"not taken: {', '.join(others)}, which {have} {what} too")
 
 
 def _three(text: str) -> list[float] | None:
