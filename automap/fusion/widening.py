@@ -64,7 +64,7 @@ def _widened(
             doubted |= there & (reason.state != "good")
             floor[there] = np.maximum(floor[there], reason.error_m)
         for (a, b), metres in zip(reason.spans, reason.span_errors_m, strict=False):
-            known = (t >= a) & (t <= b)
+            known = slice(np.searchsorted(t, a), np.searchsorted(t, b, side="right"))
             floor[known] = np.maximum(floor[known], metres)
         factor[there] = np.maximum(factor[there], reason.factor)
         high[there] = np.maximum(high[there], reason.height_m)

@@ -38,7 +38,10 @@ def bridged(
     begins at ``start_gps_s`` and is good to ``sd_m`` m an axis. The reason is none to doubt the
     path where that is no more.
     """
-    led = [_off(jump, parted, seen, misses, start_gps_s + age_s) for jump in parted]
+    spans = [(jump.start_gps_s, jump.end_gps_s) for jump in parted]
+    sound = np.flatnonzero(~_in_any(seen.t, spans))
+    usual: dict[int, float] = {}
+    led = [_off(span, sound, usual, seen, misses, start_gps_s + age_s) for span in spans]
     if not any(math.isfinite(m) for m in led):
         return list(reasons)
     off = tuple(min(m, jump.metres) for m, jump in zip(led, parted, strict=True))
@@ -65,25 +68,32 @@ def outside(misses: Misses, spans: Sequence[Span]) -> Misses:
 
 
 def _in_any(t: FloatArray, spans: Sequence[Span]) -> BoolArray:
-    inside = np.zeros(len(t), np.bool_)
-    for a, b in spans:
-        inside |= (t > a) & (t < b)
-    return inside
+    """Which instants [n] lie within one of the ``spans``, which follow one another."""
+    if not spans:
+        return np.zeros(len(t), np.bool_)
+    first, last = np.array(sorted(spans)).T
+    at = np.searchsorted(first, t) - 1
+    return np.asarray((at >= 0) & (t < last[at]))
 
 
 def _off(
-    jump: Interval, parted: Sequence[Interval], seen: Places, misses: Misses, zero: float
+    span: Span,
+    sound: IntArray,
+    usual: dict[int, float],
+    seen: Places,
+    misses: Misses,
+    zero: float,
 ) -> float:
-    """How far, m, the path may be off in one of the ``parted`` stretches; endless where readings
-    do not show it. ``misses`` are of tags ``zero`` s earlier."""
-    sound = np.flatnonzero(~_in_any(seen.t, [(i.start_gps_s, i.end_gps_s) for i in parted]))
-    gone = np.flatnonzero((seen.t > jump.start_gps_s) & (seen.t < jump.end_gps_s))
+    """How far, m, the path may be off in a stretch; endless where readings do not show it.
+    ``misses`` are of tags ``zero`` s earlier, ``usual`` what curves over so many fixes lead astray
+    by, as far as that is known."""
+    gone = np.arange(*np.searchsorted(seen.t, [np.nextafter(span[0], np.inf), span[1]]))
     if not len(gone):
         return 0.0
     spacing = float(np.median(np.diff(seen.t)))
     half = max(round(limits.STEP_WINDOW_S / spacing), limits.STEP_FIXES)
-    before = sound[sound < gone[0]][-half:]
-    after = sound[sound > gone[-1]][:half]
+    at = int(np.searchsorted(sound, gone[0]))
+    before, after = sound[max(at - half, 0) : at], sound[at : at + half]
     reach = (len(gone) + 2 * half) * spacing
     if min(len(before), len(after)) < half or not _whole(seen, before, after, reach):
         return math.inf
@@ -96,8 +106,9 @@ def _off(
     # fixes less what they miss the path by are the path
     on_path = seen.at[gone[known]] - misses.miss[near[known], :2]
     apart = float(np.hypot(*(on_path - led[known]).T).max())
-    usual = _usual(seen, sound, len(gone), half, reach)
-    return float(np.hypot(apart, usual))
+    if len(gone) not in usual:
+        usual[len(gone)] = _usual(seen, sound, len(gone), half, reach)
+    return float(np.hypot(apart, usual[len(gone)]))
 
 
 def _whole(seen: Places, before: IntArray, after: IntArray, reach_s: float) -> bool:
@@ -128,7 +139,9 @@ def _usual(seen: Places, sound: IntArray, left_out: int, half: int, reach_s: flo
     """How far, m, such a curve leads astray over ``left_out`` sound fixes; endless where the drive
     does not show it."""
     astray = []
-    for first in range(0, len(sound) - 2 * half - left_out + 1, max(half, 1)):
+    starts = np.arange(0, len(sound) - 2 * half - left_out + 1, half)
+    # of a long drive some tell it as well
+    for first in starts[:: len(starts) // limits.MOST_USUAL + 1].tolist():
         part = sound[first : first + 2 * half + left_out]
         before, gone, after = np.split(part, [half, half + left_out])
         if _whole(seen, before, after, reach_s):

@@ -68,9 +68,10 @@ UNHELD_PROBABILITY = 1e-3
 BODY_PITCH_RAD = 0.02
 """By which a body is off the road's slope while a car brakes or speeds up by a third of gravity:
 bodies pitch by two to four degrees for one of it."""
-LEAST_USUAL = 8
+LEAST_USUAL, MOST_USUAL = 8, 400
 """Jumps over holes are compared with those of so many stretches without one: by a sigma of four
-degrees of freedom, which makes a doubt of nothing that is less than 50 of it off."""
+degrees of freedom, which makes a doubt of nothing that is less than 50 of it off. A median of more
+than 400 is good to a twentieth already."""
 OVER_HOLE_PROBABILITY = 1e-3
 """A jump over a hole is rather a change than chance below this: where one hole in a hundred has
 one. Chosen; a slow vehicle's 4 m, which chance makes once in thirty times, would else count as
