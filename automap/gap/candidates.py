@@ -34,7 +34,6 @@ from automap.effects.user import (
 )
 from automap.fusion.layout import CH_NHC, CH_ODOMETER, CH_POS, CH_VEL, MAX_SCALARS, N_NAV
 from automap.fusion.problem import LateChange, node_signals
-from automap.fusion.steady_rate import steady_rate
 from automap.gap import limits
 from automap.gap.fit import ORIGIN, prior_sd
 from automap.gap.limits import REFERENCE_TAU_S
@@ -278,8 +277,8 @@ def _then(term: Term, effect: str, at: NodeMotion, change: LateChange) -> FloatA
     if not CATALOGUE[effect].acts_on(POSITION):
         return change.behind
     # an antenna swung as the car turned then
-    swing = swings(at.motion, steady_rate(at.motion.t, at.motion.rate), term.axis)
-    return as_told(at.motion, swing, at.fit.delays) - swing
+    swing = swings(at.motion, term.axis)
+    return as_told(at.motion, swing, at.fit.delays, at.then) - swing
 
 
 def _beyond_latency(at: NodeMotion) -> FloatArray:

@@ -298,8 +298,7 @@ def _predicted(
     stops = np.append(edges[1:], len(w))
     g = np.array([phi[a:b].T @ w[a:b] for a, b in zip(edges, stops, strict=True)])
     info = np.array([phi[a:b].T @ phi[a:b] for a, b in zip(edges, stops, strict=True)])
-    out = []
-    for one, own in zip(g, info, strict=True):
-        others = np.linalg.solve(info.sum(axis=0) - own + precision, g.sum(axis=0) - one)
-        out.append(float(others @ one - 0.5 * others @ own @ others))
-    return np.array(out)
+    rest = info.sum(axis=0) - info + precision
+    others = np.linalg.solve(rest, (g.sum(axis=0) - g)[..., None])[..., 0]
+    own = np.einsum("fp,fpq,fq->f", others, info, others)
+    return np.asarray(np.sum(others * g, axis=1) - 0.5 * own)

@@ -19,11 +19,20 @@ from automap.effects.signals import Signals, signals_of
 from automap.effects.user import INERTIAL, towards, turned
 from automap.frames import quat_to_matrix
 from automap.fusion.problem import LateChange
-from automap.fusion.steady_rate import steady_rate
 from automap.gap import limits
 from automap.gap.fit import Fit, whitened_innovations
 from automap.gap.kernels import propagate_columns
-from automap.gap.motion import LEANS, Motion, at_times, late_change, leaning, motion_of
+from automap.gap.motion import (
+    LEANS,
+    Motion,
+    Then,
+    at_times,
+    late_change,
+    leaning,
+    motion_of,
+    swings,
+    then_of,
+)
 from automap.gap.stretches import Frame
 from automap.gap.whitening import LOOSE, Rows, moments, times, whitened_rows
 from automap.records import BoolArray, FloatArray, IntArray
@@ -107,7 +116,13 @@ class NodeMotion:
     @cached_property
     def late(self) -> LateChange | None:
         """By how much late velocities change otherwise than those at their tag."""
-        return late_change(self.motion, self.motion.acc, self.fit.delays)
+        swing = swings(self.motion)
+        return late_change(self.motion, self.motion.acc, self.fit.delays, swing)
+
+    @cached_property
+    def then(self) -> Then:
+        """Which instants the velocities with a tag at each epoch are of."""
+        return then_of(self.motion, self.fit.delays)
 
     @cached_property
     def late_readings(self) -> dict[str, FloatArray]:
@@ -127,7 +142,7 @@ def node_motion(fit: Fit, motion: Motion) -> NodeMotion:
     """The smoothed motion at the nodes of a fit."""
     nominal = fit.last.smooth.nominal
     t = fit.last.nodes.t
-    rate = at_times(motion, steady_rate(motion.t, motion.rate), t)
+    rate = at_times(motion, motion.steady, t)
     acc = at_times(motion, motion.acc, t)
     along = motion_signals(fit, motion)
     signals, dcm = along.at(t + fit.opened.drive.begin_s), quat_to_matrix(nominal[:, 6:10])

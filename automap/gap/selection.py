@@ -194,14 +194,17 @@ class Selection:
         barred = twins_of(its_names)
         has = {part for _, part, _ in chosen.parts}
         shown = known.shown.tolist()
+        gone = {name for name, _ in refused}
+        every = self.candidates.values()
+        asked = every if names is None else [c for n in names if (c := self.candidates.get(n))]
         open_to = [
             (c, part)
-            for c in self.candidates.values()
-            if c.name not in barred and (names is None or c.name in names)
+            for c in asked
+            if c.name not in barred
             for part in c.parts
             if all(shown[i] for i in part)
             and part not in has
-            and self.key(c.name, part) not in refused
+            and not (c.name in gone and self.key(c.name, part) in refused)
         ]
         prior = np.array(
             [(c.log_prior if c.name not in its_names else 0.0) + c.log_choice for c, _ in open_to]
