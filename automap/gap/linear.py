@@ -142,7 +142,7 @@ def node_motion(fit: Fit, motion: Motion) -> NodeMotion:
     """The smoothed motion at the nodes of a fit."""
     nominal = fit.last.smooth.nominal
     t = fit.last.nodes.t
-    rate = at_times(motion, motion.steady, t)
+    rate = at_times(motion, motion.calm, t)
     acc = at_times(motion, motion.acc, t)
     along = motion_signals(fit, motion)
     signals, dcm = along.at(t + fit.opened.drive.begin_s), quat_to_matrix(nominal[:, 6:10])

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -34,7 +33,6 @@ from automap.fusion.limits import ROAD_ROLL_SD
 from automap.fusion.nodes import FixModel
 from automap.fusion.passes import Pass, Session
 from automap.fusion.problem import LateChange
-from automap.fusion.steady_rate import steady_rate
 from automap.records import FloatArray
 
 LEAST_S = 5e-4
@@ -56,7 +54,9 @@ class Motion:
     """The smoothed motion at the IMU's epochs.
 
     ``t`` [n] s, ``pos`` [n, 3] rad, rad, m, ``vel`` [n, 3] NED, ``dcm`` [n, 3, 3] body to NED,
-    ``rate`` and ``force`` [n, 3] corrected readings, ``acc`` [n, 3] NED over ground.
+    ``rate`` and ``force`` [n, 3] corrected readings, ``acc`` [n, 3] NED over ground, ``calm``
+    [n, 3] rates without the noise of single readings, as the filter swings an antenna with: on
+    rough roads an arm would turn that noise into velocities.
     """
 
     t: FloatArray
@@ -66,12 +66,7 @@ class Motion:
     rate: FloatArray
     force: FloatArray
     acc: FloatArray
-
-    @cached_property
-    def steady(self) -> FloatArray:
-        """Rates [n, 3] without the noise of single readings: on rough roads an arm would turn that
-        into velocities."""
-        return steady_rate(self.t, self.rate)
+    calm: FloatArray
 
 
 def motion_of(last: Pass) -> Motion:
@@ -93,7 +88,9 @@ def motion_of(last: Pass) -> Motion:
     force = uniform_filter1d(readings[:, 3:], width, axis=0, mode="nearest")
     acc = np.einsum("nij,nj->ni", dcm, force)
     acc[:, 2] += float(gravity(float(dense[0, 0]), float(dense[0, 2])))
-    return Motion(t, dense[:, :3], dense[:, 3:6], dcm, readings[:, :3], readings[:, 3:], acc)
+    rate = readings[:, :3]
+    calm = rate + last.problem.samples.calm
+    return Motion(t, dense[:, :3], dense[:, 3:6], dcm, rate, readings[:, 3:], acc, calm)
 
 
 def at_times(motion: Motion, signal: FloatArray, t: FloatArray) -> FloatArray:
@@ -185,9 +182,9 @@ def linear_in_delays(
     acceleration at its tag may have the other sign, and would lead away from the right delay.
     """
     arm = np.array(_arm(last))
-    turning = np.cross(motion.steady, arm)
+    turning = np.cross(motion.calm, arm)
     swing = np.einsum("nij,nj->ni", motion.dcm, turning)
-    inward = np.einsum("nij,nj->ni", motion.dcm, np.cross(motion.steady, turning))
+    inward = np.einsum("nij,nj->ni", motion.dcm, np.cross(motion.calm, turning))
     antenna = replace(motion, vel=motion.vel + swing)
     t = last.shift.position_times(fixes.t)
     late = delays.all_s + delays.skew * t
@@ -285,7 +282,7 @@ def _speed(vel: FloatArray) -> FloatArray:
 
 def swings(motion: Motion, axis: int = 0) -> FloatArray:
     """What a metre along a vehicle axis swings NED [n, 3], m/s."""
-    turning = np.cross(motion.steady, np.eye(3)[axis])
+    turning = np.cross(motion.calm, np.eye(3)[axis])
     return np.asarray(np.einsum("nij,nj->ni", motion.dcm, turning))
 
 
