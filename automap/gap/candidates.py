@@ -298,10 +298,13 @@ def size_of(channel: str) -> float:
     return sizes.get(channel, sizes.get(channel.partition("_")[0], 0.0))
 
 
-def usual_sd(channel: str, signal: FloatArray) -> float:
-    """Prior sd of what a ``signal`` [n] on a channel is multiplied with."""
-    spread = np.max(np.abs(signal)) if channel in INSTALLED else np.std(signal)
-    return size_of(channel) / max(float(spread), 1e-12)
+def usual_sds(channels: Collection[str], signal: FloatArray) -> dict[str, float]:
+    """Prior sds of what a ``signal`` [n] is multiplied with on each of some channels."""
+    spread = {
+        installed: float(np.max(np.abs(signal)) if installed else np.std(signal))
+        for installed in {channel in INSTALLED for channel in channels}
+    }
+    return {c: size_of(c) / max(spread[c in INSTALLED], 1e-12) for c in channels}
 
 
 def formula_column(
@@ -329,7 +332,7 @@ def signal_column(
     """A ``signal`` [n] on the channel of a term as a column along one drive; ``name`` of the
     formula, where that has more terms."""
     channel = term[0]
-    sd = usual_sd(channel, signal)
+    sd = usual_sds((channel,), signal)[channel]
     name = name or equation([term])
     acting = towards(channel)
     if acting[0].on in SENSORS:

@@ -251,7 +251,7 @@ def _raw(at: NodeMotion, columns_of: ColumnsOf) -> tuple[Rows, list[Column]]:
     as a layout has them."""
     columns = columns_of(at)
     whitened, t, channel = whitened_innovations(at.fit)
-    phi: FloatArray = np.zeros((len(whitened), len(columns)), np.float32)
+    phi: FloatArray = np.zeros((len(whitened), len(columns)), np.float32, "F")
     for start in range(0, len(columns), BATCH):
         part = slice(start, start + BATCH)
         phi[:, part] = sensitivities(at.fit, at.motion, columns[part])
@@ -262,7 +262,7 @@ def _laid_out(rows: Rows, at: Sequence[int], known: FloatArray) -> Rows:
     """Rows whose columns stand where a layout has them, ``at``, with all effects left out."""
     phi = rows.phi
     if list(at) != list(range(len(known))):
-        phi = np.zeros((len(phi), len(known)), np.float32)
+        phi = np.zeros((len(phi), len(known)), np.float32, "F")
         phi[:, at] = rows.phi
     return replace(rows, w=rows.w + times(phi, known), phi=phi)
 

@@ -19,7 +19,7 @@ from automap.effects.formula_text import parse_formula
 from automap.effects.signals import FIELDS, Signals
 from automap.effects.user import INERTIAL
 from automap.gap import limits
-from automap.gap.candidates import follows_time, is_course, signal_column, size_of, usual_sd
+from automap.gap.candidates import follows_time, is_course, signal_column, size_of, usual_sds
 from automap.gap.limits import LEAST_BOXES, PLATEAUS
 from automap.gap.linear import Column, Inertial, Linear, NodeMotion
 from automap.gap.result import coefficient_names, equation
@@ -198,6 +198,7 @@ def with_shapes(linear: Linear) -> Linear:
         every.append((shape, [on for on in slower if on[0] != "imu_time" or not settles]))
     for shape, on_channels in every:
         values = [parse_formula(text)(signals) for text in shape.texts]
+        usual = [usual_sds([c for c, gain in on_channels if not gain], v) for v in values]
         for channel, gain in on_channels:
             mine = of_channel[channel]
             if not len(mine) or (gain and not np.ptp(inputs[mine]) > 0.0):
@@ -207,9 +208,9 @@ def with_shapes(linear: Linear) -> Linear:
             if name in known:
                 continue
             names = coefficient_names(len(terms))
-            for parameter, value, term in zip(names, values, terms, strict=True):
+            for parameter, value, term, known_sd in zip(names, values, terms, usual, strict=True):
                 course = value[mine] * inputs[mine] if gain else value[mine]
-                sd = usual_sd(channel, course if gain else value)
+                sd = usual_sds((channel,), course)[channel] if gain else known_sd[channel]
                 courses.append(course)
                 layout.append(Column(name, parameter, sd, term=term, choices=shape.choices))
     mixing = np.zeros((len(linear.layout), len(layout)))

@@ -34,7 +34,7 @@ def drive(seed: int = 1) -> tuple[FloatArray, FloatArray, BoolArray]:
 def rows_of(w: FloatArray, phi: FloatArray) -> Rows:
     """Rows of one channel."""
     t = np.arange(len(w), dtype=np.float64) * 0.1
-    return Rows(w, phi, t, np.zeros(len(w), np.int64))
+    return Rows(w, np.array(phi, np.float32, order="F"), t, np.zeros(len(w), np.int64))
 
 
 def weights(w: FloatArray, columns: FloatArray) -> FloatArray:
@@ -203,9 +203,8 @@ def test_columns_that_only_their_priors_tell_apart() -> None:
     shared = rng.normal(size=n)
     phi = np.outer(shared, 1e3 * np.ones(c)) + 1e-3 * rng.normal(size=(n, c))
     w = 1e3 * shared * 2e-3 + rng.normal(size=n)
-    rows = rows_of(w, np.asfortranarray(phi, np.float32))
-    sds = np.full(c, 1.0)
-    white = whitened_rows([rows], np.zeros(c), sds)
+    rows, sds = rows_of(w, phi), np.full(c, 1.0)
+    white = whitened_rows([rows_of(w, phi)], np.zeros(c), sds)
     assert all(np.isfinite(each.w).all() and np.isfinite(each.phi).all() for each in white)
     unit = np.ones(n)
     with pytest.raises(np.linalg.LinAlgError):
