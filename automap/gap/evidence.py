@@ -120,11 +120,8 @@ def inflation(known: Conditional, columns: IntArray) -> float:
     columns = columns[known.shown[columns]]
     if len(columns) < 2:
         return 1.0
-    info = known.info(tuple(columns))
-    size = np.diag(info)
-    ratio = float(np.median(known.score[columns] ** 2 / size)) / MEDIAN_SQUARE
-    correlation = info / np.sqrt(np.outer(size, size))
-    different = len(columns) ** 2 / float(np.sum(correlation**2))
+    ratio = float(np.median(known.score[columns] ** 2 / known.diagonal[columns])) / MEDIAN_SQUARE
+    different = len(columns) ** 2 / known.shared(columns)
     shrink = limits.SHRINK_BLOCKS
     return max(1.0, (different * ratio + shrink) / (different + shrink))
 

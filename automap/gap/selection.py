@@ -163,14 +163,14 @@ class Selection:
 
     def alike(self, chosen: Chosen) -> frozenset[Key]:
         """The parts of a choice, and courses of time that show much the same as one of these."""
-        info = self.linear.info
-        size = np.maximum(np.diag(info), 1e-300)
+        size = np.maximum(self.linear.sizes, 1e-300)
         out = set(self.keys(chosen))
         for name, part, _ in chosen.parts:
             if len(part) > 1 or not follows_time(self.candidates[name].terms):
                 continue
             (i,) = part
-            near = set(np.flatnonzero(info[i] ** 2 > limits.ALIKE * size[i] * size).tolist())
+            shown = self.linear.cross((i,))[0] ** 2
+            near = set(np.flatnonzero(shown > limits.ALIKE * size[i] * size).tolist())
             out |= {
                 self.key(c.name, its)
                 for c in self.candidates.values()

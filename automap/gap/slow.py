@@ -22,8 +22,9 @@ from automap.gap import limits
 from automap.gap.candidates import follows_time, is_course, signal_column, size_of, usual_sds
 from automap.gap.limits import LEAST_BOXES, PLATEAUS
 from automap.gap.linear import Column, Inertial, Linear, NodeMotion
+from automap.gap.mixing import Group, Mixing
 from automap.gap.result import coefficient_names, equation
-from automap.records import FloatArray, IntArray
+from automap.records import FloatArray
 
 BOX = "box"
 STEP, RAMP = "step(time - {:.4g})", "max(time - {:.4g}, 0)"
@@ -213,37 +214,21 @@ def with_shapes(linear: Linear) -> Linear:
                 sd = usual_sds((channel,), course)[channel] if gain else known_sd[channel]
                 courses.append(course)
                 layout.append(Column(name, parameter, sd, term=term, choices=shape.choices))
-    mixing = np.zeros((len(linear.layout), len(layout)))
-    mixing[plain, np.arange(len(plain))] = 1.0
-    groups = [(np.array(plain, np.int64), np.arange(len(plain)))]
+    groups = [Group(np.array(plain, np.int64), np.arange(len(plain)), np.eye(len(plain)))]
     for channel, mine in of_channel.items():
         own = [i for i in range(len(plain), len(layout)) if layout[i].term[0] == channel]
-        for i in own:
-            mixing[np.array(boxes)[mine], i] = courses[i - len(plain)]
-        groups.append((np.array(boxes)[mine], np.array(own, np.int64)))
+        if own:
+            by = np.stack([courses[i - len(plain)] for i in own], axis=1)
+            groups.append(Group(np.array(boxes)[mine], np.array(own, np.int64), by))
+    mixing = Mixing(tuple(groups), len(layout))
     return replace(
         linear,
         layout=tuple(layout),
         mixing=mixing,
-        score=mixing.T @ linear.score,
-        info=_mixed(linear.info, mixing, groups),
+        score=mixing.of(linear.score),
         prior_sd=np.array([c.prior_sd for c in layout]),
         values=np.concatenate([linear.values[plain], np.zeros(len(layout) - len(plain))]),
     )
-
-
-def _mixed(
-    info: FloatArray, mixing: FloatArray, groups: Sequence[tuple[IntArray, IntArray]]
-) -> FloatArray:
-    """Mixing' info mixing [v, v], a group of rows [c] and columns [v] of it at a time: a course is
-    made of one channel's boxes, so nearly all of the mixing [c, v] is nothing."""
-    half = np.empty_like(mixing)
-    for rows, columns in groups:
-        half[:, columns] = info[:, rows] @ mixing[np.ix_(rows, columns)]
-    out = np.empty((len(half.T), len(half.T)))
-    for rows, columns in groups:
-        out[columns] = mixing[np.ix_(rows, columns)].T @ half[rows]
-    return out
 
 
 def _time_signals(time: FloatArray) -> Signals:
