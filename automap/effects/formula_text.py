@@ -11,6 +11,7 @@ import difflib
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -68,6 +69,7 @@ class FormulaText:
         return np.array(np.broadcast_to(value, signals.time.shape))
 
 
+@lru_cache(maxsize=4096)
 def parse_formula(text: str) -> FormulaText:
     """Read a formula.
 

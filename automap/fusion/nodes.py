@@ -238,10 +238,11 @@ def _node_times(
     t, row, wheel_row = t[keep], row[keep], wheel_row[keep]
     pieces = np.ceil(np.diff(t) / limits.MAX_NODE_SPACING_S - 1e-9).astype(int)
     wide = np.flatnonzero(pieces > 1)
-    filler = [np.linspace(t[i], t[i + 1], pieces[i] + 1)[1:-1] for i in wide]
     place = np.repeat(wide + 1, pieces[wide] - 1)
     if len(wide):
-        t = np.insert(t, place, np.concatenate(filler))
+        first = np.repeat(np.cumsum(pieces[wide] - 1) - pieces[wide] + 1, pieces[wide] - 1)
+        step = (t[place] - t[place - 1]) / pieces[place - 1]
+        t = np.insert(t, place, t[place - 1] + (np.arange(1, len(place) + 1) - first) * step)
         row, wheel_row = (np.insert(r, place, -1) for r in (row, wheel_row))
     return t, row.astype(np.int64), wheel_row.astype(np.int64)
 

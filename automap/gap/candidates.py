@@ -34,7 +34,6 @@ from automap.effects.user import (
 )
 from automap.fusion.layout import CH_NHC, CH_ODOMETER, CH_POS, CH_VEL, MAX_SCALARS, N_NAV
 from automap.fusion.problem import LateChange, node_signals
-from automap.fusion.steady_rate import steady_rate
 from automap.gap import limits
 from automap.gap.fit import ORIGIN, prior_sd
 from automap.gap.limits import REFERENCE_TAU_S
@@ -278,8 +277,8 @@ def _then(term: Term, effect: str, at: NodeMotion, change: LateChange) -> FloatA
     if not CATALOGUE[effect].acts_on(POSITION):
         return change.behind
     # an antenna swung as the car turned then
-    swing = swings(at.motion, steady_rate(at.motion.t, at.motion.rate), term.axis)
-    return as_told(at.motion, swing, at.fit.delays) - swing
+    swing = swings(at.motion, term.axis)
+    return as_told(at.motion, swing, at.fit.delays, at.then) - swing
 
 
 def _beyond_latency(at: NodeMotion) -> FloatArray:
@@ -299,10 +298,13 @@ def size_of(channel: str) -> float:
     return sizes.get(channel, sizes.get(channel.partition("_")[0], 0.0))
 
 
-def usual_sd(channel: str, signal: FloatArray) -> float:
-    """Prior sd of what a ``signal`` [n] on a channel is multiplied with."""
-    spread = np.max(np.abs(signal)) if channel in INSTALLED else np.std(signal)
-    return size_of(channel) / max(float(spread), 1e-12)
+def usual_sds(channels: Collection[str], signal: FloatArray) -> dict[str, float]:
+    """Prior sds of what a ``signal`` [n] is multiplied with on each of some channels."""
+    spread = {
+        installed: float(np.max(np.abs(signal)) if installed else np.std(signal))
+        for installed in {channel in INSTALLED for channel in channels}
+    }
+    return {c: size_of(c) / max(spread[c in INSTALLED], 1e-12) for c in channels}
 
 
 def formula_column(
@@ -330,7 +332,7 @@ def signal_column(
     """A ``signal`` [n] on the channel of a term as a column along one drive; ``name`` of the
     formula, where that has more terms."""
     channel = term[0]
-    sd = usual_sd(channel, signal)
+    sd = usual_sds((channel,), signal)[channel]
     name = name or equation([term])
     acting = towards(channel)
     if acting[0].on in SENSORS:

@@ -30,16 +30,23 @@ def null_maxima(known: Conditional, parts: Sequence[Part], draws: int, seed: int
     """
     rng = np.random.default_rng(seed)
     columns = np.array(sorted({i for part in parts for i in part}), np.int64)
-    info = known.info(tuple(columns))
+    sizes, sds = known.diagonal[columns], known.linear.prior_sd[columns]
+    mixing, made = known.linear.mixing, known.given.columns
+    if mixing is None:
+        info = known.info(tuple(columns))
+    else:
+        # thousands of courses are made of hundreds of boxes: those are drawn
+        info = known.linear.info.copy()
+        if made:
+            cross = info @ mixing.matrix(made, len(info))
+            inner = known.cross[:, made] + np.diag(np.array(known.given.prior_sd) ** -2.0)
+            info -= cross @ np.linalg.solve(inner, cross.T)
     unit = np.sqrt(np.maximum(np.diag(info), 1e-300))
-    # in place: there may be thousands of them
-    info /= unit[:, None]
-    info /= unit
-    # courses of time are made of fewer boxes than there are of them: their scores are singular
+    info /= np.outer(unit, unit)
+    # scores of columns that others make up are singular
     info[np.diag_indices(len(info))] += SINGULAR
     # what is drawn is known to far less than single precision
     root = np.linalg.cholesky(info).T.astype(np.float32)
-    sds = known.linear.prior_sd[columns]
     single = np.searchsorted(columns, [part[0] for part in parts if len(part) == 1])
     joint = []
     for length in sorted({len(part) for part in parts} - {1}):
@@ -48,10 +55,12 @@ def null_maxima(known: Conditional, parts: Sequence[Part], draws: int, seed: int
     best = np.full(draws, -np.inf)
     for start in range(0, draws, DRAWS):
         some = best[start : start + DRAWS]
-        normal = rng.standard_normal((len(some), len(columns)))
+        normal = rng.standard_normal((len(some), len(unit)))
         g = np.asarray((normal.astype(np.float32) @ root) * unit, np.float64)
+        if mixing is not None:
+            g = mixing.of(g)[:, columns]
         if len(single):
-            own = unit[single] ** 2
+            own = sizes[single]
             some[:] = single_nats(g[:, single] ** 2 / own, own, sds[single]).max(axis=1)
         for at, infos in joint:
             some[:] = np.maximum(some, by_scale(g[:, at], infos, sds[at]).max(axis=(0, 2)))
@@ -154,7 +163,7 @@ def _received(linear: Linear) -> Linear:
         rows.append(Rows(r.w * kept, r.phi * kept[:, None], r.t, r.channel))
     score, info = (sum(each) for each in zip(*map(moments, rows), strict=True))
     if linear.mixing is not None:
-        score, info = linear.mixing.T @ score, linear.mixing.T @ info @ linear.mixing
+        score = linear.mixing.of(score)
     return replace(linear, rows=tuple(rows), score=score, info=info)
 
 
@@ -174,5 +183,5 @@ def _by_stretch(known: Conditional) -> FloatArray:
             out.append(rows.phi[at].astype(np.float64).T @ w[at])
     scores = np.array(out).reshape(len(out), -1)
     if linear.mixing is not None:
-        scores = scores @ linear.mixing
+        scores = linear.mixing.of(scores)
     return np.asarray(scores - scores[:, given] @ known.weights)

@@ -23,6 +23,7 @@ from automap.gap.evidence import Evidence, evidence
 from automap.gap.fit import ORIGIN, Fit
 from automap.gap.found import Beside
 from automap.gap.linear import Column, Conditional, Direct, Linear, NodeMotion
+from automap.gap.mixing import Group, Mixing
 from automap.gap.noise_conditions import Condition, Course, courses_of
 from automap.gap.result import Drift
 from automap.gates import exceeds
@@ -179,12 +180,13 @@ def _changes(
             name = f"{parameter} {kind} {quantity} {value:.4g}"
             layout.append(replace(raw[next(iter(mine.values()))], parameter=name))
             mixing.append(mixed)
-    by = np.array(mixing).T
-    score, info = by.T @ linear.score, by.T @ linear.info @ by
+    group = Group(np.arange(len(raw)), np.arange(len(layout)), np.array(mixing).T)
+    made = Mixing((group,), len(layout))
+    score = made.of(linear.score)
     values = np.concatenate([linear.values[plain], np.zeros(len(layout) - len(plain))])
     sds = np.array([c.prior_sd for c in layout])
-    more = dict(layout=tuple(layout), mixing=by, score=score, info=info)
-    return replace(linear, **more, prior_sd=sds, values=values), shapes
+    linear = replace(linear, layout=tuple(layout), mixing=made, score=score)
+    return replace(linear, prior_sd=sds, values=values), shapes
 
 
 def _forms(

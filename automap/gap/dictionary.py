@@ -173,9 +173,9 @@ def formula_columns(
 ) -> list[Column]:
     """Formulas of one term each, channel and text, as columns of one drive, but for those of
     readings that effects of the library say; it does without those to ``exclude``."""
-    signals = {text: parse_formula(text)(at.along) for _, text in terms}
-    inertial = [text for on, text in terms if on in INERTIAL]
-    said = _said(at, {t: signals[t] for t in inertial}, exclude)
+    texts = dict.fromkeys(text for _, text in terms)
+    signals = {text: parse_formula(text)(at.along) for text in texts}
+    said = _said(at, [term for term in terms if term[0] in INERTIAL], signals, exclude)
     columns = [
         signal_column((on, text), signals[text], at)
         for on, text in terms
@@ -186,23 +186,34 @@ def formula_columns(
 
 
 def _said(
-    at: NodeMotion, signals: Mapping[str, FloatArray], exclude: Collection[str]
+    at: NodeMotion,
+    terms: Sequence[tuple[str, str]],
+    signals: Mapping[str, FloatArray],
+    exclude: Collection[str],
 ) -> set[tuple[str, str]]:
-    """Channel and text of formulas on readings, of ``signals`` [n] by their texts, that effects of
-    the catalogue make up."""
-    shown = {t: s for t, s in signals.items() if float(np.std(s)) >= LEAST_SPREAD}
-    if not shown:
+    """Those formulas on readings, channel and text, of ``signals`` [n] by their texts, that effects
+    of the catalogue make up."""
+    if not terms:
         return set()
-    units = np.array([(s - s.mean()) / np.std(s) for s in shown.values()])
+    units = {}
+    for text in dict.fromkeys(text for _, text in terms):
+        spread = float(np.std(signals[text]))
+        if spread >= LEAST_SPREAD:
+            units[text] = (signals[text] - signals[text].mean()) / spread
     out = set()
     without = frozenset(exclude)
     if without not in at.said:
         at.said[without] = _catalogue_signals(at, exclude)
     for channel, rows in at.said[without].items():
-        if len(rows):
-            share = np.sum((units @ rows.T / len(rows.T)) ** 2, axis=1)
-            alike = zip(shown, share > SAME_SIGNAL**2, strict=True)
-            out |= {(channel, text) for text, same in alike if same}
+        asked = [text for on, text in terms if on == channel and text in units]
+        if len(rows) and asked:
+            along = np.array([units[text] for text in asked]) @ rows.T
+            share = np.sum((along / len(rows.T)) ** 2, axis=1)
+            out |= {
+                (channel, text)
+                for text, its in zip(asked, share, strict=True)
+                if its > SAME_SIGNAL**2
+            }
     return out
 
 

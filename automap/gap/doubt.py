@@ -51,6 +51,7 @@ def doubts(found: Found, values: Values, drifting: Mapping[str, Drift]) -> dict[
         # without held-out data these have said nothing
         gain = found.stands.gains.get(name, np.inf)
         told = str(drifting.get(name, "")) or cut_off(found.fitted.fits, name, found.full.of(name))
+        told = told or found.resembling.get(name, "")
         out[name] = told or doubt(found.selection, found.chosen, name, gain)
     return out
 

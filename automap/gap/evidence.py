@@ -120,11 +120,8 @@ def inflation(known: Conditional, columns: IntArray) -> float:
     columns = columns[known.shown[columns]]
     if len(columns) < 2:
         return 1.0
-    info = known.info(tuple(columns))
-    size = np.diag(info)
-    ratio = float(np.median(known.score[columns] ** 2 / size)) / MEDIAN_SQUARE
-    correlation = info / np.sqrt(np.outer(size, size))
-    different = len(columns) ** 2 / float(np.sum(correlation**2))
+    ratio = float(np.median(known.score[columns] ** 2 / known.diagonal[columns])) / MEDIAN_SQUARE
+    different = len(columns) ** 2 / known.shared(columns)
     shrink = limits.SHRINK_BLOCKS
     return max(1.0, (different * ratio + shrink) / (different + shrink))
 
@@ -298,8 +295,7 @@ def _predicted(
     stops = np.append(edges[1:], len(w))
     g = np.array([phi[a:b].T @ w[a:b] for a, b in zip(edges, stops, strict=True)])
     info = np.array([phi[a:b].T @ phi[a:b] for a, b in zip(edges, stops, strict=True)])
-    out = []
-    for one, own in zip(g, info, strict=True):
-        others = np.linalg.solve(info.sum(axis=0) - own + precision, g.sum(axis=0) - one)
-        out.append(float(others @ one - 0.5 * others @ own @ others))
-    return np.array(out)
+    rest = info.sum(axis=0) - info + precision
+    others = np.linalg.solve(rest, (g.sum(axis=0) - g)[..., None])[..., 0]
+    own = np.einsum("fp,fpq,fq->f", others, info, others)
+    return np.asarray(np.sum(others * g, axis=1) - 0.5 * own)

@@ -27,8 +27,8 @@ class Found:
     """Where a search ended: the set as fitted, the base model's fit, the joint estimate with all
     parameters of each effect free, the last selection with what it chose, which effect stands for
     each candidate, which names the drives cannot tell from each, what of it held-out data let
-    stand, the fit made linear as it is where nothing else acts, and nats of those of which the
-    filter says how many."""
+    stand, the fit made linear as it is where nothing else acts, nats of those of which the filter
+    says how many, and which formula some names may be."""
 
     base: Fitted
     fitted: Fitted
@@ -40,6 +40,7 @@ class Found:
     stands: Confirmed
     nothing_else: Selection
     nats: Mapping[str, float] = field(default_factory=dict)
+    resembling: Mapping[str, str] = field(default_factory=dict)
 
 
 def in_layout(chosen: Chosen, old: Sequence[Column], new: Selection) -> Chosen:

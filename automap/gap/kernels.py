@@ -184,28 +184,20 @@ def _carry(e: FloatArray, moved: FloatArray, psi: FloatArray, phi: FloatArray) -
             e[a, c] = moved[a, c]
 
 
-BLOCK = 64
-"""Columns that are written at once: one each that memory is opened at."""
-
-
 @kernel
 def whiten_columns(
-    phi: FloatArray,
-    rows: IntArray,
-    before: IntArray,
-    ar: FloatArray,
-    factor: FloatArray,
-    out: FloatArray,
+    phi: FloatArray, rows: IntArray, before: IntArray, ar: FloatArray, factor: FloatArray
 ) -> None:
     """Some ``rows`` [r] of ``phi`` [s, c] less their prediction from rows ``before`` [s, p] by
-    coefficients ``ar`` [s, p], times a ``factor`` [s]; ``out`` [r, c]. What was before the first,
-    -1, was nothing."""
-    for start in range(0, phi.shape[1], BLOCK):
-        for r in range(rows.shape[0]):
+    coefficients ``ar`` [s, p], times a ``factor`` [s]: in place, the first r rows. What was before
+    the first, -1, was nothing, and what was before a row stands above it."""
+    for j in range(phi.shape[1]):
+        for r in range(rows.shape[0] - 1, -1, -1):
             i = rows[r]
-            for j in range(start, min(start + BLOCK, phi.shape[1])):
-                value = float(phi[i, j])
-                for k in range(ar.shape[1]):
-                    if before[i, k] >= 0:
-                        value -= ar[i, k] * phi[before[i, k], j]
-                out[r, j] = factor[i] * value
+            value = float(phi[i, j])
+            for k in range(ar.shape[1]):
+                if before[i, k] >= 0:
+                    value -= ar[i, k] * phi[before[i, k], j]
+            phi[i, j] = factor[i] * value
+        for r in range(rows.shape[0]):
+            phi[r, j] = phi[rows[r], j]

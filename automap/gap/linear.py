@@ -19,11 +19,21 @@ from automap.effects.signals import Signals, signals_of
 from automap.effects.user import INERTIAL, towards, turned
 from automap.frames import quat_to_matrix
 from automap.fusion.problem import LateChange
-from automap.fusion.steady_rate import steady_rate
 from automap.gap import limits
 from automap.gap.fit import Fit, whitened_innovations
 from automap.gap.kernels import propagate_columns
-from automap.gap.motion import LEANS, Motion, at_times, late_change, leaning, motion_of
+from automap.gap.mixing import Mixing
+from automap.gap.motion import (
+    LEANS,
+    Motion,
+    Then,
+    at_times,
+    late_change,
+    leaning,
+    motion_of,
+    swings,
+    then_of,
+)
 from automap.gap.stretches import Frame
 from automap.gap.whitening import LOOSE, Rows, moments, times, whitened_rows
 from automap.records import BoolArray, FloatArray, IntArray
@@ -107,7 +117,13 @@ class NodeMotion:
     @cached_property
     def late(self) -> LateChange | None:
         """By how much late velocities change otherwise than those at their tag."""
-        return late_change(self.motion, self.motion.acc, self.fit.delays)
+        swing = swings(self.motion)
+        return late_change(self.motion, self.motion.acc, self.fit.delays, swing)
+
+    @cached_property
+    def then(self) -> Then:
+        """Which instants the velocities with a tag at each epoch are of."""
+        return then_of(self.motion, self.fit.delays)
 
     @cached_property
     def late_readings(self) -> dict[str, FloatArray]:
@@ -127,7 +143,7 @@ def node_motion(fit: Fit, motion: Motion) -> NodeMotion:
     """The smoothed motion at the nodes of a fit."""
     nominal = fit.last.smooth.nominal
     t = fit.last.nodes.t
-    rate = at_times(motion, steady_rate(motion.t, motion.rate), t)
+    rate = at_times(motion, motion.calm, t)
     acc = at_times(motion, motion.acc, t)
     along = motion_signals(fit, motion)
     signals, dcm = along.at(t + fit.opened.drive.begin_s), quat_to_matrix(nominal[:, 6:10])
@@ -151,13 +167,13 @@ def motion_signals(fit: Fit, motion: Motion) -> Signals:
 
 @dataclass(frozen=True)
 class Linear:
-    """All drives: ``layout`` the columns, ``mixing`` [c, v] by which candidates' columns are made
-    of them, None where each is one; score [v] and information [v, v] of these, prior sds [v], and
-    the values [v] that the fit has of them."""
+    """All drives: ``layout`` [v] the candidates' columns, score [v], prior sds [v] and the values
+    [v] that the fit has of them; ``info`` [c, c] the information of the ``rows``' columns, of which
+    they are made by ``mixing``, the same where that is None."""
 
     layout: tuple[Column, ...]
     rows: tuple[Rows, ...]
-    mixing: FloatArray | None
+    mixing: Mixing | None
     score: FloatArray
     info: FloatArray
     prior_sd: FloatArray
@@ -185,9 +201,36 @@ class Linear:
         """Rows [s, k] of the candidates' columns ``at`` along one drive."""
         if self.mixing is None:
             return rows.phi.T[list(at)].T.astype(np.float64)
-        mixing = self.mixing[:, list(at)]
+        mixing = self.mixing.matrix(at, rows.phi.shape[1])
         used = np.flatnonzero(mixing.any(axis=1))
         return np.asarray(rows.phi.T[used].T.astype(np.float64) @ mixing[used], np.float64)
+
+    @cached_property
+    def _within(self) -> tuple[FloatArray, ...]:
+        """Information [n, n] of each group of columns."""
+        return () if self.mixing is None else self.mixing.within(self.info)
+
+    @cached_property
+    def sizes(self) -> FloatArray:
+        """Information [v] of each column by itself."""
+        if self.mixing is None:
+            return np.diag(self.info).copy()
+        out = np.zeros(self.mixing.count)
+        for group, own in zip(self.mixing.groups, self._within, strict=True):
+            out[group.columns] = np.diag(own)
+        return out
+
+    def cross(self, at: Sequence[int] | IntArray) -> FloatArray:
+        """Information [k, v] between some columns and all."""
+        if self.mixing is None:
+            return np.asarray(self.info[list(at)])
+        return self.mixing.cross(self.info, np.array(at, np.int64))
+
+    def pairs(self, parts: IntArray) -> FloatArray:
+        """Information [k, p, p] of parts [k, p]."""
+        if self.mixing is None:
+            return np.asarray(self.info[parts[:, :, None], parts[:, None, :]])
+        return self.mixing.pairs(self.info, self._within, parts)
 
 
 ColumnsOf = Callable[[NodeMotion], Sequence[Column]]
@@ -236,7 +279,7 @@ def _raw(at: NodeMotion, columns_of: ColumnsOf) -> tuple[Rows, list[Column]]:
     as a layout has them."""
     columns = columns_of(at)
     whitened, t, channel = whitened_innovations(at.fit)
-    phi: FloatArray = np.zeros((len(whitened), len(columns)), np.float32)
+    phi: FloatArray = np.zeros((len(whitened), len(columns)), np.float32, "F")
     for start in range(0, len(columns), BATCH):
         part = slice(start, start + BATCH)
         phi[:, part] = sensitivities(at.fit, at.motion, columns[part])
@@ -247,7 +290,7 @@ def _laid_out(rows: Rows, at: Sequence[int], known: FloatArray) -> Rows:
     """Rows whose columns stand where a layout has them, ``at``, with all effects left out."""
     phi = rows.phi
     if list(at) != list(range(len(known))):
-        phi = np.zeros((len(phi), len(known)), np.float32)
+        phi = np.zeros((len(phi), len(known)), np.float32, "F")
         phi[:, at] = rows.phi
     return replace(rows, w=rows.w + times(phi, known), phi=phi)
 
@@ -321,13 +364,14 @@ class Given:
 @dataclass(frozen=True)
 class Conditional:
     """Scores [v] and information of all columns with those given marginalised; ``weights`` [q, v]
-    of the given ones in each, ``value`` [q] their estimate; ``told`` what was asked of parts
-    before."""
+    of the given ones in each, ``cross`` [q, v] their information with each, ``value`` [q] their
+    estimate; ``told`` what was asked of parts before."""
 
     given: Given
     score: FloatArray
     diagonal: FloatArray
     weights: FloatArray
+    cross: FloatArray
     value: FloatArray
     linear: Linear
     told: dict[tuple[Part, float], Any] = field(default_factory=dict)
@@ -336,7 +380,7 @@ class Conditional:
     def shown(self) -> BoolArray:
         """Which columns [v] have something of their own beside what is given: what is left of
         nearly the same is what a linear model has wrong of either."""
-        return np.asarray(self.diagonal > limits.LEAST_OWN * np.diag(self.linear.info))
+        return np.asarray(self.diagonal > limits.LEAST_OWN * self.linear.sizes)
 
     @cached_property
     def left(self) -> tuple[tuple[FloatArray, FloatArray], ...]:
@@ -355,17 +399,23 @@ class Conditional:
     def info(self, part: Part) -> FloatArray:
         """Information [p, p] of a part."""
         rows = list(part)
-        full = self.linear.info[np.ix_(rows, rows)]
-        if not self.given.columns:
-            return np.asarray(full)
-        cross = self.linear.info[np.ix_(list(self.given.columns), rows)]
-        return np.asarray(full - cross.T @ self.weights[:, rows])
+        full = self.linear.pairs(np.array([rows]))[0]
+        return np.asarray(full - self.cross[:, rows].T @ self.weights[:, rows])
 
     def infos(self, parts: IntArray) -> FloatArray:
         """The same [k, p, p] of many parts [k, p]."""
-        full = self.linear.info[parts[:, :, None], parts[:, None, :]]
-        cross = self.linear.info[list(self.given.columns)][:, parts]
-        return np.asarray(full - np.einsum("qkp,qkr->kpr", cross, self.weights[:, parts]))
+        taken = np.einsum("qkp,qkr->kpr", self.cross[:, parts], self.weights[:, parts])
+        return np.asarray(self.linear.pairs(parts) - taken)
+
+    def shared(self, columns: IntArray) -> float:
+        """Sum of the squared correlations between the scores of all pairs of columns [k]."""
+        total, size = 0.0, self.diagonal[columns]
+        for start in range(0, len(columns), BATCH):
+            some = columns[start : start + BATCH]
+            info = self.linear.cross(some)[:, columns]
+            info -= self.cross[:, some].T @ self.weights[:, columns]
+            total += float(np.sum(info**2 / np.outer(self.diagonal[some], size)))
+        return total
 
 
 def conditional(linear: Linear, given: Given) -> Conditional:
@@ -373,11 +423,11 @@ def conditional(linear: Linear, given: Given) -> Conditional:
     at = list(given.columns)
     if not at:
         none = np.zeros((0, len(linear.score)))
-        diagonal = np.diag(linear.info).copy()
-        return Conditional(given, linear.score, diagonal, none, np.zeros(0), linear)
-    inner = linear.info[np.ix_(at, at)] + np.diag(np.array(given.prior_sd) ** -2.0)
-    weights = np.asarray(np.linalg.solve(inner, linear.info[at]), np.float64)
+        return Conditional(given, linear.score, linear.sizes, none, none, np.zeros(0), linear)
+    cross = linear.cross(at)
+    inner = cross[:, at] + np.diag(np.array(given.prior_sd) ** -2.0)
+    weights = np.asarray(np.linalg.solve(inner, cross), np.float64)
     value = np.asarray(np.linalg.solve(inner, linear.score[at]), np.float64)
     score = linear.score - weights.T @ linear.score[at]
-    diagonal = np.diag(linear.info) - np.einsum("qv,qv->v", linear.info[at], weights)
-    return Conditional(given, score, np.maximum(diagonal, 0.0), weights, value, linear)
+    diagonal = linear.sizes - np.einsum("qv,qv->v", cross, weights)
+    return Conditional(given, score, np.maximum(diagonal, 0.0), weights, cross, value, linear)

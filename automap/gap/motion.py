@@ -33,7 +33,6 @@ from automap.fusion.limits import ROAD_ROLL_SD
 from automap.fusion.nodes import FixModel
 from automap.fusion.passes import Pass, Session
 from automap.fusion.problem import LateChange
-from automap.fusion.steady_rate import steady_rate
 from automap.records import FloatArray
 
 LEAST_S = 5e-4
@@ -55,7 +54,9 @@ class Motion:
     """The smoothed motion at the IMU's epochs.
 
     ``t`` [n] s, ``pos`` [n, 3] rad, rad, m, ``vel`` [n, 3] NED, ``dcm`` [n, 3, 3] body to NED,
-    ``rate`` and ``force`` [n, 3] corrected readings, ``acc`` [n, 3] NED over ground.
+    ``rate`` and ``force`` [n, 3] corrected readings, ``acc`` [n, 3] NED over ground, ``calm``
+    [n, 3] rates without the noise of single readings, as the filter swings an antenna with: on
+    rough roads an arm would turn that noise into velocities.
     """
 
     t: FloatArray
@@ -65,6 +66,7 @@ class Motion:
     rate: FloatArray
     force: FloatArray
     acc: FloatArray
+    calm: FloatArray
 
 
 def motion_of(last: Pass) -> Motion:
@@ -86,7 +88,9 @@ def motion_of(last: Pass) -> Motion:
     force = uniform_filter1d(readings[:, 3:], width, axis=0, mode="nearest")
     acc = np.einsum("nij,nj->ni", dcm, force)
     acc[:, 2] += float(gravity(float(dense[0, 0]), float(dense[0, 2])))
-    return Motion(t, dense[:, :3], dense[:, 3:6], dcm, readings[:, :3], readings[:, 3:], acc)
+    rate = readings[:, :3]
+    calm = rate + last.problem.samples.calm
+    return Motion(t, dense[:, :3], dense[:, 3:6], dcm, rate, readings[:, 3:], acc, calm)
 
 
 def at_times(motion: Motion, signal: FloatArray, t: FloatArray) -> FloatArray:
@@ -178,11 +182,9 @@ def linear_in_delays(
     acceleration at its tag may have the other sign, and would lead away from the right delay.
     """
     arm = np.array(_arm(last))
-    # not the noise of single readings: on rough roads an arm would turn it into velocities
-    rate = steady_rate(motion.t, motion.rate)
-    turning = np.cross(rate, arm)
+    turning = np.cross(motion.calm, arm)
     swing = np.einsum("nij,nj->ni", motion.dcm, turning)
-    inward = np.einsum("nij,nj->ni", motion.dcm, np.cross(rate, turning))
+    inward = np.einsum("nij,nj->ni", motion.dcm, np.cross(motion.calm, turning))
     antenna = replace(motion, vel=motion.vel + swing)
     t = last.shift.position_times(fixes.t)
     late = delays.all_s + delays.skew * t
@@ -202,7 +204,7 @@ def linear_in_delays(
     changing = _steady(last, motion) + inward
     acc = at_times(motion, changing, t)
     first_order = vel - old * acc
-    change = late_change(antenna, changing, delays, rate)
+    change = late_change(antenna, changing, delays, swings(motion))
     if change is not None:
         first_order -= old * at_times(motion, change.whole, t)
         first_order -= delays.course_s * at_times(motion, change.course, t)
@@ -212,39 +214,37 @@ def linear_in_delays(
         seen = _turned(seen, at_times(motion, passed, told - behind))
         turns = _turning(vel, acc)
         first_order -= delays.course_s * turns
-        first_order -= delays.course_m * at_times(motion, swings(motion, rate), t)
+        first_order -= delays.course_m * at_times(motion, swings(motion), t)
     values[:, 3:6] -= seen - first_order
     return replace(fixes, values=values), change
 
 
 def late_change(
-    motion: Motion, acc: FloatArray, delays: Delays, rate: FloatArray | None = None
+    motion: Motion, acc: FloatArray, delays: Delays, swing: FloatArray
 ) -> LateChange | None:
     """By how much the changes of late velocities differ from those at their tag, of which ``acc``
-    [n, 3] is the acceleration, and ``rate`` [n, 3] that of turn without the noise of single
-    readings, where it is known; None where they are not late. A low-pass changes with its time
-    constant by the acceleration passed through it twice: y = v / (1 + s tau), dy / dtau = -s v / (1
-    + s tau)^2. A course is of its own instant, and so is what turns it."""
+    [n, 3] is the acceleration, and ``swing`` [n, 3] what a metre forward swings; None where they
+    are not late. A low-pass changes with its time constant by the acceleration passed through it
+    twice: y = v / (1 + s tau), dy / dtau = -s v / (1 + s tau)^2. A course is of its own instant,
+    and so is what turns it."""
     late = delays.all_s + delays.velocity_s
     grown = abs(delays.skew) * float(motion.t[-1])
     if max(abs(late), delays.lag_s, grown, abs(delays.course_s), abs(delays.course_m)) < LEAST_S:
         return None
     once = lagged(motion, acc, delays.lag_s) if delays.lag_s > 0.0 else acc
-    then = _then(motion, delays)
+    then = then_of(motion, delays)
     size, its_size = _speed(then.seen), _speed(then.course)
     turned = (size / its_size)[:, None] * _turning(then.course, at_times(motion, once, then.before))
-    rate = steady_rate(motion.t, motion.rate) if rate is None else rate
     return LateChange(
-        as_told(motion, once, delays) - acc,
+        as_told(motion, once, delays, then) - acc,
         turned - _turning(motion.vel, acc),
-        turned / size[:, None] - swings(motion, rate),
+        turned / size[:, None] - swing,
     )
 
 
-def as_told(motion: Motion, change: FloatArray, delays: Delays) -> FloatArray:
+def as_told(motion: Motion, change: FloatArray, delays: Delays, then: Then) -> FloatArray:
     """What a ``change`` [n, 3] NED of the velocities along a drive makes of those that are told
-    [n, 3]: their sizes and their courses are each of an instant of its own."""
-    then = _then(motion, delays)
+    [n, 3], which are of instants ``then``: their sizes and their courses each of its own."""
     if delays.lag_s > 0.0:
         change = lagged(motion, change, delays.lag_s)
     out, before = (at_times(motion, change, t) for t in (then.told, then.before))
@@ -256,7 +256,7 @@ def as_told(motion: Motion, change: FloatArray, delays: Delays) -> FloatArray:
     return out + turned
 
 
-class _Then(NamedTuple):
+class Then(NamedTuple):
     """The instants that sizes, ``told`` [n], and courses, ``before`` [n], of velocities are of that
     have a tag at each epoch, and the velocities [n, 3] then, ``seen`` and ``course``."""
 
@@ -266,12 +266,13 @@ class _Then(NamedTuple):
     course: FloatArray
 
 
-def _then(motion: Motion, delays: Delays) -> _Then:
+def then_of(motion: Motion, delays: Delays) -> Then:
+    """Those of velocities that are late by ``delays``."""
     passed = lagged(motion, motion.vel, delays.lag_s) if delays.lag_s > 0.0 else motion.vel
     told = delays.told(motion.t)
     seen = at_times(motion, passed, told)
     before = told - delays.course_s - delays.course_m / _speed(seen)
-    return _Then(told, before, seen, at_times(motion, passed, before))
+    return Then(told, before, seen, at_times(motion, passed, before))
 
 
 def _speed(vel: FloatArray) -> FloatArray:
@@ -279,9 +280,10 @@ def _speed(vel: FloatArray) -> FloatArray:
     return np.asarray(np.maximum(np.hypot(vel[:, 0], vel[:, 1]), COURSE_SPEED))
 
 
-def swings(motion: Motion, rate: FloatArray, axis: int = 0) -> FloatArray:
-    """What a metre along a vehicle axis swings NED [n, 3] at a turn ``rate`` [n, 3], m/s."""
-    return np.asarray(np.einsum("nij,nj->ni", motion.dcm, np.cross(rate, np.eye(3)[axis])))
+def swings(motion: Motion, axis: int = 0) -> FloatArray:
+    """What a metre along a vehicle axis swings NED [n, 3], m/s."""
+    turning = np.cross(motion.calm, np.eye(3)[axis])
+    return np.asarray(np.einsum("nij,nj->ni", motion.dcm, turning))
 
 
 def _turning(vel: FloatArray, acc: FloatArray) -> FloatArray:

@@ -8,6 +8,7 @@ also proposed under the noise that the model was asked with, and judged with the
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
@@ -19,11 +20,12 @@ from automap.effects import CATALOGUE
 from automap.effects.catalogue import bias_walks, pairs_of_sign
 from automap.effects.imu import imu_terms
 from automap.gap import limits
-from automap.gap.candidates import FIX_AGE, is_course
+from automap.gap.candidates import FIX_AGE, follows_time, is_course
 from automap.gap.confirm import Confirmed, Judge, confirmed
 from automap.gap.drive import OpenDrive
+from automap.gap.evidence import nats_of_parts
 from automap.gap.found import Found, in_layout
-from automap.gap.neighbours import complexity
+from automap.gap.neighbours import Terms, complexity
 from automap.gap.noise import Fitted, Log, fitted_about, noise_score, with_levels, with_noise
 from automap.gap.result import equation
 from automap.gap.scoring import likelier
@@ -53,6 +55,7 @@ class Search:
         self.judge = Judge(held_out)
         self.screening = Screening(base, exclude, log)
         self.close: dict[str, tuple[str, ...]] = {}
+        self.resembling: dict[tuple[str, frozenset[str]], str] = {}
         self.borne_out: dict[str, float] = {}
         self.swallowed: set[str] = set()
         self.tried: dict[Key, int] = {}
@@ -141,6 +144,7 @@ class Search:
             {**self.alike, **self.close},
             *(self._told(self.stands).after(self.spoken_against), nothing_else),
             self.borne_out | self.nats,
+            {n: t for (n, beside), t in self.resembling.items() if {n, *beside} == {*chosen.names}},
         )
 
     def _with_age(self, estimate: Mapping[str, float]) -> Mapping[str, float]:
@@ -442,12 +446,70 @@ class Search:
                     wins &= clear
                 if wins and (instead is None or ahead > best):
                     best, instead, winner = ahead, its, other
+            formed = None if formula else self._form_instead(here, selection, chosen, name, nats)
+            if formed is not None and formed[0] > best:
+                best, instead, winner = formed[0], formed[1], formed[1].names[-1]
             if instead is not None:
                 self.outdone.add((winner, name))
                 if name in self.swallowed:
                     # what does much the same drift had swallowed too
                     self.swallowed.add(winner)
                 return instead
+        return None
+
+    def _form_instead(
+        self, here: Fitted, selection: Selection, chosen: Chosen, name: str, nats: float
+    ) -> tuple[float, Chosen] | None:
+        """The choice with a formula in the place of a named effect of so many ``nats``, and by how
+        much its log odds are ahead, where it is told apart from that; None where none is.
+
+        The dictionary has one form of each family, and which of it a drive shows may explain twice
+        as much: so it is sought from the formula that explains most in the effect's place, and the
+        likeliest is asked with the noise that suits it. What is likelier than the effect, all forms
+        that were tried paid for, but not told apart from it, or less likely beforehand by as much,
+        is noted as what it may be.
+        """
+        if CATALOGUE[name].resembles == "a delay":
+            # every receiver has some, and what is one instead has a name
+            return None
+        rest = chosen.without(name)
+        formulas = [
+            c
+            for c in selection.candidates.values()
+            if len(c.terms) == 1 and c.name not in chosen.names and not follows_time(c.terms)
+        ]
+        if not formulas:
+            return None
+        its_nats = nats_of_parts(selection.given(rest), [c.parts[0] for c in formulas])
+        if its_nats.max() < limits.WEAK_SHARE * nats:
+            return None
+        first = formulas[int(np.argmax(its_nats))]
+        begun = rest.joined(first.name, first.parts[0], 1.0)
+        known = (self.screening.refinements, selection.candidates)
+        vehicle = selection.of_vehicle(chosen, {name}) | selection.of_vehicle(begun, {first.name})
+        best: tuple[float, tuple[Terms, float], Fitted] | None = None
+        for form in self.screening.forms(here, selection, begun, first.name):
+            self.screening.refinements = dict(known[0])
+            selection.candidates = dict(known[1])
+            its = self.screening.in_form(here, selection, begun, first.name, *form)
+            fitted = self.screening.states(here, selection, its)
+            ahead = self.judge.ahead(fitted, here, vehicle)[0] - math.log(form[1])
+            if best is None or ahead > best[0]:
+                best = ahead, form, fitted
+        self.screening.refinements, selection.candidates = known
+        if best is None or best[0] < -limits.CLOSE_NATS:
+            return None
+        _, form, fitted = best
+        ahead, sigmas = self.judge.ahead(with_noise(fitted, self.stated), here, vehicle)
+        its = self.screening.in_form(here, selection, begun, first.name, *form)
+        odds = ahead + self._log_prior(selection, its) - self._log_prior(selection, chosen)
+        clear = sigmas > limits.APART and ahead > limits.CHALLENGE * nats
+        if odds > 0.0 and (clear or sigmas > limits.ONE_IN_A_THOUSAND):
+            return odds, its
+        self.screening.refinements, selection.candidates = known
+        if ahead > math.log(form[1]):
+            text = f"{equation(form[0])}, with which the drives are {ahead:.2g} nats likelier"
+            self.resembling[name, frozenset(rest.names)] = text
         return None
 
     @staticmethod

@@ -163,14 +163,14 @@ class Selection:
 
     def alike(self, chosen: Chosen) -> frozenset[Key]:
         """The parts of a choice, and courses of time that show much the same as one of these."""
-        info = self.linear.info
-        size = np.maximum(np.diag(info), 1e-300)
+        size = np.maximum(self.linear.sizes, 1e-300)
         out = set(self.keys(chosen))
         for name, part, _ in chosen.parts:
             if len(part) > 1 or not follows_time(self.candidates[name].terms):
                 continue
             (i,) = part
-            near = set(np.flatnonzero(info[i] ** 2 > limits.ALIKE * size[i] * size).tolist())
+            shown = self.linear.cross((i,))[0] ** 2
+            near = set(np.flatnonzero(shown > limits.ALIKE * size[i] * size).tolist())
             out |= {
                 self.key(c.name, its)
                 for c in self.candidates.values()
@@ -194,14 +194,17 @@ class Selection:
         barred = twins_of(its_names)
         has = {part for _, part, _ in chosen.parts}
         shown = known.shown.tolist()
+        gone = {name for name, _ in refused}
+        every = self.candidates.values()
+        asked = every if names is None else [c for n in names if (c := self.candidates.get(n))]
         open_to = [
             (c, part)
-            for c in self.candidates.values()
-            if c.name not in barred and (names is None or c.name in names)
+            for c in asked
+            if c.name not in barred
             for part in c.parts
             if all(shown[i] for i in part)
             and part not in has
-            and self.key(c.name, part) not in refused
+            and not (c.name in gone and self.key(c.name, part) in refused)
         ]
         prior = np.array(
             [(c.log_prior if c.name not in its_names else 0.0) + c.log_choice for c, _ in open_to]

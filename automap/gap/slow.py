@@ -19,11 +19,12 @@ from automap.effects.formula_text import parse_formula
 from automap.effects.signals import FIELDS, Signals
 from automap.effects.user import INERTIAL
 from automap.gap import limits
-from automap.gap.candidates import follows_time, is_course, signal_column, size_of, usual_sd
+from automap.gap.candidates import follows_time, is_course, signal_column, size_of, usual_sds
 from automap.gap.limits import LEAST_BOXES, PLATEAUS
 from automap.gap.linear import Column, Inertial, Linear, NodeMotion
+from automap.gap.mixing import Group, Mixing
 from automap.gap.result import coefficient_names, equation
-from automap.records import FloatArray, IntArray
+from automap.records import FloatArray
 
 BOX = "box"
 STEP, RAMP = "step(time - {:.4g})", "max(time - {:.4g}, 0)"
@@ -198,6 +199,7 @@ def with_shapes(linear: Linear) -> Linear:
         every.append((shape, [on for on in slower if on[0] != "imu_time" or not settles]))
     for shape, on_channels in every:
         values = [parse_formula(text)(signals) for text in shape.texts]
+        usual = [usual_sds([c for c, gain in on_channels if not gain], v) for v in values]
         for channel, gain in on_channels:
             mine = of_channel[channel]
             if not len(mine) or (gain and not np.ptp(inputs[mine]) > 0.0):
@@ -207,42 +209,26 @@ def with_shapes(linear: Linear) -> Linear:
             if name in known:
                 continue
             names = coefficient_names(len(terms))
-            for parameter, value, term in zip(names, values, terms, strict=True):
+            for parameter, value, term, known_sd in zip(names, values, terms, usual, strict=True):
                 course = value[mine] * inputs[mine] if gain else value[mine]
-                sd = usual_sd(channel, course if gain else value)
+                sd = usual_sds((channel,), course)[channel] if gain else known_sd[channel]
                 courses.append(course)
                 layout.append(Column(name, parameter, sd, term=term, choices=shape.choices))
-    mixing = np.zeros((len(linear.layout), len(layout)))
-    mixing[plain, np.arange(len(plain))] = 1.0
-    groups = [(np.array(plain, np.int64), np.arange(len(plain)))]
+    groups = [Group(np.array(plain, np.int64), np.arange(len(plain)), np.eye(len(plain)))]
     for channel, mine in of_channel.items():
         own = [i for i in range(len(plain), len(layout)) if layout[i].term[0] == channel]
-        for i in own:
-            mixing[np.array(boxes)[mine], i] = courses[i - len(plain)]
-        groups.append((np.array(boxes)[mine], np.array(own, np.int64)))
+        if own:
+            by = np.stack([courses[i - len(plain)] for i in own], axis=1)
+            groups.append(Group(np.array(boxes)[mine], np.array(own, np.int64), by))
+    mixing = Mixing(tuple(groups), len(layout))
     return replace(
         linear,
         layout=tuple(layout),
         mixing=mixing,
-        score=mixing.T @ linear.score,
-        info=_mixed(linear.info, mixing, groups),
+        score=mixing.of(linear.score),
         prior_sd=np.array([c.prior_sd for c in layout]),
         values=np.concatenate([linear.values[plain], np.zeros(len(layout) - len(plain))]),
     )
-
-
-def _mixed(
-    info: FloatArray, mixing: FloatArray, groups: Sequence[tuple[IntArray, IntArray]]
-) -> FloatArray:
-    """Mixing' info mixing [v, v], a group of rows [c] and columns [v] of it at a time: a course is
-    made of one channel's boxes, so nearly all of the mixing [c, v] is nothing."""
-    half = np.empty_like(mixing)
-    for rows, columns in groups:
-        half[:, columns] = info[:, rows] @ mixing[np.ix_(rows, columns)]
-    out = np.empty((len(half.T), len(half.T)))
-    for rows, columns in groups:
-        out[columns] = mixing[np.ix_(rows, columns)].T @ half[rows]
-    return out
 
 
 def _time_signals(time: FloatArray) -> Signals:

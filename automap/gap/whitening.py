@@ -50,8 +50,8 @@ STRETCH = 2048
 @dataclass(frozen=True)
 class Rows:
     """Rows of one drive: ``w`` [s] with all effects left out, ``phi`` [s, c], times ``t`` [s] in s,
-    ``channel`` [s]; once white, phi' w is a score and phi' phi its information, and each column of
-    phi lies in one piece: they are asked for one by one."""
+    ``channel`` [s]; once white, phi' w is a score and phi' phi its information. Each column of phi
+    lies in one piece: they are asked for one by one."""
 
     w: FloatArray
     phi: FloatArray
@@ -114,11 +114,10 @@ def white_rows(
     channel: IntArray,
     left: FloatArray,
 ) -> Rows:
-    """Apply a whitener to innovations [s] and sensitivities [s, c]; ``left`` [s] what is left of
-    the innovations decides how much each row counts."""
+    """Apply a whitener to innovations [s] and sensitivities [s, c], in place; ``left`` [s] what is
+    left of the innovations decides how much each row counts."""
     rows = np.flatnonzero(np.isin(channel, list(whitener.spread)))
-    w, f = np.zeros(len(channel)), np.zeros((len(rows), phi.shape[1]), phi.dtype, "F")
-    rest = np.zeros(len(channel))
+    w, rest = np.zeros((2, len(channel)))
     for c, spread in whitener.spread.items():
         at = np.flatnonzero(channel == c)
         rest[at] = filtered(left[at, None], whitener.ar[c])[:, 0] / spread
@@ -139,8 +138,8 @@ def white_rows(
         w[at] = factor[at] * filtered(whitened[at, None], whitener.ar[c])[:, 0]
         for k in range(1, AR_ORDER + 1):
             before[at[k:], k - 1] = at[:-k]
-    whiten_columns(phi, rows, before, ar[channel], factor, f)
-    return Rows(w[rows], f, t[rows], channel[rows])
+    whiten_columns(phi, rows, before, ar[channel], factor)
+    return Rows(w[rows], phi[: len(rows)], t[rows], channel[rows])
 
 
 def stretch_scatter(u: FloatArray, t: FloatArray) -> FloatArray:
@@ -177,8 +176,9 @@ def _likeliest_freedom(squares: FloatArray, count: FloatArray) -> float:
 def whitened_rows(
     raw: Sequence[Rows], known: FloatArray, sds: FloatArray, may_act: bool = True
 ) -> tuple[Rows, ...]:
-    """White rows, weighted by what is left of them once all candidates together have been fitted
-    (ridge regression by their priors, iteratively reweighted: Huber, Robust Statistics, 1981).
+    """White rows in the place of raw ones, weighted by what is left of them once all candidates
+    together have been fitted (ridge regression by their priors, iteratively reweighted: Huber,
+    Robust Statistics, 1981).
 
     Innovations that only a missing effect makes large would else count for too little, and a
     formula that saturates as the weights do would explain them best. Where no more may act than

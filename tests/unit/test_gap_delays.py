@@ -11,7 +11,6 @@ from scipy.ndimage import minimum_filter1d
 from automap.earth import metres_per_radian
 from automap.effects.measured_kernels import course_changes
 from automap.fusion.layout import CH_VEL
-from automap.fusion.steady_rate import steady_rate
 from automap.gap import base_model
 from automap.gap.candidates import named_columns
 from automap.gap.drive import open_drive
@@ -44,7 +43,7 @@ def plain() -> Fit:
 
 def moving_antenna(motion: Motion, arm: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Velocity [n, 3] NED of an antenna, and its acceleration to the middle of its turn."""
-    rate = steady_rate(motion.t, motion.rate)
+    rate = motion.calm
     swing = np.cross(rate, arm)
     velocity = motion.vel + np.einsum("nij,nj->ni", motion.dcm, swing)
     return velocity, np.einsum("nij,nj->ni", motion.dcm, np.cross(rate, swing))
@@ -209,7 +208,7 @@ def test_courses_of_a_place_behind_less_the_remainder_are_those_of_an_arm(plain:
     )
     assert change is not None
     # a point so far behind the antenna swings by the turn rate times the distance, as that was
-    rate = steady_rate(motion.t, motion.rate)
+    rate = motion.calm
     swing = np.cross(rate, np.array([-behind, 0.0, 0.0]))
     expected = vel + at_times(motion, np.einsum("nij,nj->ni", motion.dcm, swing), t)
     expected -= behind * at_times(motion, change.behind, t)
@@ -276,7 +275,7 @@ def test_late_velocities_change_by_what_happened_then(plain: Fit, late: Delays) 
     assert inner.sum() > 1000
     at_tag = np.zeros_like(changing)
     course_changes(antenna, changing, at_tag)
-    swings = np.cross(steady_rate(motion.t, motion.rate), [1.0, 0.0, 0.0])
+    swings = np.cross(motion.calm, [1.0, 0.0, 0.0])
     aside = np.einsum("nij,nj->ni", motion.dcm, swings)
     numerics = [
         -(told(*(step * np.eye(3)[k])) - told(*(-step * np.eye(3)[k]))) / (2.0 * step)

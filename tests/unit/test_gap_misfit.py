@@ -39,7 +39,7 @@ def motion() -> Motion:
     rate[:, 2] = 0.2 * np.sin(2.0 * np.pi * t / 29.0)
     acc[:, 0] = np.sin(2.0 * np.pi * t / 17.0)
     dcm = np.tile(np.eye(3), (n, 1, 1))
-    return Motion(t, np.zeros((n, 3)), vel, dcm, rate, acc, acc)
+    return Motion(t, np.zeros((n, 3)), vel, dcm, rate, acc, acc, rate)
 
 
 def speed_at(t: FloatArray) -> FloatArray:

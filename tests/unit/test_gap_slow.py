@@ -341,8 +341,16 @@ def test_courses_have_score_and_information_of_their_rows() -> None:
     (rows,) = linear.rows
     phi = linear.columns(rows, range(len(linear.layout)))
     np.testing.assert_allclose(linear.score, phi.T @ rows.w, rtol=1e-6, atol=1e-6)
-    scale = np.sqrt(np.outer(*[np.diag(linear.info)] * 2))
-    np.testing.assert_allclose((linear.info - phi.T @ phi) / scale, 0.0, atol=1e-9)
+    scale = np.sqrt(np.outer(linear.sizes, linear.sizes))
+    every = np.arange(len(linear.layout))
+    np.testing.assert_allclose((linear.cross(every) - phi.T @ phi) / scale, 0.0, atol=1e-9)
+    np.testing.assert_allclose(linear.sizes, np.diag(phi.T @ phi), rtol=1e-9)
+    # of one channel, and of two
+    parts = np.stack([every[:-1], every[1:]], axis=1)
+    size = scale[parts[:, 0], parts[:, 1], None, None]
+    whole = (phi.T @ phi)[parts[:, :, None], parts[:, None, :]] / size
+    found = linear.pairs(parts) / size
+    np.testing.assert_allclose(found, whole, atol=1e-9)
     # a parameter's prior is that of the size of what it adds
     at = next(i for i, c in enumerate(linear.layout) if c.term[1].startswith("exp"))
     rises = curve(linear.layout[at].term[1])

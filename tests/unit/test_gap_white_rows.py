@@ -7,6 +7,7 @@ import pytest
 
 from automap.fusion.layout import CH_NHC, CH_VEL
 from automap.gap.linear import Linear
+from automap.gap.mixing import Group, Mixing
 from automap.gap.whitening import (
     Rows,
     _factor,
@@ -34,7 +35,7 @@ def drive(seed: int = 1) -> tuple[FloatArray, FloatArray, BoolArray]:
 def rows_of(w: FloatArray, phi: FloatArray) -> Rows:
     """Rows of one channel."""
     t = np.arange(len(w), dtype=np.float64) * 0.1
-    return Rows(w, phi, t, np.zeros(len(w), np.int64))
+    return Rows(w, np.array(phi, np.float32, order="F"), t, np.zeros(len(w), np.int64))
 
 
 def weights(w: FloatArray, columns: FloatArray) -> FloatArray:
@@ -124,10 +125,12 @@ def test_columns_of_mixtures_are_sums_of_rows() -> None:
     rng = np.random.default_rng(5)
     phi: FloatArray = rng.standard_normal((50, 4))
     rows = rows_of(rng.standard_normal(50), phi)
-    mixing = np.array([[1.0, 0.0], [0.0, 2.0], [0.0, -1.0], [0.0, 0.0]])
+    one, other = np.array([[1.0]]), np.array([[2.0], [-1.0]])
+    groups = Group(np.array([0]), np.array([0]), one), Group(np.arange(1, 3), np.array([1]), other)
+    mixing = Mixing(groups, 2)
     layout = tuple(columns_named("a.p", "b.p"))
     nothing = np.zeros(2)
-    linear = Linear(layout, (rows,), mixing, nothing, np.eye(2), np.ones(2), nothing)
+    linear = Linear(layout, (rows,), mixing, nothing, np.eye(4), np.ones(2), nothing)
     expected = phi[:, 1] * 2.0 - phi[:, 2]
     np.testing.assert_allclose(linear.columns(rows, (1,))[:, 0], expected, rtol=1e-5)
     np.testing.assert_allclose(linear.columns(rows, (1, 0))[:, 1], phi[:, 0], rtol=1e-5)
@@ -203,9 +206,8 @@ def test_columns_that_only_their_priors_tell_apart() -> None:
     shared = rng.normal(size=n)
     phi = np.outer(shared, 1e3 * np.ones(c)) + 1e-3 * rng.normal(size=(n, c))
     w = 1e3 * shared * 2e-3 + rng.normal(size=n)
-    rows = rows_of(w, np.asfortranarray(phi, np.float32))
-    sds = np.full(c, 1.0)
-    white = whitened_rows([rows], np.zeros(c), sds)
+    rows, sds = rows_of(w, phi), np.full(c, 1.0)
+    white = whitened_rows([rows_of(w, phi)], np.zeros(c), sds)
     assert all(np.isfinite(each.w).all() and np.isfinite(each.phi).all() for each in white)
     unit = np.ones(n)
     with pytest.raises(np.linalg.LinAlgError):
