@@ -298,7 +298,7 @@ def _overview(result: GapResult) -> Paragraph:
             "path is off that of the new model."
         )
     else:
-        parts += [_suspicion(result), "Nothing to mend: model.toml is the model that you gave."]
+        parts += [_suspicion(result), "Nothing to mend: model.toml is the model of the run."]
         if left or result.noise_claims:
             parts[-1] = "What is off is told below."
     if not left:
