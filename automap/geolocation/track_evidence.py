@@ -181,17 +181,19 @@ def evidence_of(
         -round(limits.LATE_S / limits.LATE_STEP_S), round(limits.LATE_S / limits.LATE_STEP_S) + 1.0
     )
     each, common, _ = tracks.losses(near, information)
-    total = _total(each, common, tracks.freedom)
     own = np.abs(near) <= limits.LATE_OWN_S
-    if not np.isfinite(total[own]).any():
+    told = np.isfinite(each[own]).all(axis=0)
+    if not told.any():
         return NOTHING_TOLD
+    each, freedom = each[:, told], tracks.freedom[told]
+    total = _total(each, common, freedom)
     here = int(np.nanargmin(np.where(own, total, np.nan)))
     stated = total[here]
     away = _elsewhere(trajectory, tracks)
     others, _, _ = tracks.losses(away, information)
-    factor, focal = _other_focal(trajectory, found, camera, rules, near[here], stated)
+    factor, focal = _other_focal(trajectory, found, camera, rules, near[here], told, stated)
     return Evidence(
-        chance=_by_chance(each[here], np.vstack([each, others]), tracks.stray),
+        chance=_by_chance(each[here], np.vstack([each, others[:, told]]), tracks.stray[told]),
         late=_average(stated - total),
         late_s=float(near[int(np.nanargmin(total))]),
         focal=focal,
@@ -244,10 +246,11 @@ def _other_focal(
     camera: Camera,
     rules: GeolocationRules,
     offset_s: float,
+    told: BoolArray,
     stated: float,
 ) -> tuple[float, float]:
     """The focal length, as a part of the stated one, that tracks fit best, and how much likelier
-    they are if it is any other."""
+    they are if it is any other; ``told`` [t] which tracks have a path at the offset."""
     f = focal_length(camera)
     best, losses = [], []
     for scale in limits.FOCAL_SCALES:
@@ -260,8 +263,8 @@ def _other_focal(
         sd = [limits.DOUBTED_TURN_RAD] * 3 + [limits.DOUBTED_FOCAL]
         information = np.array([*sd, rules.camera_margin_sd_px / (f * scale)]) ** -2.0
         each, common, focal = tracks.losses(np.array([offset_s]), information)
-        losses.append(_total(each, common, tracks.freedom)[0])
-        best.append(scale * float(np.exp(-focal[0])))
+        losses.append(_total(each[:, told], common, tracks.freedom[told])[0])
+        best.append(scale * float(np.exp(focal[0])))
     if not np.isfinite(losses).any():
         return 1.0, -np.inf
     return best[int(np.nanargmin(losses))], _average(stated - np.array(losses))
