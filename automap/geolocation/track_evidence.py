@@ -191,7 +191,7 @@ def evidence_of(
     stated = total[here]
     away = _elsewhere(trajectory, tracks)
     others, _, _ = tracks.losses(away, information)
-    factor, focal = _other_focal(trajectory, found, camera, rules, near[here], told, stated)
+    factor, focal = _other_focal(tracks, found, rules, near[here], told, stated)
     return Evidence(
         chance=_by_chance(each[here], np.vstack([each, others[:, told]]), tracks.stray[told]),
         late=_average(stated - total),
@@ -241,24 +241,25 @@ def _elsewhere(trajectory: Trajectory, tracks: _Tracks) -> FloatArray:
 
 
 def _other_focal(
-    trajectory: Trajectory,
+    stated: _Tracks,
     found: Detections,
-    camera: Camera,
     rules: GeolocationRules,
     offset_s: float,
     told: BoolArray,
-    stated: float,
+    loss: float,
 ) -> tuple[float, float]:
     """The focal length, as a part of the stated one, that tracks fit best, and how much likelier
-    they are if it is any other; ``told`` [t] which tracks have a path at the offset."""
-    f = focal_length(camera)
+    they are if it is any other; ``told`` [t] which tracks have a path at the offset, with a
+    ``loss`` as stated."""
+    camera, f = stated.camera, focal_length(stated.camera)
     best, losses = [], []
     for scale in limits.FOCAL_SCALES:
         matrix = camera.matrix.copy()
         matrix[:2, :2] *= scale
         other = replace(camera, matrix=matrix)
-        tracks = _tracks(trajectory, found, other, rules, camera)
-        if tracks is None:
+        tracks = _tracks(stated.trajectory, found, other, rules, camera)
+        # a lens may not reach all of the picture: of fewer boxes the loss is another's
+        if tracks is None or len(tracks.t_ns) != len(stated.t_ns):
             continue
         sd = [limits.DOUBTED_TURN_RAD] * 3 + [limits.DOUBTED_FOCAL]
         information = np.array([*sd, rules.camera_margin_sd_px / (f * scale)]) ** -2.0
@@ -267,7 +268,7 @@ def _other_focal(
         best.append(scale * float(np.exp(focal[0])))
     if not np.isfinite(losses).any():
         return 1.0, -np.inf
-    return best[int(np.nanargmin(losses))], _average(stated - np.array(losses))
+    return best[int(np.nanargmin(losses))], _average(loss - np.array(losses))
 
 
 def _tracks(

@@ -105,6 +105,12 @@ def test_another_focal_length_is_told(path, found) -> None:
     assert other.camera.matrix[0, 0] == pytest.approx(1000.0, rel=0.05)
 
 
+def test_a_lens_that_does_not_reach_all_boxes_at_another_focal_length(path, found) -> None:
+    bent = replace(camera(), distortion=np.array([-0.3, 0.0, 0.0, 0.0, 0.0]))
+    wide = replace(found, box=found.box + np.array([400.0, 0.0, 400.0, 0.0]))
+    assert np.isfinite(told(path, wide, bent).focal)
+
+
 @pytest.mark.parametrize("seed", [2, 4])
 def test_boxes_of_another_drive_fit_no_better_than_chance(path, seed: int) -> None:
     one = told(path, seen(town(seed), camera()), camera())
