@@ -195,6 +195,8 @@ swing."""
 PLACES = 400
 """So many times of the path tracks are laid over. Chosen: more take longer, and what one track
 reaches by chance the mean of hundreds tells to a tenth."""
+TRACK_BOXES = 16
+"""So many boxes of a track are asked. Chosen: neighbours of more err alike, and take longer."""
 COVERED_SHARE = 0.9
 """Of the tracks, what must have a path at an offset for it to compare."""
 COUNT_AS_ONE = (1.2, 2.5, 1.5)

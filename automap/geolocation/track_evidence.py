@@ -295,6 +295,12 @@ def _tracks(
     rows = rows[np.lexsort([found.t_ns[rows], track[rows]])]
     first = np.flatnonzero(np.diff(track[rows], prepend=-1) != 0)
     size = np.diff(np.append(first, len(rows)))
+    # of a track of many boxes as many, evenly
+    of, share = np.repeat(size, size), np.repeat(np.minimum(size, limits.TRACK_BOXES), size)
+    number = np.arange(len(rows)) - np.repeat(first, size)
+    rows = rows[(number + 1) * share // of != number * share // of]
+    size = np.minimum(size, limits.TRACK_BOXES)
+    first = np.cumsum(size) - size
     noise, f = rules.noise, focal_length(stated)
     variance = box_variances(
         *(stated, box[rows], height[rows] * focal_length(camera) / f),

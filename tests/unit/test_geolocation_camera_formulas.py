@@ -207,12 +207,14 @@ def test_a_doubtful_sign_is_as_unsure_as_it_was_far() -> None:
         status: str
         cov_enu: FloatArray
         confidence: float
+        existence: float
 
-    sign: Any = Sign("ok", np.diag([1.0, 2.0, 3.0]), 0.5)
+    sign: Any = Sign("ok", np.diag([1.0, 2.0, 3.0]), 0.5, 0.9)
     found = doubtful(sign, 12.0)
     np.testing.assert_allclose(found.cov_enu, np.diag([145.0, 146.0, 147.0]))
     assert found.status == "doubtful"
     assert found.confidence == pytest.approx(0.5 * limits.IMPLAUSIBLE_CONFIDENCE)
+    assert found.existence == pytest.approx(0.9 * limits.IMPLAUSIBLE_CONFIDENCE)
 
 
 def test_a_cameras_rows_are_where_its_record_lies_among_all() -> None:
