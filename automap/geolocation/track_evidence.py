@@ -182,7 +182,7 @@ def evidence_of(
     )
     each, common, _ = tracks.losses(near, information)
     own = np.abs(near) <= limits.LATE_OWN_S
-    told = np.isfinite(each[own]).all(axis=0)
+    told = np.asarray(np.isfinite(each[own]).all(axis=0))
     if not told.any():
         return NOTHING_TOLD
     each, freedom = each[:, told], tracks.freedom[told]
