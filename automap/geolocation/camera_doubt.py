@@ -60,11 +60,13 @@ def misfit(used: BoolArray, note: npt.NDArray[np.object_], signs: Sequence[Sign]
 
 def doubtful(sign: Sign, range_m: float) -> Sign:
     """A sign of a camera that is not as stated, seen from ``range_m`` at the nearest: boxes whose
-    scale, turn and time nobody knows say no more than that something stood near the road."""
+    scale, turn and time nobody knows say no more than that something stood near the road; if it is
+    there at all."""
     widened: FloatArray = sign.cov_enu + range_m**2 * np.eye(3)
     return replace(
         sign,
         status="doubtful",
         cov_enu=widened,
+        existence=sign.existence * limits.IMPLAUSIBLE_CONFIDENCE,
         confidence=sign.confidence * limits.IMPLAUSIBLE_CONFIDENCE,
     )

@@ -9,10 +9,16 @@ import numpy as np
 
 from automap.geolocation import limits
 from automap.geolocation.camera_doubt import as_unknown, beyond_stated, doubtful, misfit
-from automap.geolocation.camera_hypotheses import Hypothesis, better_explanations, contradicted
+from automap.geolocation.camera_hypotheses import (
+    Hypothesis,
+    better_explanations,
+    contradicted,
+    explanation_by_tracks,
+)
 from automap.geolocation.left_out import Notes, no_signs
 from automap.geolocation.result import GeolocationResult
 from automap.geolocation.rules import GeolocationRules
+from automap.geolocation.track_evidence import NOTHING_TOLD, Evidence, evidence_of
 from automap.records import Camera, Detections, IntArray, Trajectory
 
 
@@ -54,6 +60,7 @@ def explain_doubted(
     best explanation gives them, and doubtful where there is none. ``locate`` locates anew."""
     focal_sd = stated.rules.focal_sd
     trial = stated
+    told = {name: _evidence(name, trajectory, stated, found) for name in found.corrections}
     names = [
         record.camera
         for record, note in zip(stated.detections, stated.notes, strict=True)
@@ -61,6 +68,7 @@ def explain_doubted(
         and (
             beyond_stated(found.corrections[record.camera], stated.cameras[record.camera], focal_sd)
             or _unfit(found, stated.rows(record.camera))
+            or told[record.camera].doubts
             or contradicted(
                 *(trajectory, record, stated.cameras[record.camera]), np.asarray(note != "")
             )
@@ -68,9 +76,16 @@ def explain_doubted(
     ]
     assumed = {}
     for name in names:
-        trial, found, assumed[name] = _best_explanation(name, trajectory, trial, found, locate)
+        trial, found, assumed[name] = _best_explanation(
+            *(name, trajectory, trial, found, locate, told[name])
+        )
     # what was assumed of the last camera moved the signs of those before it
-    left = [name for name in names if not _fits(found, trial.rows(name))]
+    told = {name: _evidence(name, trajectory, trial, found) for name in names}
+    left = [
+        name
+        for name in names
+        if not _fits(found, trial.rows(name)) or not told[name].allows(assumed[name] != "")
+    ]
     sentences = [
         f"camera {name}: its boxes do not fit the path as stated, and fit it if {what}. "
         "That was assumed; check the manifest, and run again."
@@ -82,24 +97,48 @@ def explain_doubted(
     sentences += [text for text in found.warnings if not text.startswith(seems)]
     for name in left:
         found = _with_doubtful(found, trial.rows(name))
+        nearest = f" (they fit best if {assumed[name]})" if assumed[name] else ""
         sentences.append(
             f"What is wrong with camera {name} was not found: no turn, time offset, pace of "
-            "stamps, focal length or turned picture makes its boxes fit the path. Its signs are "
+            "stamps, focal length or turned picture makes its boxes fit the path better than boxes "
+            f"of another drive do by chance{nearest}. Its signs are "
             "doubtful and their ellipses as wide as they were away; check the frames' stamps and "
             "order, camera_matrix and that the video is of this drive."
         )
     return replace(found, warnings=sentences)
 
 
+def _evidence(
+    name: str, trajectory: Trajectory, trial: Trial, found: GeolocationResult
+) -> Evidence:
+    """What speaks against a camera as it was ``found``, by the boxes that its signs are made of."""
+    if name not in found.corrections:
+        return NOTHING_TOLD
+    place = trial.place(name)
+    record, first = trial.detections[place], sum(map(len, trial.notes[:place]))
+    rows = slice(first, first + len(record))
+    track = np.where(found.observations.used[rows], found.observations.track[rows], -1)
+    camera = found.corrections[name].applied(trial.cameras[name])
+    return evidence_of(trajectory, replace(record, track=track), camera, trial.rules)
+
+
 def _best_explanation(
-    name: str, trajectory: Trajectory, trial: Trial, found: GeolocationResult, locate: Locate
+    name: str,
+    trajectory: Trajectory,
+    trial: Trial,
+    found: GeolocationResult,
+    locate: Locate,
+    told: Evidence,
 ) -> tuple[Trial, GeolocationResult, str]:
-    """What explains the boxes of a camera best, the signs that it gives, and what it says."""
+    """What explains the boxes of a camera best, the signs that it gives, and what it says; ``told``
+    by its tracks with the camera as it was found."""
     place = trial.place(name)
     record, camera, out = trial.detections[place], trial.cameras[name], trial.notes[place] != ""
+    unknown = Hypothesis("", record, as_unknown(camera))
     explanations = better_explanations(trajectory, record, camera, np.asarray(out))
+    by_tracks = explanation_by_tracks(unknown, told)
     best, what = (trial, found), ""
-    for one in [Hypothesis("", record, as_unknown(camera)), *explanations[: limits.MOST_TRIED]]:
+    for one in [unknown, *by_tracks, *explanations[: limits.MOST_TRIED]]:
         tried = trial.assuming(name, one, trajectory)
         again = locate(tried, lambda done: None)
         more = _used(again, tried.rows(name)) - _used(best[1], best[0].rows(name))

@@ -22,6 +22,7 @@ from automap.gates import gate
 from automap.geolocation import limits
 from automap.geolocation.camera_doubt import as_unknown
 from automap.geolocation.epipolar import PairGeometry, descend, pair_geometry
+from automap.geolocation.track_evidence import Evidence
 from automap.geolocation.views import map_origin
 from automap.records import BoolArray, Camera, Detections, FloatArray, Trajectory
 
@@ -233,6 +234,20 @@ def _calibrations(plain: Hypothesis) -> Iterator[Hypothesis]:
                 what=f"{what} is {factor:.2f} of what is stated",
                 camera=replace(plain.camera, matrix=matrix),
             )
+
+
+def explanation_by_tracks(plain: Hypothesis, told: Evidence) -> list[Hypothesis]:
+    """What tracks say that is wrong with a camera: its focal length, or that all its frames are of
+    another time by seconds."""
+    found = []
+    if told.is_late:
+        found.append(_shifted(plain, told.late_s))
+    if told.is_zoomed:
+        matrix = plain.camera.matrix.copy()
+        matrix[:2, :2] *= told.factor
+        what = f"the focal length in camera_matrix is {told.factor:.2f} of what is stated"
+        found.append(replace(plain, what=what, camera=replace(plain.camera, matrix=matrix)))
+    return found
 
 
 def _shifted(plain: Hypothesis, offset_s: float) -> Hypothesis:

@@ -184,6 +184,34 @@ FITS_SHARE = 0.8
 """Of the boxes of a doubted camera, what a camera that explains them must place. Chosen: of clean
 drives 0.9 and more are."""
 
+# tracks against the path
+
+LATE_S, LATE_STEP_S = 3.2, 0.04
+"""How far from their stamps frames are looked for by all tracks, s, and in what steps: a car
+nods at one to two hertz, so that a step is a tenth of a swing at most."""
+LATE_OWN_S = 0.1
+"""Offsets of no consequence about the estimated one: what a nod tells is lost beyond, a sixth of a
+swing."""
+PLACES = 400
+"""So many times of the path tracks are laid over. Chosen: more take longer, and what one track
+reaches by chance the mean of hundreds tells to a tenth."""
+TRACK_BOXES = 16
+"""So many boxes of a track are asked. Chosen: neighbours of more err alike, and take longer."""
+COVERED_SHARE = 0.9
+"""Of the tracks, what must have a path at an offset for it to compare."""
+COUNT_AS_ONE = (1.2, 2.5, 1.5)
+"""Boxes of one track whose errors sideways, up and down and of height count as one's, so alike are
+neighbours: of hand-drawn ones of ten recorded drives (docs/geolocation.md)."""
+PASS_TURN_RAD = 0.004
+"""Attitude of the path while a sign is passed: what headings of good trajectories err by, 0.2
+deg."""
+STATED_FOCAL_SD = 0.03
+"""One sigma, as a part, that a focal length may seem to be off by and nothing is wrong. Chosen:
+margins of boxes that grow with their signs look like one."""
+FOCAL_SCALES = (0.5, 2.0 / 3.0, 0.8, 1.0, 1.25, 1.5, 2.0)
+"""Of a focal length, from where it is estimated: to either side of each as far as ``DOUBTED_FOCAL``
+reaches in a sigma and a half."""
+
 # existence
 
 FITTING_BOX_NATS = 3.0

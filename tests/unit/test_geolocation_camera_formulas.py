@@ -19,6 +19,7 @@ from automap.geolocation.landmark import SizePrior, fit_landmark
 from automap.geolocation.landmark_kernels import N_COMMON, Boxes
 from automap.geolocation.pass_errors import equations
 from automap.geolocation.rules import GeolocationRules
+from automap.geolocation.track_evidence import NOTHING_TOLD
 from automap.geolocation.views import CameraCorrection, MeasurementNoise, build_views
 from automap.records import UNKNOWN_DISTORTION_SD, FloatArray
 
@@ -206,12 +207,14 @@ def test_a_doubtful_sign_is_as_unsure_as_it_was_far() -> None:
         status: str
         cov_enu: FloatArray
         confidence: float
+        existence: float
 
-    sign: Any = Sign("ok", np.diag([1.0, 2.0, 3.0]), 0.5)
+    sign: Any = Sign("ok", np.diag([1.0, 2.0, 3.0]), 0.5, 0.9)
     found = doubtful(sign, 12.0)
     np.testing.assert_allclose(found.cov_enu, np.diag([145.0, 146.0, 147.0]))
     assert found.status == "doubtful"
     assert found.confidence == pytest.approx(0.5 * limits.IMPLAUSIBLE_CONFIDENCE)
+    assert found.existence == pytest.approx(0.9 * limits.IMPLAUSIBLE_CONFIDENCE)
 
 
 def test_a_cameras_rows_are_where_its_record_lies_among_all() -> None:
@@ -277,7 +280,8 @@ def test_an_explanation_places_more_boxes_or_places_them_closer(
     def locate(tried: camera_explanation.Trial, told: Any) -> Any:
         return at(share, scatter) if tried.cameras["a"].width != view.width else stated
 
-    tried, found, what = camera_explanation._best_explanation("a", Any, trial, stated, locate)  # type: ignore[arg-type]
+    known = "a", Any, trial, stated, locate, NOTHING_TOLD
+    tried, found, what = camera_explanation._best_explanation(*known)  # type: ignore[arg-type]
     assert what == ("mirrored" if taken else "")
     assert (tried.cameras["a"].width != view.width) == taken
     assert found.noise.scales[0] == (scatter if taken else 1.0)

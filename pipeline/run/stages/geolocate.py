@@ -350,7 +350,8 @@ STAGE = Stage(
     # 43: residuals and ranges of boxes are against signs where their views see them from
     # 44: passes of a drive are associated as drives of a map are
     # 45: k1 of lenses; a focal length that nobody states
-    version=48,
+    # 49: tracks are held against all of the path
+    version=49,
     run=run,
     inputs=_inputs,
     needs=(
