@@ -50,9 +50,15 @@ def slowly(url: str, digest: str, path: str, order: Order) -> Result:
     return publish_made(url, digest, path, order)
 
 
-def run_slowly(url: str, scheduler: str = "") -> None:
+def more_slowly(url: str, digest: str, path: str, order: Order) -> Result:
+    """A task that is not done before another process has seen that one is."""
+    time.sleep(1.5)
+    return slowly(url, digest, path, order)
+
+
+def run_slowly(url: str, scheduler: str = "", task: Callable[..., Result] = slowly) -> None:
     """What ``automap fleet run`` does, in a process of its own, with slow tasks."""
-    run(Store.at(url), ORDER, scheduler or None, 2, task=slowly)
+    run(Store.at(url), ORDER, scheduler or None, 2, task=task)
 
 
 def memories(marks: Path, store: Store) -> list[int]:
@@ -226,7 +232,7 @@ def test_an_interrupt_ends_a_run_cleanly(tmp_path: Path) -> None:
     code = (
         "import test_fleet_dask as t\n"
         "try:\n"
-        f"    t.run_slowly({store.place.url!r})\n"
+        f"    t.run_slowly({store.place.url!r}, task=t.more_slowly)\n"
         "except KeyboardInterrupt:\n"
         "    raise SystemExit(130)\n"
     )
