@@ -92,7 +92,8 @@ def longest_trip(imu: ImuData, alone: Trajectory) -> tuple[ImuData, list[str]]:
     trip = np.searchsorted(edges, fix_s[moves])
     read = np.searchsorted(edges, read_s)
     # of trips without readings none
-    driven = np.bincount(trip, minlength=len(edges) + 1) * np.isin(range(len(edges) + 1), read)
+    count = np.bincount(trip, minlength=len(edges) + 1)
+    driven = np.where(np.isin(range(len(edges) + 1), read), count, -1)
     rows = np.flatnonzero(read == np.argmax(driven))
     begin, end, metres = max(holes, key=lambda hole: hole[1] - hole[0])
     more = f" and {len(holes) - 1} more" if len(holes) > 1 else ""

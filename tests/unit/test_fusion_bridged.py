@@ -10,8 +10,9 @@ import pytest
 from automap.earth import metres_per_radian
 from automap.fusion.doubts.bridged import bridged, outside
 from automap.fusion.doubts.path import fix_misses
-from automap.fusion.doubts.position_jump import beside_readings, places_of
+from automap.fusion.doubts.position_jump import Places, beside_readings, places_of
 from automap.fusion.doubts.reason import Reason
+from automap.fusion.doubts.receiver import beside_imu
 from automap.fusion.nodes import model_fixes
 from automap.fusion.options import FusionOptions
 from automap.fusion.widening import widen
@@ -70,6 +71,20 @@ def test_a_path_that_followed_them_is_not(seed: int) -> None:
     found, _, _ = _judged(seed, follows=True)
     assert found.state == "doubtful"
     assert found.span_errors_m[0] > 0.8 * AWAY_M
+
+
+def test_a_drive_of_hardly_any_fixes_shows_nothing() -> None:
+    said = Reason("positions_parted", "by 40 m", ((1.0, 2.0),), error_m=AWAY_M)
+    one, none = np.array([GPS0 + 1.5]), misses_of(np.zeros((0, 3)))
+    seen = Places(
+        one, np.zeros((1, 2)), one, np.zeros((1, 3)), np.zeros((1, 2, 3)), 0.0 * one, 0.0 * one
+    )
+    parted = [Interval(GPS0 + 1.0, GPS0 + 2.0, AWAY_M)]
+    assert bridged([said], parted, seen, none, GPS0, 0.0, 1.3) == [said]
+    (kept,) = beside_imu(
+        [replace(said, code="positions_aside")], parted, parted, none, GPS0 + 1.0, GPS0 + 2.0
+    )
+    assert kept.spans == said.spans
 
 
 def test_where_the_drive_shows_too_little_all_stays_as_told() -> None:

@@ -131,6 +131,11 @@ def test_of_two_trips_in_one_log_the_longer_is_read(apart_s: float, parked: bool
     assert len(left) == np.count_nonzero(imu.t_ns < cut)
     (text,) = told
     assert text.startswith("for 15 min from ")
+    # a trip without readings is not taken, be none driven faster than at walking pace
+    second = read.at(slice(int(np.argmax(read.t_ns > cut)), None))
+    alone = smooth_fixes(log, CLOCK, FusionOptions())
+    slow = replace(alone, vel_ned=np.zeros_like(alone.vel_ned))
+    assert len(longest_trip(second, slow)[0]) == len(second)
     # where nothing was driven behind the hole there is one trip
     places = log.gps_s[first[kept]], log.lat_rad[first[kept]], log.lon_rad[first[kept]]
     assert lost_holes(read.t_ns * 1e-9, *places, 1.3) == []

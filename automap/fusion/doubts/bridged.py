@@ -18,6 +18,7 @@ from automap.fusion.doubts import limits
 from automap.fusion.doubts.path import Misses
 from automap.fusion.doubts.position_jump import Places
 from automap.fusion.doubts.reason import Reason, Span
+from automap.fusion.limits import LEAST_JUDGED
 from automap.records import BoolArray, FloatArray, IntArray
 from automap.sync.velocity_consistency import Interval
 
@@ -38,6 +39,8 @@ def bridged(
     begins at ``start_gps_s`` and is good to ``sd_m`` m an axis. The reason is none to doubt the
     path where that is no more.
     """
+    if min(len(seen.t), len(misses)) < LEAST_JUDGED:
+        return list(reasons)
     spans = [(jump.start_gps_s, jump.end_gps_s) for jump in parted]
     sound = np.flatnonzero(~_in_any(seen.t, spans))
     usual: dict[int, float] = {}

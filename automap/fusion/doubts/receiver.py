@@ -142,7 +142,8 @@ def beside_imu(
     most_m = math.inf if left is None else sum(jump.metres for jump in left)
     begins = [start_gps_s, *(jump.end_gps_s for jump in parted)]
     ends = [*(jump.start_gps_s for jump in parted), end_gps_s]
-    places = [(a - start_gps_s, b - start_gps_s) for a, b in zip(begins, ends, strict=True)]
+    edges = np.clip([begins, ends], start_gps_s, end_gps_s) - start_gps_s
+    places = [(float(a), max(float(a), float(b))) for a, b in edges.T]
     off = np.hypot(*misses.miss[:, :2].T)
     # sound positions step by less
     most_step = STEP_SD_M * math.sqrt(gate(OUTSIDE_95, 2))
@@ -152,7 +153,7 @@ def beside_imu(
             there = off[(misses.t >= a) & (misses.t <= b)]
             passed &= bool(len(there)) and float(np.median(there)) > most_step
             behind.append((a, b))
-    share = sum(b - a for a, b in behind) / sum(b - a for a, b in places)
+    share = sum(b - a for a, b in behind) / max(sum(b - a for a, b in places), 1e-9)
     for reason in reasons:
         if reason.code != "positions_aside" or left is None:
             yield reason
