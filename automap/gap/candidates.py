@@ -327,12 +327,17 @@ def term_columns(
 
 
 def signal_column(
-    term: tuple[str, str], signal: FloatArray, at: NodeMotion, name: str = "", parameter: str = "k"
+    term: tuple[str, str],
+    signal: FloatArray,
+    at: NodeMotion,
+    name: str = "",
+    parameter: str = "k",
+    sd: float | None = None,
 ) -> Column:
     """A ``signal`` [n] on the channel of a term as a column along one drive; ``name`` of the
-    formula, where that has more terms."""
+    formula, where that has more terms; ``sd`` where its usual one is known."""
     channel = term[0]
-    sd = usual_sds((channel,), signal)[channel]
+    sd = usual_sds((channel,), signal)[channel] if sd is None else sd
     name = name or equation([term])
     acting = towards(channel)
     if acting[0].on in SENSORS:

@@ -31,16 +31,9 @@ def null_maxima(known: Conditional, parts: Sequence[Part], draws: int, seed: int
     rng = np.random.default_rng(seed)
     columns = np.array(sorted({i for part in parts for i in part}), np.int64)
     sizes, sds = known.diagonal[columns], known.linear.prior_sd[columns]
-    mixing, made = known.linear.mixing, known.given.columns
-    if mixing is None:
-        info = known.info(tuple(columns))
-    else:
-        # thousands of courses are made of hundreds of boxes: those are drawn
-        info = known.linear.info.copy()
-        if made:
-            cross = info @ mixing.matrix(made, len(info))
-            inner = known.cross[:, made] + np.diag(np.array(known.given.prior_sd) ** -2.0)
-            info -= cross @ np.linalg.solve(inner, cross.T)
+    mixing, info = known.linear.mixing, known.of_rows()
+    # thousands of courses are made of hundreds of boxes: those are drawn
+    info = info[np.ix_(columns, columns)] if mixing is None else info.copy()
     unit = np.sqrt(np.maximum(np.diag(info), 1e-300))
     info /= np.outer(unit, unit)
     # scores of columns that others make up are singular

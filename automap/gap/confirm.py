@@ -22,8 +22,14 @@ from automap.gap.fit import Fit, GapModel, Values, fit_drive
 from automap.gap.limits import HUBER
 from automap.gap.noise import Fitted
 from automap.gap.result import Cost, Extent, HeldPositions, KeptOut
-from automap.gap.scoring import fit_held_out, likelier, total_score, whitener_of
-from automap.gap.whitening import LOOSE
+from automap.gap.scoring import (
+    Odds,
+    fit_held_out,
+    likelier,
+    likelier_by_side,
+    total_score,
+    whitener_of,
+)
 from automap.records import FloatArray
 
 LEVEL, DOWN = (CH_POS, CH_POS + 1), (CH_POS + 2,)
@@ -284,18 +290,16 @@ class Judge:
         self.held_out = held_out
         self._known: list[tuple[Fitted, list[Fit]]] = []
 
-    def ahead(self, one: Fitted, other: Fitted, of_vehicle: bool) -> tuple[float, float]:
+    def ahead(self, one: Fitted, other: Fitted, of_vehicle: bool) -> Odds:
         """By all drives: nothing where the sets differ by nothing ``of_vehicle`` and the receiver
         alone says the opposite. A body that sways against its path turns the gyro with it, and
         what is made of small turn rates follows that."""
-        nats, sigmas = likelier(self._fits(one), self._fits(other))
-        if not of_vehicle and self.by_receiver(one, other)[0] * nats < 0.0:
-            return 0.0, 0.0
-        return nats, sigmas
+        told, received = likelier_by_side(self._fits(one), self._fits(other))
+        return told if of_vehicle or received[0] * told[0] >= 0.0 else (0.0, 0.0)
 
-    def by_receiver(self, one: Fitted, other: Fitted) -> tuple[float, float]:
+    def by_receiver(self, one: Fitted, other: Fitted) -> Odds:
         """The same without what the vehicle constraint says."""
-        return likelier(self._fits(one), self._fits(other), LOOSE)
+        return likelier_by_side(self._fits(one), self._fits(other))[1]
 
     def forget(self) -> None:
         """Forget fits: they are large, and seldom one is asked for again."""
@@ -308,7 +312,9 @@ class Judge:
         """Held-out drives under a fitted set; the two that were asked for last are kept."""
         known = [one for one in self._known if one[0] is fitted]
         if not known:
-            known = [(fitted, fit_held_out(self.held_out, fitted.model, fitted.values()))]
+            about = self._known[-1][1] if self._known else ()
+            fits = fit_held_out(self.held_out, fitted.model, fitted.values(), about)
+            known = [(fitted, fits)]
         # one that many are compared with stays
         self._known = [*(one for one in self._known if one[0] is not fitted), *known][-2:]
         return known[0][1]

@@ -6,7 +6,7 @@ effect, so that the filter can estimate it.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Sequence
 
 import numpy as np
 
@@ -25,7 +25,13 @@ from automap.effects.user import (
     user_effect,
     user_effects,
 )
-from automap.gap.candidates import Candidate, effect_columns, signal_column, size_of
+from automap.gap.candidates import (
+    Candidate,
+    effect_columns,
+    signal_column,
+    size_of,
+    usual_sds,
+)
 from automap.gap.fit import Fit
 from automap.gap.limits import SAME_SIGNAL
 from automap.gap.linear import Column, NodeMotion
@@ -164,6 +170,8 @@ PREFIX = "formula_"
 """Names of effects that were made of a formula begin with it."""
 LEAST_SPREAD = 1e-9
 """Of a quantity that a drive has at all."""
+COMPARED_S = 0.1
+"""Signals are compared at such times: what a car does hardly changes in between."""
 LEAST_OWN = 1e-6
 """Share of a signal's variance below which the others make it up."""
 
@@ -173,48 +181,40 @@ def formula_columns(
 ) -> list[Column]:
     """Formulas of one term each, channel and text, as columns of one drive, but for those of
     readings that effects of the library say; it does without those to ``exclude``."""
-    texts = dict.fromkeys(text for _, text in terms)
-    signals = {text: parse_formula(text)(at.along) for text in texts}
-    said = _said(at, [term for term in terms if term[0] in INERTIAL], signals, exclude)
-    columns = [
-        signal_column((on, text), signals[text], at)
-        for on, text in terms
-        if np.isfinite(signals[text]).all() and (on, text) not in said
-    ]
-    # a car that never turns has no bend to remember
-    return [c for c in columns if c.prior_sd < size_of(c.term[0]) / LEAST_SPREAD]
+    channels: dict[str, list[str]] = {}
+    for on, text in terms:
+        channels.setdefault(text, []).append(on)
+    made: dict[tuple[str, str], Column] = {}
+    for text, its in channels.items():
+        signal = parse_formula(text)(at.along)
+        if not np.isfinite(signal).all():
+            continue
+        sds = usual_sds(its, signal)
+        for on in its:
+            # a car that never turns has no bend to remember
+            said = on in INERTIAL and _said(at, on, signal, exclude)
+            if sds[on] < size_of(on) / LEAST_SPREAD and not said:
+                made[on, text] = signal_column((on, text), signal, at, sd=sds[on])
+    return [made[term] for term in terms if term in made]
 
 
-def _said(
-    at: NodeMotion,
-    terms: Sequence[tuple[str, str]],
-    signals: Mapping[str, FloatArray],
-    exclude: Collection[str],
-) -> set[tuple[str, str]]:
-    """Those formulas on readings, channel and text, of ``signals`` [n] by their texts, that effects
-    of the catalogue make up."""
-    if not terms:
-        return set()
-    units = {}
-    for text in dict.fromkeys(text for _, text in terms):
-        spread = float(np.std(signals[text]))
-        if spread >= LEAST_SPREAD:
-            units[text] = (signals[text] - signals[text].mean()) / spread
-    out = set()
+def _said(at: NodeMotion, on: str, signal: FloatArray, exclude: Collection[str]) -> bool:
+    """Whether effects of the catalogue make up a ``signal`` [n] on the readings ``on``."""
     without = frozenset(exclude)
     if without not in at.said:
         at.said[without] = _catalogue_signals(at, exclude)
-    for channel, rows in at.said[without].items():
-        asked = [text for on, text in terms if on == channel and text in units]
-        if len(rows) and asked:
-            along = np.array([units[text] for text in asked]) @ rows.T
-            share = np.sum((along / len(rows.T)) ** 2, axis=1)
-            out |= {
-                (channel, text)
-                for text, its in zip(asked, share, strict=True)
-                if its > SAME_SIGNAL**2
-            }
-    return out
+    rows = at.said[without].get(on)
+    if rows is None:
+        return False
+    thin = signal[:: _every(at)]
+    # they have no mean
+    share = np.sum((rows @ thin / len(thin)) ** 2) / max(float(np.var(thin)), 1e-300)
+    return bool(share > SAME_SIGNAL**2)
+
+
+def _every(at: NodeMotion) -> int:
+    """Of so many readings along a drive one is looked at where signals are compared."""
+    return max(round(COMPARED_S / max(float(np.median(np.diff(at.motion.t))), 1e-4)), 1)
 
 
 def left_out_columns(at: NodeMotion, effects: Collection[str]) -> list[Column]:
@@ -273,8 +273,8 @@ def _basis_text(term: ImuTerm) -> str:
 
 
 def _catalogue_signals(at: NodeMotion, exclude: Collection[str]) -> dict[str, FloatArray]:
-    """What catalogue effects already add to each channel: signals [k, n] of mean square one that
-    are at right angles to one another."""
+    """What catalogue effects already add to each channel: signals [k, m] of mean square one that
+    are at right angles to one another, at the readings that are compared."""
     # what a search has made an effect of stays a formula
     out_of = [e for e in CATALOGUE if e not in exclude and not e.startswith(PREFIX)]
     names = [e for e in out_of if CATALOGUE[e].family == "imu"]
@@ -282,7 +282,9 @@ def _catalogue_signals(at: NodeMotion, exclude: Collection[str]) -> dict[str, Fl
     motion, temp_c = at.motion, at.fit.opened.drive.imu.temp_c
     speed = np.linalg.norm(motion.vel, axis=1)
     extra = extra_basis(terms, motion.rate, motion.force, temp_c, speed, signals=at.along)
-    both = np.concatenate([motion.rate, motion.force], axis=1)
+    both, extra = (
+        each[:: _every(at)] for each in (np.concatenate([motion.rate, motion.force], axis=1), extra)
+    )
     out: dict[str, list[FloatArray]] = {}
     for term in terms:
         if term.basis == BASIS_ONE or term.extra == WARM_UP:

@@ -222,9 +222,14 @@ class Linear:
 
     def cross(self, at: Sequence[int] | IntArray) -> FloatArray:
         """Information [k, v] between some columns and all."""
+        half = self.of_rows(at)
+        return half if self.mixing is None else self.mixing.of(half)
+
+    def of_rows(self, at: Sequence[int] | IntArray) -> FloatArray:
+        """Information [k, c] between some columns and the rows' own."""
         if self.mixing is None:
             return np.asarray(self.info[list(at)])
-        return self.mixing.cross(self.info, np.array(at, np.int64))
+        return self.mixing.half(self.info, np.array(at, np.int64))
 
     def pairs(self, parts: IntArray) -> FloatArray:
         """Information [k, p, p] of parts [k, p]."""
@@ -409,13 +414,21 @@ class Conditional:
 
     def shared(self, columns: IntArray) -> float:
         """Sum of the squared correlations between the scores of all pairs of columns [k]."""
-        total, size = 0.0, self.diagonal[columns]
-        for start in range(0, len(columns), BATCH):
-            some = columns[start : start + BATCH]
-            info = self.linear.cross(some)[:, columns]
-            info -= self.cross[:, some].T @ self.weights[:, columns]
-            total += float(np.sum(info**2 / np.outer(self.diagonal[some], size)))
-        return total
+        info, size = self.of_rows(), 1.0 / self.diagonal[columns]
+        if self.linear.mixing is None:
+            return float(size @ info[np.ix_(columns, columns)] ** 2 @ size)
+        # of columns M of what the rows have, of information I: trace((I M D M')^2)
+        mixed = info @ self.linear.mixing.outer(columns, size, len(info))
+        return float(np.sum(mixed * mixed.T))
+
+    def of_rows(self) -> FloatArray:
+        """Information [c, c] of the rows' own columns with what is given marginalised."""
+        info, given = self.linear.info, list(self.given.columns)
+        if not given:
+            return info
+        taken = self.linear.of_rows(given)
+        inner = self.cross[:, given] + np.diag(np.array(self.given.prior_sd) ** -2.0)
+        return np.asarray(info - taken.T @ np.linalg.solve(inner, taken))
 
 
 def conditional(linear: Linear, given: Given) -> Conditional:

@@ -59,14 +59,25 @@ class Mixing:
         """Information [n, n] of the columns of each group, of that [c, c] of what is there."""
         return tuple(g.by.T @ info[np.ix_(g.rows, g.rows)] @ g.by for g in self.groups)
 
-    def cross(self, info: FloatArray, at: IntArray) -> FloatArray:
-        """Information [k, v] between some columns and all."""
+    def half(self, info: FloatArray, at: IntArray) -> FloatArray:
+        """Information [k, c] between some columns and what is there."""
         group, number = self._place
-        half = np.empty((len(at), len(info)))
+        out = np.empty((len(at), len(info)))
         for g in np.unique(group[at]):
             mine, its = group[at] == g, self.groups[g]
-            half[mine] = (info[:, its.rows] @ its.by[:, number[at[mine]]]).T
-        return self.of(half)
+            out[mine] = (info[:, its.rows] @ its.by[:, number[at[mine]]]).T
+        return out
+
+    def outer(self, at: IntArray, weights: FloatArray, c: int) -> FloatArray:
+        """The sum [c, c] of the ``weights`` [k] of some columns times what these are made of, each
+        with itself."""
+        group, number = self._place
+        out = np.zeros((c, c))
+        for g in np.unique(group[at]):
+            mine, its = group[at] == g, self.groups[g]
+            by = its.by[:, number[at[mine]]]
+            out[np.ix_(its.rows, its.rows)] += by * weights[mine] @ by.T
+        return out
 
     def pairs(self, info: FloatArray, within: Sequence[FloatArray], parts: IntArray) -> FloatArray:
         """Information [k, p, p] of parts [k, p], of which most are of one group."""

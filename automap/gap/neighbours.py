@@ -47,8 +47,8 @@ a step. What is remembered has shapes, and no second memory."""
 def neighbours(text: str, signals: Signals) -> list[str]:
     """The formulas near ``text`` on a drive of these signals, each once, without itself."""
     factors = _factors(parse_formula(text).tree)
-    out = _with(factors, [_forms(f, signals) for f in factors])
     written = [_written(f) for f in factors]
+    out = _with(written, [_forms(f, signals) for f in factors])
     if len(written) > 1:
         out += [_product([*written[:i], *written[i + 1 :]]) for i in range(len(written))]
     if "speed" not in written:
@@ -84,13 +84,13 @@ def complexity(terms: Terms) -> tuple[int, int]:
 def amounts(text: str) -> list[str]:
     """The formulas that have one amount of ``text`` moved: how long it remembers, where it bends.
     Whole numbers are none: they count."""
-    factors = _factors(parse_formula(text).tree)
-    return _others(_with(factors, [_moved(f) for f in factors]), text)
+    written = [_written(f) for f in _factors(parse_formula(text).tree)]
+    texts = dict.fromkeys(_with(written, [_moved(w) for w in written]))
+    return [t for t in texts if t != _product(written)]
 
 
-def _with(factors: Sequence[ast.expr], forms: Sequence[Sequence[str]]) -> list[str]:
+def _with(written: Sequence[str], forms: Sequence[Sequence[str]]) -> list[str]:
     """The product with each of the forms of a factor in its place."""
-    written = [_written(f) for f in factors]
     return [
         _product([*written[:i], new, *written[i + 1 :]])
         for i, its in enumerate(forms)
@@ -153,18 +153,14 @@ def _memory(factor: ast.expr) -> list[tuple[str, str]]:
     return []
 
 
-def _moved(factor: ast.expr) -> list[str]:
-    """A factor with one of its amounts moved."""
-    values = {
-        node.value
-        for node in ast.walk(factor)
-        if isinstance(node, ast.Constant) and isinstance(node.value, float) and node.value > 0.0
-    }
-    return [
-        _with_instead(factor, f"{value}", f"{float(f'{value * by:.3g}')}")
-        for value in sorted(values)
-        for by in np.geomspace(1.0 / WIDER, WIDER, WIDTHS)
-    ]
+def _moved(factor: str) -> list[str]:
+    """A factor as it is written with one of its amounts moved, wherever it has that."""
+    out = []
+    for amount in sorted({m.group() for m in AMOUNT.finditer(factor)}, key=float):
+        moved = float(amount) * np.geomspace(1.0 / WIDER, WIDER, WIDTHS)
+        own = rf"(?<![\w.]){re.escape(amount)}(?![\w.])"
+        out += [re.sub(own, f"{float(f'{v:.3g}')}", factor) for v in moved.tolist() if v > 0.0]
+    return out
 
 
 def _with_instead(factor: ast.expr, old: str, new: str) -> str:

@@ -14,6 +14,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import combinations
 
 import numpy as np
@@ -82,16 +83,19 @@ class Ranged:
     nats: float
 
 
-def conditional_noise(fits: Sequence[Fit], held_out: Sequence[Fit]) -> Ranged | None:
+def conditional_noise(fits: Sequence[Fit], held_out: Sequence[Fit], free: Free) -> Ranged | None:
     """The level of a sensor or receiver that is likeliest to depend on a condition, where a
     thousand to one speaks for it on fitted drives and twenty to one on those held out, of a sensor
-    also where nothing is known of how the vehicle moves; fits under the noise that suits them."""
+    also where these are ``free``; fits under the noise that suits them."""
     courses = [courses_of(fit) for fit in fits]
     conditions = _conditions(courses)
     price = math.log(len(conditions) * len(TRIED)) + limits.OCCAM_NATS
-    short = _shortlist(fits, courses, conditions, price + limits.LEAST_ODDS)
-    found = [_fitted(fits, courses, *one) for one in short]
-    best = max(found, key=lambda one: one.nats, default=None)
+    best: Ranged | None = None
+    for level, condition, most in _shortlist(fits, courses, conditions, price + limits.LEAST_ODDS):
+        if best is not None and best.nats >= most:
+            break
+        one = _fitted(fits, courses, level, condition)
+        best = one if best is None or one.nats > best.nats else best
     if best is None or best.nats - price < limits.LEAST_ODDS or best.level in VEHICLE_LEVELS:
         return None
     others = [courses_of(fit) for fit in held_out]
@@ -101,9 +105,8 @@ def conditional_noise(fits: Sequence[Fit], held_out: Sequence[Fit]) -> Ranged | 
     if gain - least < limits.CLOSE_NATS:
         return None
     if best.level in INERTIAL_LEVELS:
-        free = [unconstrained(f) for f in fits]
-        free = _under_levels(free, fit_noise(free))
-        if _fitted(free, courses, best.level, best.condition).nats < limits.CLOSE_NATS:
+        alone = _under_levels(free.fits, free.levels)
+        if _fitted(alone, courses, best.level, best.condition).nats < limits.CLOSE_NATS:
             return None
     return replace(best, nats=best.nats - price)
 
@@ -119,8 +122,20 @@ def _under_levels(fits: Sequence[Fit], factors: Mapping[str, float]) -> list[Fit
     return out
 
 
-def unconstrained(fit: Fit) -> Fit:
-    """A fit whose nodes say nothing of sideways slip and springs."""
+class Free:
+    """Fits whose nodes say nothing of sideways slip and springs: what is known of drives where
+    nobody says how the vehicle moves."""
+
+    def __init__(self, fits: Sequence[Fit]) -> None:
+        self.fits = [_unconstrained(fit) for fit in fits]
+
+    @cached_property
+    def levels(self) -> dict[str, float]:
+        """The factors on the noise levels that suit them."""
+        return fit_noise(self.fits)
+
+
+def _unconstrained(fit: Fit) -> Fit:
     nodes = replace(fit.last.nodes, flags=fit.last.nodes.flags & ~NHC)
     return replace(fit, last=replace(fit.last, nodes=nodes))
 
@@ -174,10 +189,11 @@ def _conditions(courses: Sequence[Course]) -> list[Condition]:
 
 def _shortlist(
     fits: Sequence[Fit], courses: Sequence[Course], conditions: Sequence[Condition], least: float
-) -> list[tuple[str, Condition]]:
+) -> list[tuple[str, Condition, float]]:
     """Of each level and quantity the range that cuts the slope most unevenly, the likeliest of
-    those of ``least`` nats by it: a level that is f times higher in n values has n (f^2 - 1)^2 / 4
-    by its slope, and by its likelihood n ((f^2 - 1) / 2 - log f), which is less."""
+    those of ``least`` nats by it, with these: a level that is f times higher in n values has
+    n (f^2 - 1)^2 / 4 by its slope, and by its likelihood n ((f^2 - 1) / 2 - log f), which is less.
+    """
     slope = np.zeros((len(conditions), len(TRIED)))
     info = np.zeros_like(slope)
     whole = np.zeros((2, len(TRIED)))
@@ -199,7 +215,7 @@ def _shortlist(
         if value > best.get(key, (0.0,))[0]:
             best[key] = float(value), conditions[c]
     likely = sorted(best.items(), key=lambda one: -one[1][0])[: limits.RIVALS]
-    return [(level, c) for (level, _), (nats, c) in likely if nats >= least]
+    return [(level, c, nats) for (level, _), (nats, c) in likely if nats >= least]
 
 
 def _fitted(

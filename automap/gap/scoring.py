@@ -12,7 +12,7 @@ own innovations could still gain (a Kullback-Leibler distance).
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -23,7 +23,7 @@ from automap.gap.drive import OpenDrive
 from automap.gap.fit import Fit, GapModel, fit_drive, whitened_innovations
 from automap.gap.limits import AR_ORDER, CLIP, HUBER, MIN_ROWS
 from automap.gap.result import ChannelGap
-from automap.gap.whitening import Whitener, autoregression, filtered, fit_whitener
+from automap.gap.whitening import LOOSE, Whitener, autoregression, filtered, fit_whitener
 from automap.records import FloatArray
 
 MEASURED = CH_VEL + 3
@@ -53,28 +53,41 @@ def _each_score(fit: Fit, whitener: Whitener) -> tuple[FloatArray, FloatArray]:
     return out, t
 
 
-def likelier(
-    one: Sequence[Fit], other: Sequence[Fit], but: Collection[int] = ()
-) -> tuple[float, float]:
-    """Nats by which drives are likelier under fits than under others, by the mean of what the
-    whiteners of both sides say, and the sigmas of that by its scatter from stretch to stretch
-    (Vuong, Econometrica 57 (1989), 307-333); channels ``but`` have no say."""
+Odds = tuple[float, float]
+"""Nats by which drives are likelier under one model than under another, and the sigmas of that by
+its scatter from stretch to stretch (Vuong, Econometrica 57 (1989), 307-333)."""
+
+
+def likelier(one: Sequence[Fit], other: Sequence[Fit]) -> Odds:
+    """By how much drives are likelier under fits than under others."""
+    return likelier_by_side(one, other)[0]
+
+
+def likelier_by_side(one: Sequence[Fit], other: Sequence[Fit]) -> tuple[Odds, Odds]:
+    """The same, and what the receiver alone says of it, by the mean of what the whiteners of both
+    sides say."""
     parts = []
     for a, b in zip(one, other, strict=True):
         number = max(int(a.last.nodes.t[-1] / limits.BLOCKS_S[0]), 1)
         edges = np.linspace(0.0, np.nextafter(a.last.nodes.t[-1], np.inf), number + 1)
-        total = np.zeros(number)
-        for own in (a, b):
-            whitener = whitener_of(own)
-            for sign, fit in ((0.5, a), (-0.5, b)):
-                score, t = _each_score(fit, whitener)
-                heard = ~np.isin(whitened_innovations(fit)[2], list(but))
-                total += sign * np.histogram(t[heard], edges, weights=score[heard])[0]
+        total = np.zeros((2, number))
+        whiteners = [whitener_of(own) for own in (a, b)]
+        for sign, fit in ((0.5, a), (-0.5, b)):
+            told = [_each_score(fit, whitener) for whitener in whiteners]
+            score, t = told[0][0] + told[1][0], told[0][1]
+            heard = ~np.isin(whitened_innovations(fit)[2], LOOSE)
+            for side, mine in zip(total, (heard, ~heard), strict=True):
+                side += sign * np.histogram(t[mine], edges, weights=score[mine])[0]
         parts.append(total)
-    each = np.concatenate(parts)
-    total_nats = float(each.sum())
+    sides = np.concatenate(parts, axis=1)
+    return _odds(sides.sum(axis=0)), _odds(sides[0])
+
+
+def _odds(each: FloatArray) -> Odds:
+    """Of what stretches say [b]."""
+    total = float(each.sum())
     spread = float(np.sqrt(len(each)) * np.std(each))
-    return total_nats, total_nats / spread if spread > 0.0 else 0.0
+    return total, total / spread if spread > 0.0 else 0.0
 
 
 def _rho(u: FloatArray) -> FloatArray:

@@ -21,7 +21,7 @@ from automap.fusion.nodes import model_fixes
 from automap.gap import limits
 from automap.gap.fit import Fit
 from automap.gap.noise import at_top, fit_noise, noise_score, rest_factors, rooms_of
-from automap.gap.noise_conditions import Ranged, conditional_noise, unconstrained
+from automap.gap.noise_conditions import Free, Ranged, conditional_noise
 from automap.gap.reading_steps import coarse
 from automap.gap.result import Finding, NoiseClaim, ParameterValue
 from automap.gates import exceeds
@@ -46,7 +46,7 @@ def stochastic_findings(
     given, ``gap`` what is left on held-out data."""
     out = []
     fitted = dict(fits[0].model.factors)
-    rooms = rooms_of(fits)
+    rooms, free = rooms_of(fits), Free(fits)
     score = _memo(lambda f: noise_score(fits, f, rooms))
     for name in WALKS:
         ratio = fitted[name] / stated_factors[name]
@@ -55,7 +55,7 @@ def stochastic_findings(
         as_stated = {name: stated_factors[name]}
         nats = _worth(fits, score, fitted, as_stated)
         if nats >= limits.NOISE_NATS:
-            nats = min(nats, _of_no_vehicle(fits, fitted, as_stated) - limits.OCCAM_NATS)
+            nats = min(nats, _of_no_vehicle(free, as_stated) - limits.OCCAM_NATS)
         if nats < limits.NOISE_NATS:
             continue
         value = float(getattr(fits[0].model.options, name)) * fitted[name]
@@ -82,7 +82,7 @@ def noise_claims(
     that is; else what speaks for its noise must do so without the vehicle constraint.
     """
     fitted = dict(fits[0].model.factors)
-    rooms = rooms_of(fits)
+    rooms, free = rooms_of(fits), Free(fits)
     score = _memo(lambda f: noise_score(fits, f, rooms))
     resting = rest_factors(fits)
     ratios = {level: fitted[level] / stated_factors[level] for level in SENSOR_LEVELS}
@@ -96,10 +96,10 @@ def noise_claims(
         nats = _worth(fits, score, fitted, as_stated)
         at_rest = resting.get(level, 0.0) >= limits.SCALE_FACTOR * stated_factors.get(level, np.inf)
         if nats >= limits.NOISE_NATS and level in SENSOR_LEVELS and not at_rest:
-            nats = min(nats, _of_no_vehicle(fits, fitted, as_stated) - limits.OCCAM_NATS)
+            nats = min(nats, _of_no_vehicle(free, as_stated) - limits.OCCAM_NATS)
         if nats >= limits.NOISE_NATS:
             out.append(NoiseClaim(level, ratio, nats, _p(nats)))
-    ranged = conditional_noise(fits, held_out)
+    ranged = conditional_noise(fits, held_out, free)
     if ranged is not None:
         out = _under_condition(out, ranged, fits, stated_factors)
     out = [replace(c, cause=coarse(fits, c.level)) if c.level in SENSOR_LEVELS else c for c in out]
@@ -161,15 +161,11 @@ def _at_best(
     return fit_noise(fits, [k for k in ALL_LEVELS if k not in held], factors)
 
 
-def _of_no_vehicle(
-    fits: Sequence[Fit], fitted: Mapping[str, float], as_stated: Mapping[str, float]
-) -> float:
+def _of_no_vehicle(free: Free, as_stated: Mapping[str, float]) -> float:
     """Log-likelihood ratio, nats, of levels free beside ``as_stated`` where nothing is known of how
     the vehicle moves: a body that sways against its path looks like noise of the sensors in it."""
-    free = [unconstrained(f) for f in fits]
-    best = fit_noise(free, initial=fitted)
-    held = _at_best(free, best | dict(as_stated), tuple(as_stated))
-    return noise_score(free, best) - noise_score(free, held)
+    held = _at_best(free.fits, free.levels | dict(as_stated), tuple(as_stated))
+    return noise_score(free.fits, free.levels) - noise_score(free.fits, held)
 
 
 def _memo(score: Callable[[Mapping[str, float]], float]) -> Callable[[Mapping[str, float]], float]:

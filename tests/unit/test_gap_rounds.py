@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any, cast
@@ -27,12 +27,9 @@ def says(monkeypatch: pytest.MonkeyPatch, all_sigmas: float, received: float = 0
     """Let all channels, and the receiver's alone, be for the first of two sets by so many
     sigmas."""
 
-    def likelier(one: Any, other: Any, but: Collection[int] = ()) -> tuple[float, float]:
-        sigmas = received if but else all_sigmas
-        return 20.0 * sigmas, sigmas
-
-    for module in (search, confirm):
-        monkeypatch.setattr(module, "likelier", likelier)
+    told, its = ((20.0 * sigmas, sigmas) for sigmas in (all_sigmas, received))
+    monkeypatch.setattr(search, "likelier", lambda one, other: told)
+    monkeypatch.setattr(confirm, "likelier_by_side", lambda one, other: (told, its))
 
 
 def on_sensor() -> Selection:
@@ -217,12 +214,12 @@ def test_what_nature_knows_of_one_sign_is_not_borne_out_by_the_other(
 def test_a_fit_that_others_are_compared_with_is_made_once(monkeypatch: pytest.MonkeyPatch) -> None:
     made: list[str] = []
 
-    def held_out(opened: Any, model: str, values: Any) -> list[Any]:
+    def held_out(opened: Any, model: str, values: Any, about: Any) -> list[Any]:
         made.append(model)
         return []
 
     monkeypatch.setattr(confirm, "fit_held_out", held_out)
-    monkeypatch.setattr(confirm, "likelier", lambda one, other, but=(): (0.0, 0.0))
+    monkeypatch.setattr(confirm, "likelier_by_side", lambda one, other: ((0.0, 0.0), (0.0, 0.0)))
     judge = Judge(cast("Any", ["a drive"]))
     here, *others = (
         cast("Any", SimpleNamespace(fits=(), model=name, values=dict)) for name in "habcd"
