@@ -25,9 +25,9 @@ from automap.gap.result import Cost, Extent, HeldPositions, KeptOut
 from automap.gap.scoring import (
     Odds,
     fit_held_out,
+    gain_over,
     likelier,
     likelier_by_side,
-    total_score,
     whitener_of,
 )
 from automap.records import FloatArray
@@ -89,8 +89,7 @@ def confirmed(
     for effect in list(kept):
         fewer = {e: v for e, v in kept.items() if e != effect}
         without = fit_held_out(held_out, model, fewer, fits)
-        whitener = whitener_of(fits[0])
-        gain = total_score(fits, whitener) - total_score(without, whitener)
+        gain = gain_over(fits, without, whitener_of(fits[0]))
         if gain < (0.0 if effect in must_gain else -limits.HELD_OUT_SLACK):
             kept, fits = fewer, without
             warnings.append(

@@ -52,8 +52,8 @@ from automap.gap.scoring import (
     channel_gaps,
     epochs,
     fit_held_out,
+    gain_over,
     remaining_gap,
-    total_score,
     whitener_of,
 )
 from automap.gap.screening import Screening
@@ -187,13 +187,12 @@ def _result(
     changing, later = _followed(found, screening, fits, final, values, tuple(always))
     told = describe(found, values, maxima, changing, doubts(found, values, changing))
     whitener, count = whitener_of(final[0]), epochs(final)
-    reference = total_score(final, whitener)
     first = fit_held_out(held_out, base, {}, final)
-    gaps = [rest + (reference - total_score(first, whitener)) / count]
+    gaps = [rest + gain_over(final, first, whitener) / count]
     for number in range(1, len(told)):
         part = {e: v for e, v in values.items() if e in {t.effect for t in told[:number]}}
         then = fit_held_out(held_out, model, part, final)
-        gaps.append(rest + (reference - total_score(then, whitener)) / count)
+        gaps.append(rest + gain_over(final, then, whitener) / count)
     gaps.append(rest)
     between = zip(told, pairwise(gaps), strict=False)
     told = [replace(one, gap_before=then, gap_after=now) for one, (then, now) in between]

@@ -21,7 +21,7 @@ from automap.gap.fit import Fit, Values, without
 from automap.gap.found import Found
 from automap.gap.noise import Fitted, fitted_about, with_noise
 from automap.gap.result import Finding, ParameterValue, advice
-from automap.gap.scoring import epochs, fit_held_out, likelier, total_score, whitener_of
+from automap.gap.scoring import epochs, fit_held_out, gain_over, likelier, whitener_of
 from automap.gates import exceeds
 from automap.records import FloatArray
 
@@ -123,8 +123,7 @@ def usual_finding(
     # nats of an estimate are half the square of its sigmas, and scatter as much as these: half of
     # the sigmas stretch by stretch are those of the nats
     sd = max(sd, abs(value) / (2.0 * sigmas))
-    whitener = whitener_of(final[0])
-    before = (total_score(final, whitener) - total_score(held, whitener)) / epochs(final)
+    before = gain_over(final, held, whitener_of(final[0])) / epochs(final)
     close = (ARM,) if effect == BEHIND and ARM not in found.chosen.names else ()
     # a step of what is cut off is twice what that takes away in the mean
     steps = f"speeds that are cut off, not rounded, in steps of {-2.0 * value:.2g} m/s"

@@ -24,7 +24,7 @@ from automap.gap.fit import Fit, GapModel, fit_drive, whitened_innovations
 from automap.gap.limits import AR_ORDER, CLIP, HUBER, MIN_ROWS
 from automap.gap.result import ChannelGap
 from automap.gap.whitening import LOOSE, Whitener, autoregression, filtered, fit_whitener
-from automap.records import FloatArray
+from automap.records import BoolArray, FloatArray
 
 MEASURED = CH_VEL + 3
 """Channels of the receiver. The vehicle constraint is no measurement: what it says counts where
@@ -38,19 +38,34 @@ def whitener_of(fit: Fit) -> Whitener:
     return fit_whitener(whitened, channel)
 
 
-def robust_score(fit: Fit, whitener: Whitener) -> float:
-    """Log-likelihood of the measurements in nats, up to a constant of the whitener."""
-    return float(_each_score(fit, whitener)[0].sum())
-
-
-def _each_score(fit: Fit, whitener: Whitener) -> tuple[FloatArray, FloatArray]:
-    """The same of every measurement [s], and their times [s] in s."""
-    whitened, t, channel = whitened_innovations(fit)
+def _each_score(fit: Fit, whitener: Whitener) -> FloatArray:
+    """Log-likelihood of every measurement [s] in nats, up to a constant of the whitener."""
+    whitened, _, channel = whitened_innovations(fit)
     out = -0.5 * np.log(fit.last.forward.store.var)
     for c, spread in whitener.spread.items():
         at = channel == c
         out[at] -= _rho(filtered(whitened[at, None], whitener.ar[c])[:, 0] / spread)
-    return out, t
+    return np.asarray(out)
+
+
+def _common(one: Fit, other: Fit) -> tuple[BoolArray, BoolArray]:
+    """Which measurements [s] of each of two fits of a drive the other has, too. The vehicle
+    constraint holds above a crawl alone, and where a car creeps one path may and the other may not:
+    what only one is asked, whatever it says, tells nothing of the two."""
+    first, second = (
+        np.stack(whitened_innovations(fit)[1:], axis=1, dtype=np.float64).view(np.complex128)[:, 0]
+        for fit in (one, other)
+    )
+    return np.isin(first, second), np.isin(second, first)
+
+
+def gain_over(one: Sequence[Fit], other: Sequence[Fit], whitener: Whitener) -> float:
+    """Nats by which drives are likelier under fits than under others, in a whitener's terms."""
+    total = 0.0
+    for a, b in zip(one, other, strict=True):
+        mine, its = _common(a, b)
+        total += float(_each_score(a, whitener)[mine].sum() - _each_score(b, whitener)[its].sum())
+    return total
 
 
 Odds = tuple[float, float]
@@ -72,11 +87,11 @@ def likelier_by_side(one: Sequence[Fit], other: Sequence[Fit]) -> tuple[Odds, Od
         edges = np.linspace(0.0, np.nextafter(a.last.nodes.t[-1], np.inf), number + 1)
         total = np.zeros((2, number))
         whiteners = [whitener_of(own) for own in (a, b)]
-        for sign, fit in ((0.5, a), (-0.5, b)):
-            told = [_each_score(fit, whitener) for whitener in whiteners]
-            score, t = told[0][0] + told[1][0], told[0][1]
-            heard = ~np.isin(whitened_innovations(fit)[2], LOOSE)
-            for side, mine in zip(total, (heard, ~heard), strict=True):
+        for sign, fit, both in zip((0.5, -0.5), (a, b), _common(a, b), strict=True):
+            score = np.sum([_each_score(fit, whitener) for whitener in whiteners], axis=0)
+            _, t, channel = whitened_innovations(fit)
+            loose = np.isin(channel, LOOSE)
+            for side, mine in zip(total, (both & ~loose, both & loose), strict=True):
                 side += sign * np.histogram(t[mine], edges, weights=score[mine])[0]
         parts.append(total)
     sides = np.concatenate(parts, axis=1)
@@ -114,11 +129,6 @@ def fit_held_out(
     carried = replace(model, values={**model.values, **values})
     points: Sequence[Fit | None] = linearised_at or [None] * len(opened)
     return [fit_drive(o, carried, linearised_at=p) for o, p in zip(opened, points, strict=True)]
-
-
-def total_score(fits: Sequence[Fit], whitener: Whitener) -> float:
-    """Robust log-likelihood of all drives in nats."""
-    return sum(robust_score(f, whitener) for f in fits)
 
 
 def remaining_gap(fits: Sequence[Fit]) -> float:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import count
 
@@ -36,6 +36,8 @@ from automap.gap.stepwise import pruned, select, swallowed
 WALK_OF = {term.sensor: w for w, e in bias_walks().items() for term in imu_terms([e.name])}
 WALKS = tuple(WALK_OF.values())
 """The drift of each sensor's biases."""
+TWINS = {name: first for first, second in pairs_of_sign(1.0) for name in (first, second)}
+"""The first of those that act alike to first order, by either name."""
 WHOLE_DELAYS = frozenset(pair for pairs in pairs_of_sign(-1.0) for pair in pairs)
 
 
@@ -263,8 +265,7 @@ class Search:
         another of the choice and the formula may be one thing, also in the place of both. One of
         the ``suspects`` may be sure in another form, for which a thousand to one must speak. Of
         forms that are not told apart the simplest is taken, and the others are noted."""
-        known, joint = (self.screening.refinements, selection.candidates), here.joint()
-        unsure = {m.name: m for m in suspects}
+        unsure, joint = {m.name: m for m in suspects}, here.joint()
         for name in (*chosen.names, *unsure):
             terms = selection.candidates[name].terms
             least, begun, entangled = 0.0, chosen, list[str]()
@@ -276,22 +277,15 @@ class Search:
                 entangled = self.screening.entangled(joint, selection, chosen, name)
             near = [(least, chosen, (terms, 0.0), here)]
             for gone in ("", *entangled):
-                fewer = begun.without(gone)
-                for form in self.screening.forms(here, selection, begun, name, gone):
-                    self.screening.refinements = dict(known[0])
-                    selection.candidates = dict(known[1])
-                    its = self.screening.in_form(here, selection, fewer, name, *form)
-                    fitted = self.screening.states(here, selection, its)
-                    of_vehicle = selection.of_vehicle(begun, {name, gone})
+                of_vehicle = selection.of_vehicle(begun, {name, gone})
+                for form, its, fitted in self._in_forms(here, selection, begun, name, gone):
                     ahead, sigmas = self.judge.ahead(fitted, here, of_vehicle)
                     ahead += selection.log_prior(its) - selection.log_prior(chosen)
                     # a few wild stretches are no reason to prefer either
-                    near.append(
-                        (ahead if sigmas > limits.APART else min(ahead, 0.0), fewer, form, fitted)
-                    )
+                    ahead = ahead if sigmas > limits.APART else min(ahead, 0.0)
+                    near.append((ahead, begun.without(gone), form, fitted))
                     least = max(one[0] for one in near) - limits.CLOSE_NATS
                     near = [one for one in near if one[0] > least]
-            self.screening.refinements, selection.candidates = known
             near.sort(key=lambda one: (len(one[1].parts), complexity(one[2][0])))
             _, fewer, best, its_fit = near[0]
             if len(near) > 1:
@@ -299,6 +293,18 @@ class Search:
             if best[0] != terms:
                 return self.screening.in_form(here, selection, fewer, name, *best), its_fit
         return None
+
+    def _in_forms(
+        self, here: Fitted, selection: Selection, chosen: Chosen, name: str, gone: str = ""
+    ) -> Iterator[tuple[tuple[Terms, float], Chosen, Fitted]]:
+        """The forms near a formula of a choice, out of how many each, the choice without what is
+        ``gone`` with each in its place, a candidate for so long, and its fit."""
+        known = self.screening.refinements, selection.candidates
+        for form in self.screening.forms(here, selection, chosen, name, gone):
+            self.screening.refinements, selection.candidates = dict(known[0]), dict(known[1])
+            its = self.screening.in_form(here, selection, chosen.without(gone), name, *form)
+            yield form, its, self.screening.states(here, selection, its)
+            self.screening.refinements, selection.candidates = known
 
     def _beyond_drift(self, here: Fitted, selection: Selection, found: Chosen) -> Chosen:
         """The set less what acts on a sensor and is worth less than a name beyond what drift says:
@@ -359,11 +365,13 @@ class Search:
 
     def _fit(self, here: Fitted, selection: Selection, chosen: Chosen) -> Fitted:
         """The chosen set as states, with the noise that suits it; where that was fitted before, or
-        with other forms of its formulas, that noise, as far as these and another path do not move
-        it."""
+        with other forms of its formulas, or a twin of one, that noise, as far as these and another
+        path do not move it."""
         self.log(f"fitting {', '.join(chosen.names) or 'the base model'} with its noise")
-        keys = selection.keys(chosen)
-        seeds = frozenset((self.screening.seed(name), own) for name, own in keys)
+        seeds = frozenset(
+            (TWINS[name], ()) if name in TWINS else (self.screening.seed(name), own)
+            for name, own in selection.keys(chosen)
+        )
         asked = seeds, len(self.each_drive)
         known = self.levels.get(asked, here.model.factors)
         begun = replace(here, model=replace(here.model, factors=known))
@@ -485,22 +493,18 @@ class Search:
             return None
         first = formulas[int(np.argmax(its_nats))]
         begun = rest.joined(first.name, first.parts[0], 1.0)
-        known = (self.screening.refinements, selection.candidates)
         vehicle = selection.of_vehicle(chosen, {name}) | selection.of_vehicle(begun, {first.name})
         best: tuple[float, tuple[Terms, float], Fitted] | None = None
-        for form in self.screening.forms(here, selection, begun, first.name):
-            self.screening.refinements = dict(known[0])
-            selection.candidates = dict(known[1])
-            its = self.screening.in_form(here, selection, begun, first.name, *form)
-            fitted = self.screening.states(here, selection, its)
+        for form, _, fitted in self._in_forms(here, selection, begun, first.name):
             ahead = self.judge.ahead(fitted, here, vehicle)[0] - math.log(form[1])
             if best is None or ahead > best[0]:
                 best = ahead, form, fitted
-        self.screening.refinements, selection.candidates = known
         if best is None or best[0] < -limits.CLOSE_NATS:
             return None
         _, form, fitted = best
         ahead, sigmas = self.judge.ahead(with_noise(fitted, self.stated), here, vehicle)
+        known = self.screening.refinements, selection.candidates
+        self.screening.refinements, selection.candidates = dict(known[0]), dict(known[1])
         its = self.screening.in_form(here, selection, begun, first.name, *form)
         odds = ahead + self._log_prior(selection, its) - self._log_prior(selection, chosen)
         clear = sigmas > limits.APART and ahead > limits.CHALLENGE * nats

@@ -100,7 +100,7 @@ def held(monkeypatch: pytest.MonkeyPatch, score: dict[str, float], level: dict[s
     monkeypatch.setattr(confirm, "fit_held_out", fit_held_out)
     monkeypatch.setattr(confirm, "held_path", lambda fit: None)
     monkeypatch.setattr(confirm, "whitener_of", lambda fit: None)
-    monkeypatch.setattr(confirm, "total_score", lambda fits, whitener: fits[0].score)
+    monkeypatch.setattr(confirm, "gain_over", lambda a, b, whitener: a[0].score - b[0].score)
 
 
 DRIVE = cast("OpenDrive", SimpleNamespace())

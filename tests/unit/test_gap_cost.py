@@ -150,15 +150,16 @@ def judged(
 ) -> confirm.Confirmed:
     """The judgement on ``effects`` where held-out data speak against some."""
 
-    def score(fits: Sequence[FakeFit], whitener: Any) -> float:
-        return -10.0 * sum(e in spoken_against for e in fits[0].model.values)
+    def gain(fits: Sequence[FakeFit], without: Sequence[FakeFit], whitener: Any) -> float:
+        against = [sum(e in spoken_against for e in f[0].model.values) for f in (fits, without)]
+        return 10.0 * (against[1] - against[0])
 
     def missed(fits: Sequence[FakeFit]) -> Any:
         bad = sum(e in worsens for e in fits[0].model.values)
         return np.full((2, 40), 1.0 + bad)
 
     monkeypatch.setattr(confirm, "whitener_of", lambda fit: None)
-    monkeypatch.setattr(confirm, "total_score", score)
+    monkeypatch.setattr(confirm, "gain_over", gain)
     monkeypatch.setattr(confirm, "_missed", missed)
     monkeypatch.setattr(confirm, "_positions", lambda before, after: None)
     drives: Any = ["drive"]

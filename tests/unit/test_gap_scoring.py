@@ -125,3 +125,13 @@ def test_channels_of_the_constraint_have_a_whitener_of_their_own() -> None:
     # small innovations of a loose constraint do not make it count for more
     assert spread[CH_NHC] == 1.0
     assert spread[0] == pytest.approx(1.0, abs=0.1)
+
+
+def test_what_only_one_of_two_was_asked_says_nothing_of_them() -> None:
+    # the vehicle constraint of the last rows, where one path is a little quicker
+    one, other = fit_with(noise()), fit_with(1.5 * noise(2))
+    vars(one)["whitened"] = tuple(np.append(v, v[-1:]) for v in vars(one)["whitened"])
+    vars(one)["whitened"][1][-1] += 0.1
+    vars(one.last.forward.store)["var"] = np.append(np.ones(ROWS), 1e-6)
+    plain = fit_with(noise())
+    assert likelier([one], [other])[0] == pytest.approx(likelier([plain], [other])[0], rel=1e-3)
