@@ -36,8 +36,6 @@ from automap.gap.stepwise import pruned, select, swallowed
 WALK_OF = {term.sensor: w for w, e in bias_walks().items() for term in imu_terms([e.name])}
 WALKS = tuple(WALK_OF.values())
 """The drift of each sensor's biases."""
-TWINS = {name: first for first, second in pairs_of_sign(1.0) for name in (first, second)}
-"""The first of those that act alike to first order, by either name."""
 WHOLE_DELAYS = frozenset(pair for pairs in pairs_of_sign(-1.0) for pair in pairs)
 
 
@@ -184,6 +182,7 @@ class Search:
     def _as_drift(self, here: Fitted, selection: Selection, chosen: Chosen, name: str) -> Fitted:
         """A set less one candidate, the drift of the sensors that it acts on as suits the drives
         without it."""
+        self.log(f"checking how much of {name} drift says")
         walks = [WALK_OF[sensor] for sensor in sorted(selection.sensors(chosen, name))]
         return with_levels(self.screening.states(here, selection, chosen.without(name)), walks)
 
@@ -315,7 +314,6 @@ class Search:
         for name in found.names:
             if not selection.sensors(found, name):
                 continue
-            self.log(f"checking how much of {name} drift says")
             fewer, other = found.without(name), self._as_drift(here, selection, found, name)
             prior = selection.log_prior(found) - selection.log_prior(fewer)
             self.nats[name], _ = likelier(here.fits, other.fits)
@@ -365,13 +363,11 @@ class Search:
 
     def _fit(self, here: Fitted, selection: Selection, chosen: Chosen) -> Fitted:
         """The chosen set as states, with the noise that suits it; where that was fitted before, or
-        with other forms of its formulas, or a twin of one, that noise, as far as these and another
-        path do not move it."""
+        with other forms of its formulas, that noise, as far as these and another path do not move
+        it."""
         self.log(f"fitting {', '.join(chosen.names) or 'the base model'} with its noise")
-        seeds = frozenset(
-            (TWINS[name], ()) if name in TWINS else (self.screening.seed(name), own)
-            for name, own in selection.keys(chosen)
-        )
+        keys = selection.keys(chosen)
+        seeds = frozenset((self.screening.seed(name), own) for name, own in keys)
         asked = seeds, len(self.each_drive)
         known = self.levels.get(asked, here.model.factors)
         begun = replace(here, model=replace(here.model, factors=known))
@@ -502,14 +498,21 @@ class Search:
         if best is None or best[0] < -limits.CLOSE_NATS:
             return None
         _, form, fitted = best
-        ahead, sigmas = self.judge.ahead(with_noise(fitted, self.stated), here, vehicle)
+        fitted = with_noise(fitted, self.stated)
+        ahead, sigmas = self.judge.ahead(fitted, here, vehicle)
         known = self.screening.refinements, selection.candidates
         self.screening.refinements, selection.candidates = dict(known[0]), dict(known[1])
         its = self.screening.in_form(here, selection, begun, first.name, *form)
         odds = ahead + self._log_prior(selection, its) - self._log_prior(selection, chosen)
         clear = sigmas > limits.APART and ahead > limits.CHALLENGE * nats
         if odds > 0.0 and (clear or sigmas > limits.ONE_IN_A_THOUSAND):
-            return odds, its
+            if not selection.sensors(its, formula := its.names[-1]):
+                return odds, its
+            # what drift says as well would go, and the name with it
+            drift = self._as_drift(fitted, selection, its, formula)
+            worth = likelier(fitted.fits, drift.fits)[0] + selection.log_prior(its)
+            if worth >= limits.LEAST_ODDS + selection.log_prior(rest):
+                return odds, its
         self.screening.refinements, selection.candidates = known
         if ahead > math.log(form[1]):
             text = f"{equation(form[0])}, with which the drives are {ahead:.2g} nats likelier"

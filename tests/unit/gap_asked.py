@@ -59,4 +59,4 @@ def only(name: str) -> Chosen:
 
 def fit_of(name: str) -> Any:
     """What stands for the fit of a set."""
-    return SimpleNamespace(name=name, joint=lambda: None)
+    return SimpleNamespace(name=name, joint=lambda: None, fits=())

@@ -258,15 +258,17 @@ WARM, SUN, SHADE = "accel_temperature", "lag(speed, 20.0)", "lag(speed, 52.0)"
 
 
 @pytest.mark.parametrize(
-    ("share", "nats", "sigmas", "instead", "noted"),
+    ("share", "nats", "sigmas", "beyond_drift", "instead", "noted"),
     [
         # hardly anything of what the name explains
-        (0.1, 40.0, 5.0, False, False),
-        (0.6, 40.0, 5.0, True, False),
+        (0.1, 40.0, 5.0, 40.0, False, False),
+        (0.6, 40.0, 5.0, 40.0, True, False),
+        # drift says it as well: it would go, and the name with it
+        (0.6, 40.0, 5.0, 4.0, False, True),
         # not told apart, but likelier than all that were tried make it by chance
-        (0.6, 12.0, 1.0, False, True),
-        (0.6, 2.0, 1.0, False, False),
-        (0.6, -9.0, -1.0, False, False),
+        (0.6, 12.0, 1.0, 40.0, False, True),
+        (0.6, 2.0, 1.0, 40.0, False, False),
+        (0.6, -9.0, -1.0, 40.0, False, False),
     ],
 )
 def test_a_formula_in_its_own_form_stands_beside_the_name_that_it_resembles(
@@ -274,6 +276,7 @@ def test_a_formula_in_its_own_form_stands_beside_the_name_that_it_resembles(
     share: float,
     nats: float,
     sigmas: float,
+    beyond_drift: float,
     instead: bool,
     noted: bool,
 ) -> None:
@@ -281,6 +284,7 @@ def test_a_formula_in_its_own_form_stands_beside_the_name_that_it_resembles(
     monkeypatch.setattr(search, "with_noise", lambda fitted, stated: fitted)
     asked = Asked()
     asked.stated = {}
+    monkeypatch.setattr(search, "likelier", lambda one, other: (beyond_drift, 9.0))
     asked.judge = cast(
         "Judge",
         SimpleNamespace(ahead=lambda one, other, of_vehicle: (nats * (one.name == SHADE), sigmas)),
@@ -292,12 +296,13 @@ def test_a_formula_in_its_own_form_stands_beside_the_name_that_it_resembles(
         given=lambda chosen: None,
         of_vehicle=lambda chosen, names: False,
         log_prior=lambda chosen: 0.0,
+        sensors=lambda chosen, name: {1},
     )
     asked.screening = cast(
         "Screening",
         SimpleNamespace(
             refinements={},
-            forms=lambda here, selection, chosen, name: [
+            forms=lambda here, selection, chosen, name, gone: [
                 ((("accel_x", form),), 8.0) for form in (SUN, SHADE)
             ],
             in_form=lambda here, selection, chosen, name, terms, choices: only(terms[0][1]),
