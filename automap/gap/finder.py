@@ -34,6 +34,7 @@ from automap.gap.naming import (
     verdict,
 )
 from automap.gap.noise import Fitted, Log, open_fits, with_levels
+from automap.gap.noise_conditions import Levels
 from automap.gap.reading_steps import coarse_readings
 from automap.gap.receivers import BEHIND, outliers_finding, usual_findings, values_for_runs
 from automap.gap.responses import responses
@@ -205,12 +206,13 @@ def _result(
         usual.append(replace(one, resembles=instead, drift=drift))
     findings += usual
     with_states = found.fitted.fits
-    noise = stochastic_findings(with_states, stated.factors, rest, frozenset(exclude))
+    under = Levels(with_states, found.fitted.curvature)
+    noise = stochastic_findings(under, stated.factors, rest, frozenset(exclude))
     wild = outliers_finding(with_states, rest)
     if wild is not None and wild.effect not in exclude:
         noise.append(wild)
     findings += noise
-    claims = noise_claims(with_states, stated.factors, final)
+    claims = noise_claims(under, stated.factors, final)
     refused = strongest_refused(found)
     kept_out = _by_formula(found, stands.kept_out)
     hidden = given_up(found, maxima)

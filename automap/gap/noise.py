@@ -140,8 +140,7 @@ def _valley_before(fits: Sequence[Fit], levels: Mapping[str, float], top: Maximu
 
 def with_levels(fitted: Fitted, levels: Collection[str] = ALL_LEVELS) -> Fitted:
     """The set with some levels of noise moved to where they suit the drives best."""
-    whole = fitted.curvature if set(levels) == set(ALL_LEVELS) else None
-    top = _likeliest(fitted.fits, levels, fitted.model.factors, whole)
+    top = _likeliest(fitted.fits, levels, fitted.model.factors, fitted.curvature)
     model = replace(fitted.model, factors=top.factors)
     return replace(fitted_about(model, fitted.estimate, fitted.fits), curvature=fitted.curvature)
 
@@ -183,14 +182,15 @@ def fit_noise(
     fits: Sequence[Fit],
     levels: Collection[str] = ALL_LEVELS,
     initial: Mapping[str, float] | None = None,
+    curvature: FloatArray | None = None,
 ) -> dict[str, float]:
     """Factors on the noise levels that make the drives' innovations most likely.
 
     ``levels`` are those that may move. The climb begins at ``initial``, else at the fits' own
     factors; it is linearised about the fits' smoothed states. No sensor is taken for quieter on
-    the road than it is at rest.
+    the road than it is at rest. ``curvature`` of all levels near there, its inverse.
     """
-    return _likeliest(fits, levels, initial or fits[0].model.factors).factors
+    return _likeliest(fits, levels, initial or fits[0].model.factors, curvature).factors
 
 
 def _likeliest(
@@ -199,7 +199,8 @@ def _likeliest(
     initial: Mapping[str, float],
     inverse: FloatArray | None = None,
 ) -> Maximum:
-    """The top of the climb; ``inverse`` curvature of one on nearly the same hill."""
+    """The top of the climb; ``inverse`` curvature of one on nearly the same hill, along all
+    levels."""
     least = rest_factors(fits)
 
     def limits_of(level: str) -> tuple[float, float]:
@@ -210,6 +211,9 @@ def _likeliest(
         k: float(np.clip(v, *limits_of(k))) if k in levels else v for k, v in initial.items()
     }
     smooth = [level for level in _BY_SLOPE if level in levels]
+    if inverse is not None and len(smooth) < len(inverse):
+        at = [_BY_SLOPE.index(level) for level in smooth]
+        inverse = np.asarray(np.linalg.inv(np.linalg.inv(inverse)[np.ix_(at, at)]))
     rooms = rooms_of(fits)
     for _ in range(2):
         top = climb(

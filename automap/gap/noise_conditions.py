@@ -34,7 +34,7 @@ from automap.gap.fit import Fit
 from automap.gap.limits import REST_S
 from automap.gap.linear import motion_signals
 from automap.gap.motion import motion_of
-from automap.gap.noise import INERTIAL_LEVELS, fit_noise
+from automap.gap.noise import INERTIAL_LEVELS, fit_noise, noise_score, rooms_of
 from automap.records import BoolArray, FloatArray
 
 QUANTITIES = {
@@ -83,10 +83,11 @@ class Ranged:
     nats: float
 
 
-def conditional_noise(fits: Sequence[Fit], held_out: Sequence[Fit], free: Free) -> Ranged | None:
+def conditional_noise(levels: Levels, held_out: Sequence[Fit]) -> Ranged | None:
     """The level of a sensor or receiver that is likeliest to depend on a condition, where a
     thousand to one speaks for it on fitted drives and twenty to one on those held out, of a sensor
-    also where these are ``free``; fits under the noise that suits them."""
+    also where nothing is known of how the vehicle moves."""
+    fits = levels.fits
     courses = [courses_of(fit) for fit in fits]
     conditions = _conditions(courses)
     price = math.log(len(conditions) * len(TRIED)) + limits.OCCAM_NATS
@@ -105,37 +106,63 @@ def conditional_noise(fits: Sequence[Fit], held_out: Sequence[Fit], free: Free) 
     if gain - least < limits.CLOSE_NATS:
         return None
     if best.level in INERTIAL_LEVELS:
-        alone = _under_levels(free.fits, free.levels)
-        if _fitted(alone, courses, best.level, best.condition).nats < limits.CLOSE_NATS:
+        free = levels.free.scaled()
+        if _fitted(free, courses, best.level, best.condition).nats < limits.CLOSE_NATS:
             return None
     return replace(best, nats=best.nats - price)
 
 
-def _under_levels(fits: Sequence[Fit], factors: Mapping[str, float]) -> list[Fit]:
-    """Fits as they are under other factors on the levels."""
-    relative = {k: factors[k] / v for k, v in fits[0].model.factors.items()}
-    out = []
-    for fit in fits:
-        problem = scale_problem(fit.last.problem, relative)
-        nodes = scale_nodes(fit.last.nodes, relative)
-        out.append(replace(fit, last=replace(fit.last, problem=problem, nodes=nodes)))
-    return out
+class Levels:
+    """Fitted drives under levels of noise: those that suit them, ``factors``, and others."""
 
-
-class Free:
-    """Fits whose nodes say nothing of sideways slip and springs: what is known of drives where
-    nobody says how the vehicle moves."""
-
-    def __init__(self, fits: Sequence[Fit]) -> None:
-        self.fits = [_unconstrained(fit) for fit in fits]
+    def __init__(
+        self,
+        fits: Sequence[Fit],
+        curvature: FloatArray | None = None,
+        factors: Mapping[str, float] | None = None,
+    ) -> None:
+        """``curvature`` of the likelihood along all levels, its inverse, as far as that is known;
+        ``factors`` those of the fits where others are not given."""
+        self.fits, self.curvature = fits, curvature
+        self.factors = dict(factors or fits[0].model.factors)
+        self._rooms = rooms_of(fits)
+        self._known: dict[tuple[float, ...], float] = {}
 
     @cached_property
-    def levels(self) -> dict[str, float]:
-        """The factors on the noise levels that suit them."""
-        return fit_noise(self.fits)
+    def free(self) -> Levels:
+        """The same where nothing is known of how the vehicle moves: a body that sways against its
+        path looks like noise of the sensors in it."""
+        fits = [_unconstrained(fit) for fit in self.fits]
+        factors = fit_noise(fits, initial=self.factors, curvature=self.curvature)
+        return Levels(fits, self.curvature, factors)
+
+    def score(self, factors: Mapping[str, float]) -> float:
+        """Log-likelihood of the drives under other factors, nats, worked out once for the same."""
+        key = tuple(factors[level] for level in ALL_LEVELS)
+        if key not in self._known:
+            self._known[key] = noise_score(self.fits, factors, self._rooms)
+        return self._known[key]
+
+    def loss(self, as_stated: Mapping[str, float]) -> float:
+        """Nats by which drives are less likely with levels ``as_stated``, all others moved to where
+        they suit the drives then: what another can say as well is no evidence for one."""
+        others = [level for level in ALL_LEVELS if level not in as_stated]
+        held = fit_noise(self.fits, others, {**self.factors, **as_stated}, self.curvature)
+        return self.score(self.factors) - self.score(held)
+
+    def scaled(self) -> list[Fit]:
+        """The fits as they are under these levels."""
+        relative = {k: v / self.fits[0].model.factors[k] for k, v in self.factors.items()}
+        out = []
+        for fit in self.fits:
+            problem = scale_problem(fit.last.problem, relative)
+            nodes = scale_nodes(fit.last.nodes, relative)
+            out.append(replace(fit, last=replace(fit.last, problem=problem, nodes=nodes)))
+        return out
 
 
 def _unconstrained(fit: Fit) -> Fit:
+    """A fit whose nodes say nothing of sideways slip and springs."""
     nodes = replace(fit.last.nodes, flags=fit.last.nodes.flags & ~NHC)
     return replace(fit, last=replace(fit.last, nodes=nodes))
 

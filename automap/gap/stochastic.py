@@ -7,9 +7,8 @@ the biases, receivers whose figures are off, sensors that are noisier.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
-from functools import cache
 
 import numpy as np
 
@@ -20,8 +19,8 @@ from automap.fusion.measurements.position import lasting_share
 from automap.fusion.nodes import model_fixes
 from automap.gap import limits
 from automap.gap.fit import Fit
-from automap.gap.noise import at_top, fit_noise, noise_score, rest_factors, rooms_of
-from automap.gap.noise_conditions import Free, Ranged, conditional_noise
+from automap.gap.noise import at_top, rest_factors
+from automap.gap.noise_conditions import Levels, Ranged, conditional_noise
 from automap.gap.reading_steps import coarse
 from automap.gap.result import Finding, NoiseClaim, ParameterValue
 from automap.gates import exceeds
@@ -40,38 +39,36 @@ GNSS_LEVELS = (*RECEIVER_LEVELS, *FIGURES)
 
 
 def stochastic_findings(
-    fits: Sequence[Fit], stated_factors: Mapping[str, float], gap: float, exclude: Collection[str]
+    levels: Levels, stated_factors: Mapping[str, float], gap: float, exclude: Collection[str]
 ) -> list[Finding]:
     """Findings on the noise of fitted drives; ``stated_factors`` the factors of the model as it was
     given, ``gap`` what is left on held-out data."""
     out = []
-    fitted = dict(fits[0].model.factors)
-    rooms, free = rooms_of(fits), Free(fits)
-    score = _memo(lambda f: noise_score(fits, f, rooms))
+    fitted = levels.factors
     for name in WALKS:
         ratio = fitted[name] / stated_factors[name]
         if name in exclude or ratio < limits.WALK_FACTOR:
             continue
         as_stated = {name: stated_factors[name]}
-        nats = _worth(fits, score, fitted, as_stated)
+        nats = _worth(levels, as_stated)
         if nats >= limits.NOISE_NATS:
-            nats = min(nats, _of_no_vehicle(free, as_stated) - limits.OCCAM_NATS)
+            nats = min(nats, levels.free.loss(as_stated) - limits.OCCAM_NATS)
         if nats < limits.NOISE_NATS:
             continue
-        value = float(getattr(fits[0].model.options, name)) * fitted[name]
+        value = float(getattr(levels.fits[0].model.options, name)) * fitted[name]
         # one level is fitted to all axes, and each may have another
-        relative = math.hypot(_log_sd(score, fitted, name), limits.ANISOTROPY)
+        relative = math.hypot(_log_sd(levels, name), limits.ANISOTROPY)
         sd = math.inf if at_top(name, fitted[name]) else value * relative
         parameters = {p.name: ParameterValue(value, sd, p.unit) for p in CATALOGUE[name].parameters}
         out.append(Finding(name, parameters, nats, _p(nats), gap, gap))
-    found = _noise_scale(fits, fitted, stated_factors, score, gap)
+    found = _noise_scale(levels, stated_factors, gap)
     if found is not None and found.effect not in exclude:
         out.append(found)
     return out
 
 
 def noise_claims(
-    fits: Sequence[Fit], stated_factors: Mapping[str, float], held_out: Sequence[Fit] = ()
+    levels: Levels, stated_factors: Mapping[str, float], held_out: Sequence[Fit] = ()
 ) -> tuple[NoiseClaim, ...]:
     """Levels that the drives want higher than stated, however it is called: what no other level
     says as well. The vehicle's own are not of a sensor or receiver. The level that depends on a
@@ -81,9 +78,7 @@ def noise_claims(
     lasts, and how that is split is the model's own matter. A sensor that is at rest as noisy as
     that is; else what speaks for its noise must do so without the vehicle constraint.
     """
-    fitted = dict(fits[0].model.factors)
-    rooms, free = rooms_of(fits), Free(fits)
-    score = _memo(lambda f: noise_score(fits, f, rooms))
+    fits, fitted = levels.fits, levels.factors
     resting = rest_factors(fits)
     ratios = {level: fitted[level] / stated_factors[level] for level in SENSOR_LEVELS}
     ratios |= dict(zip(FIGURES, _whole(fits, fitted, stated_factors), strict=True))
@@ -93,13 +88,13 @@ def noise_claims(
             continue
         parts = FIGURES.get(level, (level,))
         as_stated = {part: fitted[part] / ratio for part in parts}
-        nats = _worth(fits, score, fitted, as_stated)
+        nats = _worth(levels, as_stated)
         at_rest = resting.get(level, 0.0) >= limits.SCALE_FACTOR * stated_factors.get(level, np.inf)
         if nats >= limits.NOISE_NATS and level in SENSOR_LEVELS and not at_rest:
-            nats = min(nats, _of_no_vehicle(free, as_stated) - limits.OCCAM_NATS)
+            nats = min(nats, levels.free.loss(as_stated) - limits.OCCAM_NATS)
         if nats >= limits.NOISE_NATS:
             out.append(NoiseClaim(level, ratio, nats, _p(nats)))
-    ranged = conditional_noise(fits, held_out, free)
+    ranged = conditional_noise(levels, held_out)
     if ranged is not None:
         out = _under_condition(out, ranged, fits, stated_factors)
     out = [replace(c, cause=coarse(fits, c.level)) if c.level in SENSOR_LEVELS else c for c in out]
@@ -138,40 +133,13 @@ def noise_levels(name: str) -> tuple[str, ...]:
     return GNSS_LEVELS if effect is not None and effect.setting == "fuse.adapt" else ()
 
 
-def _worth(
-    fits: Sequence[Fit],
-    score: Callable[[Mapping[str, float]], float],
-    fitted: Mapping[str, float],
-    as_stated: Mapping[str, float],
-) -> float:
+def _worth(levels: Levels, as_stated: Mapping[str, float]) -> float:
     """Nats that levels are worth against ``as_stated``, all others moved to where they suit the
     drives then, which is asked only where these as they are do not say as much already."""
-    nats = score(fitted) - score({**fitted, **as_stated}) - limits.OCCAM_NATS
-    if nats < limits.NOISE_NATS:
-        return nats
-    held = _at_best(fits, {**fitted, **as_stated}, tuple(as_stated))
-    return score(fitted) - score(held) - limits.OCCAM_NATS
-
-
-def _at_best(
-    fits: Sequence[Fit], factors: Mapping[str, float], held: Collection[str]
-) -> dict[str, float]:
-    """The factors with all levels but those ``held`` moved to where they suit the drives best:
-    what another level can say as well is no evidence for one."""
-    return fit_noise(fits, [k for k in ALL_LEVELS if k not in held], factors)
-
-
-def _of_no_vehicle(free: Free, as_stated: Mapping[str, float]) -> float:
-    """Log-likelihood ratio, nats, of levels free beside ``as_stated`` where nothing is known of how
-    the vehicle moves: a body that sways against its path looks like noise of the sensors in it."""
-    held = _at_best(free.fits, free.levels | dict(as_stated), tuple(as_stated))
-    return noise_score(free.fits, free.levels) - noise_score(free.fits, held)
-
-
-def _memo(score: Callable[[Mapping[str, float]], float]) -> Callable[[Mapping[str, float]], float]:
-    """A score that is worked out once for the same factors."""
-    known = cache(lambda items: score(dict(items)))
-    return lambda factors: known(tuple(sorted(factors.items())))
+    nats = levels.score(levels.factors) - levels.score({**levels.factors, **as_stated})
+    if nats - limits.OCCAM_NATS < limits.NOISE_NATS:
+        return nats - limits.OCCAM_NATS
+    return levels.loss(as_stated) - limits.OCCAM_NATS
 
 
 def _p(nats: float) -> float:
@@ -179,32 +147,26 @@ def _p(nats: float) -> float:
     return 0.5 * exceeds(2.0 * (nats + limits.OCCAM_NATS), 1)
 
 
-def _log_sd(
-    score: Callable[[Mapping[str, float]], float], fitted: Mapping[str, float], name: str
-) -> float:
+def _log_sd(levels: Levels, name: str) -> float:
     """Relative sd of a level from the curvature of the log-likelihood over its logarithm."""
     h = 0.25
-    up, down = (score({**fitted, name: fitted[name] * np.exp(s)}) for s in (h, -h))
-    curve = (up - 2.0 * score(fitted) + down) / h**2
+    fitted = levels.factors
+    up, down = (levels.score({**fitted, name: fitted[name] * np.exp(s)}) for s in (h, -h))
+    curve = (up - 2.0 * levels.score(fitted) + down) / h**2
     return float(1.0 / np.sqrt(max(-curve, 1.0)))
 
 
-def _noise_scale(
-    fits: Sequence[Fit],
-    fitted: Mapping[str, float],
-    stated_factors: Mapping[str, float],
-    score: Callable[[Mapping[str, float]], float],
-    gap: float,
-) -> Finding | None:
+def _noise_scale(levels: Levels, stated_factors: Mapping[str, float], gap: float) -> Finding | None:
     """Whether positions and velocities are both noisier, or both better, than they say."""
-    logs = np.log(_whole(fits, fitted, stated_factors))
+    fitted = levels.factors
+    logs = np.log(_whole(levels.fits, fitted, stated_factors))
     factor = float(np.exp(np.mean(logs)))
     low, high = float(np.exp(logs.min())), float(np.exp(logs.max()))
     if not (factor > limits.SCALE_FACTOR and low > limits.SCALE_FACTOR**0.5) and not (
         factor < 1.0 / limits.SCALE_FACTOR**2 and high < limits.SCALE_FACTOR**-0.5
     ):
         return None
-    nats = _worth(fits, score, fitted, {k: stated_factors[k] for k in GNSS_LEVELS})
+    nats = _worth(levels, {k: stated_factors[k] for k in GNSS_LEVELS})
     if nats < limits.NOISE_NATS:
         return None
     open_ended = any(at_top(level, fitted[level]) for level in GNSS_LEVELS)

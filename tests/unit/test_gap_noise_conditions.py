@@ -11,7 +11,7 @@ from automap.gap import base_model
 from automap.gap.drive import GapDrive, open_drive
 from automap.gap.fit import Fit, fit_drive
 from automap.gap.noise import fit_noise
-from automap.gap.noise_conditions import Condition, Free, conditional_noise
+from automap.gap.noise_conditions import Condition, Levels, conditional_noise
 from automap.gap.stochastic import noise_claims
 from tests.unit.test_gap import simulated
 
@@ -44,7 +44,7 @@ def fitted(
 def test_noise_above_a_speed_is_told_so(above: float) -> None:
     fit, factors = fitted(shaken(1, above))
     other, _ = fitted(shaken(8, above), factors)
-    found = conditional_noise([fit], [other], Free([fit]))
+    found = conditional_noise(Levels([fit]), [other])
     if above < 0.0:
         # it is as large everywhere
         assert found is None
@@ -53,7 +53,7 @@ def test_noise_above_a_speed_is_told_so(above: float) -> None:
     assert (found.level, found.condition.quantity) == ("gyro", "speed")
     assert abs(found.condition.low - ABOVE) < 2.0
     assert found.inside > 4.0 * found.outside
-    (claim,) = noise_claims([fit], base_model().factors, [other])
+    (claim,) = noise_claims(Levels([fit]), base_model().factors, [other])
     assert claim.level == "gyro"
     assert "at a speed above" in str(claim)
 
@@ -62,7 +62,7 @@ def test_noise_above_a_speed_is_told_so(above: float) -> None:
 def test_noise_that_a_held_out_drive_does_not_have_is_told_under_no_condition() -> None:
     fit, factors = fitted(shaken(1, ABOVE))
     quiet, _ = fitted(simulated({}, seed=8), factors)
-    assert conditional_noise([fit], [quiet], Free([fit])) is None
+    assert conditional_noise(Levels([fit]), [quiet]) is None
 
 
 def test_conditions_are_told_in_words() -> None:

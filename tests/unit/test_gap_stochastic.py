@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from types import SimpleNamespace
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -16,6 +16,7 @@ from automap.gap.fit import Fit, fit_drive
 from automap.gap.found import Found
 from automap.gap.limits import ANISOTROPY, LEVEL_RANGE, OCCAM_NATS
 from automap.gap.noise import Fitted, fit_noise, with_noise
+from automap.gap.noise_conditions import Levels
 from automap.gap.receivers import usual_finding
 from automap.gap.stochastic import _floored, noise_claims, stochastic_findings
 from tests.slow_cases import others_slow
@@ -40,7 +41,7 @@ def test_a_receiver_better_than_the_models_floor_is_no_finding() -> None:
     assert fit.model.factors["velocity_h"] < 0.6
     ratio = _floored([fit])
     assert ratio[2] == pytest.approx(3.0, rel=0.1)
-    named = [f.effect for f in stochastic_findings([fit], stated_factors, 0.0, ())]
+    named = [f.effect for f in stochastic_findings(Levels([fit]), stated_factors, 0.0, ())]
     assert "gnss_noise_scale" not in named
 
 
@@ -81,7 +82,7 @@ def test_a_receivers_figure_is_of_its_whole_error(claims: float, larger: tuple[s
     fit = fit_drive(open_drive(replace(drive, fixes=fixes), model.options), model)
     factors = fit_noise([fit])
     fit = fit_drive(fit.opened, replace(model, factors=factors), linearised_at=fit)
-    told = {c.level: c.factor for c in noise_claims([fit], model.factors)}
+    told = {c.level: c.factor for c in noise_claims(Levels([fit]), model.factors)}
     assert {level for level in told if level.startswith("position")} == set(larger)
     for level in larger:
         # an error of minutes, which is most of it, has one value or two in a drive of two minutes
@@ -122,7 +123,9 @@ def test_a_body_that_sways_is_no_noise_of_the_sensors_in_it(noisy: bool) -> None
     # the level rises with either
     assert factors["gyro"] > 5.0
     fit = fit_drive(fit.opened, replace(model, factors=factors), linearised_at=fit)
-    assert [c.level for c in noise_claims([fit], model.factors)] == (["gyro"] if noisy else [])
+    assert [c.level for c in noise_claims(Levels([fit]), model.factors)] == (
+        ["gyro"] if noisy else []
+    )
 
 
 @pytest.mark.parametrize(
@@ -167,7 +170,7 @@ def test_a_level_at_the_end_of_what_is_sought_has_no_interval(
     told = []
     for most in (LEVEL_RANGE, factors["gyro_bias_walk"]):
         monkeypatch.setitem(noise._LIMITS, "gyro_bias_walk", (1.0 / most, most))
-        found = stochastic_findings([fit], model.factors, 0.0, ())
+        found = stochastic_findings(Levels([fit]), model.factors, 0.0, ())
         told.append({f.effect: f.parameters for f in found}["gyro_bias_walk"]["z"])
     free, held = told
     assert abs(free.value - true) < 2.0 * free.sd < true
@@ -182,14 +185,13 @@ def test_other_levels_are_moved_only_where_one_matters_as_they_are(
 ) -> None:
     moved: list[dict[str, float]] = []
 
-    def at_best(fits: object, factors: dict[str, float], held: object) -> dict[str, float]:
-        moved.append(factors)
-        return {**factors, "gyro": 1.5}
+    def loss(as_stated: dict[str, float]) -> float:
+        moved.append(as_stated)
+        return nats - 5.0
 
-    monkeypatch.setattr(stochastic, "_at_best", at_best)
-    worth = {(2.0, 1.0): 0.0, (1.0, 1.0): -nats, (1.0, 1.5): -nats + 5.0}
-    told = stochastic._worth(
-        (), lambda f: worth[f["accel"], f["gyro"]], {"accel": 2.0, "gyro": 1.0}, {"accel": 1.0}
+    levels: Any = SimpleNamespace(
+        factors={"accel": 2.0}, score=lambda f: nats * (f["accel"] - 2.0), loss=loss
     )
+    told = stochastic._worth(levels, {"accel": 1.0})
     assert len(moved) == climbs
     assert told == nats - 5.0 * climbs - OCCAM_NATS
