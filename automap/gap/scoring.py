@@ -17,7 +17,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from automap.fusion.layout import CH_VEL, CHANNELS, HAS_POS_H
+from automap.fusion.layout import CH_VEL, CHANNELS, HAS_POS_H, MAX_SCALARS
 from automap.gap import limits
 from automap.gap.drive import OpenDrive
 from automap.gap.fit import Fit, GapModel, fit_drive, whitened_innovations
@@ -51,12 +51,19 @@ def _each_score(fit: Fit, whitener: Whitener) -> FloatArray:
 def _common(one: Fit, other: Fit) -> tuple[BoolArray, BoolArray]:
     """Which measurements [s] of each of two fits of a drive the other has, too. The vehicle
     constraint holds above a crawl alone, and where a car creeps one path may and the other may not:
-    what only one is asked, whatever it says, tells nothing of the two."""
-    first, second = (
-        np.stack(whitened_innovations(fit)[1:], axis=1, dtype=np.float64).view(np.complex128)[:, 0]
-        for fit in (one, other)
-    )
-    return np.isin(first, second), np.isin(second, first)
+    what only one is asked, whatever it says, tells nothing of the two.
+
+    Nodes are told by their number: a delay that is free moves their times a little. Where one has a
+    node more nobody says which, and all counts.
+    """
+    keys = []
+    for fit in (one, other):
+        _, t, channel = whitened_innovations(fit)
+        keys.append(np.searchsorted(fit.last.nodes.t, t) * MAX_SCALARS + channel)
+    if len(one.last.nodes.t) != len(other.last.nodes.t):
+        return np.ones(len(keys[0]), bool), np.ones(len(keys[1]), bool)
+    mine, its = keys
+    return np.isin(mine, its), np.isin(its, mine)
 
 
 def gain_over(one: Sequence[Fit], other: Sequence[Fit], whitener: Whitener) -> float:

@@ -127,11 +127,16 @@ def test_channels_of_the_constraint_have_a_whitener_of_their_own() -> None:
     assert spread[0] == pytest.approx(1.0, abs=0.1)
 
 
-def test_what_only_one_of_two_was_asked_says_nothing_of_them() -> None:
-    # the vehicle constraint of the last rows, where one path is a little quicker
+@pytest.mark.parametrize("moved", [0.0, 1e-4])
+def test_what_only_one_of_two_was_asked_says_nothing_of_them(moved: float) -> None:
+    # the vehicle constraint at a last node where one path is a little quicker, and nodes that a
+    # delay has moved
     one, other = fit_with(noise()), fit_with(1.5 * noise(2))
-    vars(one)["whitened"] = tuple(np.append(v, v[-1:]) for v in vars(one)["whitened"])
-    vars(one)["whitened"][1][-1] += 0.1
+    w, t, channel = vars(one)["whitened"]
+    vars(one)["whitened"] = np.append(w, 0.0), np.append(t, t[-1]), np.append(channel, CH_NHC)
     vars(one.last.forward.store)["var"] = np.append(np.ones(ROWS), 1e-6)
+    w, t, channel = vars(other)["whitened"]
+    vars(other)["whitened"] = w, t + moved, channel
+    vars(other.last.nodes)["t"] = T + moved
     plain = fit_with(noise())
     assert likelier([one], [other])[0] == pytest.approx(likelier([plain], [other])[0], rel=1e-3)
