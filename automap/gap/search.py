@@ -142,7 +142,7 @@ class Search:
         return Found(
             *(self.base, here, full, selection, chosen, self.screening.effects),
             {**self.alike, **self.close},
-            *(self._told(self.stands).after(self.spoken_against), nothing_else),
+            *(self.stands.after(self.spoken_against), nothing_else),
             self.borne_out | self.nats,
             {n: t for (n, beside), t in self.resembling.items() if {n, *beside} == {*chosen.names}},
         )
@@ -230,12 +230,18 @@ class Search:
             return fewer
         self.log("checking on held-out data")
         self.judge.forget()
-        stands = self.stands = self._confirmed(here, selection, found)
-        gone = [n for n in found.names if self.screening.effects[n] not in stands.values]
+        effects = self.screening.effects
+        # there are hundreds of formulas, so one must be borne out there; not so a course of time,
+        # which other drives need not have
+        terms = {effects[name]: selection.candidates[name].terms for name in found.names}
+        doubtful = [effect for effect, its in terms.items() if its and not is_course(its)]
+        self.stands = confirmed(self.held_out, here.model, here.values(), doubtful)
+        gone = [name for name in found.names if effects[name] not in self.stands.values]
         if not gone:
             return None
-        self._free_delays([self.screening.effects[name] for name in gone])
-        self.spoken_against.append(self._told(stands))
+        self._free_delays([effects[name] for name in gone])
+        out = [replace(k, each_drive=k.effect in self.each_drive) for k in self.stands.kept_out]
+        self.spoken_against.append(replace(self.stands, kept_out=tuple(out)))
         for name in gone:
             self._bar(selection.key(name, part) for part in selection.candidates[name].parts)
             found = found.without(name)
@@ -332,15 +338,6 @@ class Search:
         weakest = min(worth, key=lambda n: worth[n], default="")
         return found.without(weakest) if worth.get(weakest, np.inf) < limits.LEAST_ODDS else found
 
-    def _confirmed(self, here: Fitted, selection: Selection, chosen: Chosen) -> Confirmed:
-        """What held-out data say of a set. There are hundreds of formulas, so one must be borne out
-        there; not so a course of time, which other drives need not have."""
-        every = ((name, selection.candidates[name].terms) for name in chosen.names)
-        doubtful = [
-            self.screening.effects[n] for n, terms in every if terms and not is_course(terms)
-        ]
-        return confirmed(self.held_out, here.model, here.values(), doubtful)
-
     def _free_delays(self, effects: Iterable[str]) -> None:
         """Fit a receiver's delays that held-out data do not know at the same value on every drive
         anew: without them, other candidates follow what a delay does."""
@@ -353,13 +350,6 @@ class Search:
             if state not in options.effects:
                 self.each_drive.append(effect)
                 self.screening.options = replace(options, effects=(*options.effects, state))
-
-    def _told(self, stands: Confirmed) -> Confirmed:
-        """What held-out data say, with which delays every drive has its own of."""
-        kept_out = tuple(
-            replace(k, each_drive=k.effect in self.each_drive) for k in stands.kept_out
-        )
-        return replace(stands, kept_out=kept_out)
 
     def _fit(self, here: Fitted, selection: Selection, chosen: Chosen) -> Fitted:
         """The chosen set as states, with the noise that suits it; where that was fitted before, or
