@@ -98,23 +98,24 @@ class Search:
             if keys != fitted:
                 found, brief = self.screening.refined(here, selection, found)
                 self._bar(brief)
-                if brief and selection.keys(found) == fitted:
-                    # nothing came that is seen as what it was taken for
+                idle: list[str] = []
+                if selection.keys(found) != fitted:
+                    if new is None or found != kept:
+                        new = self._fit(here, selection, found)
+                    new, found = self._better_twins(here, new, selection, found)
+                    idle = self.screening.not_borne_out(new, selection, found)
+                    # these parameters do not act; others of the same effect may
+                    out = Chosen(tuple(p for p in found.parts if p[0] in idle))
+                    self._bar(selection.alike(out))
+                    for name in idle:
+                        found = found.without(name)
+                if selection.keys(found) == fitted:
+                    # nothing came that is seen as what it was taken for and borne out
                     chosen = found
                     continue
-                if new is None or found != kept:
-                    new = self._fit(here, selection, found)
-                here, found = self._better_twins(here, new, selection, found)
+                # what is not told must not stay in the model
+                here = self._fit(new or here, selection, found) if idle else new or here
                 del new
-                idle = self.screening.not_borne_out(here, selection, found)
-                # these parameters do not act; others of the same effect may
-                out = Chosen(tuple(p for p in found.parts if p[0] in idle))
-                self._bar(selection.alike(out))
-                for name in idle:
-                    found = found.without(name)
-                if idle:
-                    # what is not told must not stay in the model
-                    here = self._fit(here, selection, found)
             else:
                 last = slow or closing
                 ask = self._reconsidered if last else self._formed
