@@ -290,15 +290,15 @@ class Judge:
         self._known: list[tuple[Fitted, list[Fit]]] = []
 
     def ahead(self, one: Fitted, other: Fitted, of_vehicle: bool) -> Odds:
-        """By all drives: nothing where the sets differ by nothing ``of_vehicle`` and the receiver
-        alone says the opposite. A body that sways against its path turns the gyro with it, and
-        what is made of small turn rates follows that."""
+        """By all drives: where the sets differ by nothing ``of_vehicle`` nothing if the receiver
+        alone says the opposite, and no surer than that is. A body that sways against its path turns
+        the gyro with it, and what is made of small turn rates follows that."""
         told, received = likelier_by_side(self._fits(one), self._fits(other))
-        return told if of_vehicle or received[0] * told[0] >= 0.0 else (0.0, 0.0)
-
-    def by_receiver(self, one: Fitted, other: Fitted) -> Odds:
-        """The same without what the vehicle constraint says."""
-        return likelier_by_side(self._fits(one), self._fits(other))[1]
+        if of_vehicle:
+            return told
+        if received[0] * told[0] < 0.0:
+            return 0.0, 0.0
+        return told[0], min(told[1], received[1], key=abs)
 
     def forget(self) -> None:
         """Forget fits: they are large, and seldom one is asked for again."""

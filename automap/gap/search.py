@@ -162,17 +162,14 @@ class Search:
     ) -> tuple[Chosen, Fitted | None]:
         """A selection, or what was chosen before where that only drops from it what the filter does
         not: beside a noise that was fitted with a candidate that one is not needed, and without it
-        the noise grows to take its place. Each model is asked with the noise that suits it, and of
-        what does not act on the vehicle the receiver alone must say so too. With a selection comes
-        its fit where that was needed to tell."""
+        the noise grows to take its place. Each model is asked with the noise that suits it. With
+        a selection comes its fit where that was needed to tell."""
         gone = [n for n in chosen.names if n not in found.names]
         if not gone or any(n not in chosen.names for n in found.names):
             return found, None
         fewer = self._fit(here, selection, found)
         of_vehicle = selection.of_vehicle(chosen, gone)
         ahead, sigmas = self.judge.ahead(here, fewer, of_vehicle)
-        if not of_vehicle:
-            sigmas = min(sigmas, self.judge.by_receiver(here, fewer)[1])
         ahead += selection.log_prior(chosen) - selection.log_prior(found)
         if ahead < limits.LEAST_ODDS or sigmas < limits.APART:
             return found, fewer

@@ -124,8 +124,9 @@ def test_where_constraint_and_receiver_differ_no_sensor_is_told_apart(
 ) -> None:
     says(monkeypatch, 4.0, -2.0)
     assert Asked().judge.ahead(HERE, HERE, of_vehicle)[1] == (4.0 if of_vehicle else 0.0)
+    # nor more surely than the receiver says
     says(monkeypatch, 4.0, 0.5)
-    assert Asked().judge.ahead(HERE, HERE, of_vehicle)[1] == 4.0
+    assert Asked().judge.ahead(HERE, HERE, of_vehicle)[1] == (4.0 if of_vehicle else 0.5)
 
 
 @pytest.mark.parametrize("strength", [8.0, 1.0])
