@@ -313,7 +313,15 @@ class Judge:
         if not known:
             about = self._known[-1][1] if self._known else ()
             fits = fit_held_out(self.held_out, fitted.model, fitted.values(), about)
-            known = [(fitted, fits)]
+            known = [(fitted, [_light(fit) for fit in fits])]
         # one that many are compared with stays
         self._known = [*(one for one in self._known if one[0] is not fitted), *known][-2:]
         return known[0][1]
+
+
+def _light(fit: Fit) -> Fit:
+    """A fit without what only a linear model asks of it, which is most of its size."""
+    store = fit.last.forward.store
+    gone = {name: getattr(store, name)[:0].copy() for name in ("h", "gain", "trans")}
+    forward = replace(fit.last.forward, store=store._replace(**gone))
+    return replace(fit, last=replace(fit.last, forward=forward))
