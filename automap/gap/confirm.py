@@ -289,16 +289,16 @@ class Judge:
         self.held_out = held_out
         self._known: list[tuple[Fitted, list[Fit]]] = []
 
-    def ahead(self, one: Fitted, other: Fitted, of_vehicle: bool) -> Odds:
+    def ahead(self, one: Fitted, other: Fitted, of_vehicle: bool, strictly: bool = False) -> Odds:
         """By all drives: where the sets differ by nothing ``of_vehicle`` nothing if the receiver
-        alone says the opposite, and no surer than that is. A body that sways against its path turns
-        the gyro with it, and what is made of small turn rates follows that."""
+        alone says the opposite, and ``strictly`` no surer than that is. A body that sways against
+        its path turns the gyro with it, and what is made of small turn rates follows that."""
         told, received = likelier_by_side(self._fits(one), self._fits(other))
         if of_vehicle:
             return told
         if received[0] * told[0] < 0.0:
             return 0.0, 0.0
-        return told[0], min(told[1], received[1], key=abs)
+        return told[0], min(told[1], received[1], key=abs) if strictly else told[1]
 
     def forget(self) -> None:
         """Forget fits: they are large, and seldom one is asked for again."""

@@ -169,7 +169,7 @@ class Search:
             return found, None
         fewer = self._fit(here, selection, found)
         of_vehicle = selection.of_vehicle(chosen, gone)
-        ahead, sigmas = self.judge.ahead(here, fewer, of_vehicle)
+        ahead, sigmas = self.judge.ahead(here, fewer, of_vehicle, strictly=True)
         ahead += selection.log_prior(chosen) - selection.log_prior(found)
         if ahead < limits.LEAST_ODDS or sigmas < limits.APART:
             return found, fewer
@@ -424,9 +424,10 @@ class Search:
                     continue
                 of_vehicle = selection.of_vehicle(chosen, {name})
                 of_vehicle |= selection.of_vehicle(its, {other})
-                ahead, sigmas = self.judge.ahead(fitted, here, of_vehicle)
-                ahead += self._log_prior(selection, its) - self._log_prior(selection, chosen)
                 rival_formula = bool(selection.candidates[other].terms)
+                strictly = formula != rival_formula
+                ahead, sigmas = self.judge.ahead(fitted, here, of_vehicle, strictly)
+                ahead += self._log_prior(selection, its) - self._log_prior(selection, chosen)
                 if abs(sigmas) < limits.APART and not rival_formula:
                     self.close[name] = (*self.close.get(name, ()), other)
                 clear = abs(sigmas) > limits.APART and abs(ahead) > limits.CHALLENGE * nats
@@ -487,7 +488,7 @@ class Search:
             return None
         _, form, fitted = best
         fitted = with_noise(fitted, self.stated)
-        ahead, sigmas = self.judge.ahead(fitted, here, vehicle)
+        ahead, sigmas = self.judge.ahead(fitted, here, vehicle, strictly=True)
         known = self.screening.refinements, selection.candidates
         self.screening.refinements, selection.candidates = dict(known[0]), dict(known[1])
         its = self.screening.in_form(here, selection, begun, first.name, *form)

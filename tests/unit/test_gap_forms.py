@@ -293,7 +293,12 @@ def test_a_formula_in_its_own_form_stands_beside_the_name_that_it_resembles(
     monkeypatch.setattr(search, "likelier", lambda one, other: (beyond_drift, 9.0))
     asked.judge = cast(
         "Judge",
-        SimpleNamespace(ahead=lambda one, other, of_vehicle: (nats * (one.name == SHADE), sigmas)),
+        SimpleNamespace(
+            ahead=lambda one, other, of_vehicle, strictly=False: (
+                nats * (one.name == SHADE),
+                sigmas,
+            )
+        ),
     )
     seed = f"accel_x += k * {SUN}"
     known = {seed: Candidate(seed, ((1,),), -9.0, terms=(("accel_x", SUN),))}

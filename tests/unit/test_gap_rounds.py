@@ -94,7 +94,7 @@ def test_what_came_in_the_place_of_drift_must_say_more_than_drift(
 ) -> None:
     asked = Asked()
     asked.swallowed = {LOW_PASSED}
-    monkeypatch.setattr(asked.judge, "ahead", lambda *about: (20.0, sigmas))
+    monkeypatch.setattr(asked.judge, "ahead", lambda *about, **more: (20.0, sigmas))
     monkeypatch.setattr(search, "likelier", lambda one, other: (40.0, 9.0))
     both = Chosen((*only(LATE).parts, (LOW_PASSED, (1,), 1.0)))
     assert asked._beyond_drift(HERE, on_sensor(), both) == (both if stays else only(LATE))
@@ -126,7 +126,9 @@ def test_where_constraint_and_receiver_differ_no_sensor_is_told_apart(
     assert Asked().judge.ahead(HERE, HERE, of_vehicle)[1] == (4.0 if of_vehicle else 0.0)
     # nor more surely than the receiver says
     says(monkeypatch, 4.0, 0.5)
-    assert Asked().judge.ahead(HERE, HERE, of_vehicle)[1] == (4.0 if of_vehicle else 0.5)
+    assert Asked().judge.ahead(HERE, HERE, of_vehicle)[1] == 4.0
+    told = Asked().judge.ahead(HERE, HERE, of_vehicle, strictly=True)
+    assert told[1] == (4.0 if of_vehicle else 0.5)
 
 
 @pytest.mark.parametrize("strength", [8.0, 1.0])
@@ -293,7 +295,7 @@ def test_what_takes_the_place_of_one_from_swallowed_biases_is_asked_as_that(
             not_borne_out=lambda fitted, selection, chosen: [],
         ),
     )
-    asked.judge = cast("Judge", SimpleNamespace(ahead=lambda one, other, of_vehicle: (2.0, 1.0)))
+    asked.judge = cast("Judge", SimpleNamespace(ahead=lambda *about: (2.0, 1.0)))
     selection: Any = SimpleNamespace(
         candidates={name: SimpleNamespace(terms=()) for name in (warm, warms_up)},
         close_rivals=lambda chosen, name: [SimpleNamespace(name=warms_up, chosen=only(warms_up))],
