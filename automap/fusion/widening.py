@@ -60,12 +60,14 @@ def _widened(
             there |= (t >= a) & (t <= b)
         if not reason.spans:
             there[:] = True
+        # fixes say nothing of a path that an IMU leads past them
+        doubted |= there & (reason.state != "good") & (not reason.led)
         if not reason.span_errors_m:
-            doubted |= there & (reason.state != "good")
             floor[there] = np.maximum(floor[there], reason.error_m)
-        for (a, b), metres in zip(reason.spans, reason.span_errors_m, strict=False):
-            known = slice(np.searchsorted(t, a), np.searchsorted(t, b, side="right"))
-            floor[known] = np.maximum(floor[known], metres)
+        for least, errors in ((floor, reason.span_errors_m), (high, reason.span_heights_m)):
+            for (a, b), metres in zip(reason.spans, errors, strict=False):
+                known = slice(np.searchsorted(t, a), np.searchsorted(t, b, side="right"))
+                least[known] = np.maximum(least[known], metres)
         factor[there] = np.maximum(factor[there], reason.factor)
         high[there] = np.maximum(high[there], reason.height_m)
         late[there] = np.maximum(late[there], reason.late_s)
