@@ -161,27 +161,30 @@ def weigh(
     lifts = found.get("vehicle_pitch_coefficient", (0.0, 0.0))[0]
     steps: list[Reason] = []
     over: list[Span] = []
+    witnesses = fixes
     jumps: list[Jump] = []
     of_heights = height_jumps(stated, path)
     if free is not None:
         age = found.get(LATENCY_STATE, (0.0, 0.0))[0]
         places = beside_readings(places, free, path, arm, age)
-        of_heights += position_jumps(beside_readings(heights, free, path, arm, age))
+        high = beside_readings(heights, free, path, arm, age)
+        of_heights += position_jumps(high)
         # readings of an instant are stamped later by the delay
         late = age - (0.0 if delay_is_clock else result.delay.mean)
         jumps = regained_jumps(stated, result.innovations, path, late)
         beside = fix_misses(path, stated, arm, age)
         ends = float(path.gps_s[0]), float(path.gps_s[-1])
         good_to = age, level_sd(part for _, part in known())
-        of_receiver = beside_imu(of_receiver, receiver.parted, places, beside, ends, *good_to)
+        of_receiver = beside_imu(of_receiver, receiver.parted, places, high, beside, ends, *good_to)
         over = [span for reason in of_receiver if reason.led for span in reason.spans]
         of_heights = _elsewhere(of_heights, over, ends[0])
+        witnesses = _without(fixes, over, ends[0] + age)
         of_receiver += hole_doubts(places, path, *good_to)
         steps = _steps(result, path, free, found, fixes, options, arm, over)
         free = None  # of ten hours a hundred megabytes
     drifts: list[Drift] = []
     try:
-        dated = dated_velocities(fixes, receiver)
+        dated = dated_velocities(witnesses, receiver)
         levels = fix_levels(dated, options)
         alone = smooth_fixes(dated, clock, options, levels)
         sd = level_sd(stretch for _, stretch in known())
@@ -280,6 +283,18 @@ def _of_arm(found: Estimates, stated: FloatArray | None, speed: float, sd_m: flo
     at = found, stated, STATED_ARM_SD_M, speed
     overturned = overturned_arm(found, stated, STATED_ARM_SD_M)
     return [*overturned, *(contradicted_arm(*at) or unproven_arm(*at, sd_m))]
+
+
+def _without(fixes: Fixes, over: Sequence[Span], zero: float) -> Fixes:
+    """The fixes without what they tell in the stretches that the IMU leads ``over``, tagged
+    ``zero`` s later."""
+    there = in_any(fixes.gps_s - zero, over)
+    return replace(
+        fixes,
+        lat_rad=np.where(there, np.nan, fixes.lat_rad),
+        lon_rad=np.where(there, np.nan, fixes.lon_rad),
+        vel_ned=np.where(there[:, None], np.nan, fixes.vel_ned),
+    )
 
 
 def _elsewhere(jumps: Sequence[Jump], over: Sequence[Span], start_gps_s: float) -> list[Jump]:

@@ -17,6 +17,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from automap.fusion.doubts import limits
 from automap.fusion.doubts.bridged import Bridge, in_any
 from automap.fusion.doubts.path import Misses
 from automap.fusion.doubts.position_jump import Places
@@ -49,6 +50,7 @@ def beside_imu(
     reasons: Sequence[Reason],
     parted: Sequence[Interval],
     seen: Places,
+    high: Places,
     misses: Misses,
     ends: Span,
     age_s: float,
@@ -56,11 +58,11 @@ def beside_imu(
 ) -> list[Reason]:
     """The ``reasons``, of which those of ``CODES`` say how far the path is off in each stretch.
 
-    ``parted``: where positions and velocities part; ``seen`` positions beside the readings,
-    ``misses`` of fixes ``age_s`` old off the path, which lasts from one of the ``ends`` to the
-    other and is good to ``sd_m`` m an axis. Where positions are on the path for half of it or less,
-    or the readings show nothing, all is as it was told. The reason is none to doubt the path
-    where that is no more than its sigma.
+    ``parted``: where positions and velocities part; ``seen`` positions and ``high`` heights beside
+    the readings, ``misses`` of fixes ``age_s`` old off the path, which lasts from one of the
+    ``ends`` to the other and is good to ``sd_m`` m an axis. Where positions are on the path for
+    half of it or less, or the readings show nothing, all is as it was told. The reason is none to
+    doubt the path where that is no more than its sigma.
     """
     if not parted or min(len(seen.t), len(misses)) < LEAST_JUDGED:
         return list(reasons)
@@ -71,20 +73,30 @@ def beside_imu(
         return list(reasons)
     sound = np.flatnonzero(~in_any(seen.t, found.gone))
     bridge = Bridge(seen, sound, misses, zero)
+    above = Bridge(high, np.flatnonzero(~in_any(high.t, found.gone)), misses, zero)
     most_m = max(jump.metres for jump in parted)
     most_m = max(most_m, float(found.passed[:, 1].max(initial=0.0)))
+    spans = [(jump.start_gps_s, jump.end_gps_s) for jump in parted]
+    beside = replace(bridge, sound=np.flatnonzero(~in_any(seen.t, spans)), apart={})
+    shifts = []
+    for k, i in enumerate(found.link):
+        metres, sd, followed = _shift(bridge, beside, found.gone[i], found.alone[i])
+        shifts.append((metres, sd))
+        if followed is not None:
+            found.gone[i] = followed
+            found.kept[k : k + 2] = (
+                (found.kept[k][0], followed[0]),
+                (followed[1], found.kept[k + 1][1]),
+            )
+    level = _unsure(found, shifts, most_m)
     off = [bridge.off(span) for span in found.gone]
     if not any(math.isfinite(metres) for metres in off):
         return list(reasons)
     off = [min(metres, most_m) for metres in off]
-    spans = [(jump.start_gps_s, jump.end_gps_s) for jump in parted]
-    beside = replace(bridge, sound=np.flatnonzero(~in_any(seen.t, spans)), apart={})
-    shifts = [_shift(bridge, beside, found.gone[k], found.alone[k]) for k in found.link]
-    level = _unsure(found, shifts, most_m)
-    high = [_highest(misses, zero, span) for span in found.gone]
+    highest = [min(above.off(span), _highest(misses, zero, span)) for span in found.gone]
     start = ends[0]
     told = {
-        CODES[0]: _told(reasons, CODES[0], found.gone, off, high, start, sd_m),
+        CODES[0]: _told(reasons, CODES[0], found.gone, off, highest, start, sd_m),
         CODES[1]: _told(reasons, CODES[1], found.kept, level, [], start, sd_m),
     }
     return [new for reason in reasons for new in told.get(reason.code, [reason])]
@@ -152,6 +164,7 @@ def _astray(parted: Sequence[Interval], misses: Misses, zero: float, ends: Span)
         else:
             runs.append([first, last])
             alone.append((jumps[k].start_gps_s, jumps[k].end_gps_s))
+    runs, alone = _joined(runs, alone, tag)
     gone = [
         (float(tag[a - 1]) if a else ends[0], float(tag[b]) if b < len(tag) else ends[1])
         for a, b in runs
@@ -171,8 +184,30 @@ def _astray(parted: Sequence[Interval], misses: Misses, zero: float, ends: Span)
     return Astray(gone, kept, link, alone, np.array(passed).reshape(-1, 2))
 
 
-def _shift(bridge: Bridge, beside: Bridge, span: Span, jump: Span | None) -> tuple[float, float]:
-    """By how much, m, and how surely, positions go on elsewhere behind a stretch ``span``.
+def _joined(
+    runs: list[list[int]], alone: list[Span | None], tag: FloatArray
+) -> tuple[list[list[int]], list[Span | None]]:
+    """The ``runs`` of rows, each with its jump if it has one ``alone``, of which those are one that
+    have too few fixes, or too short a time, between them to tell anything."""
+    out: list[list[int]] = [[0, 0]]
+    jumps: list[Span | None] = [None]
+    for (a, b), jump in zip([*runs, [len(tag), len(tag)]], [*alone, None], strict=True):
+        last = out[-1][1]
+        short = a - last < limits.STEP_FIXES or tag[a - 1] - tag[last] < limits.STEP_WINDOW_S
+        if short:
+            out[-1][1], jumps[-1] = b, None if last else jump
+        else:
+            out.append([a, b])
+            jumps.append(jump)
+    keep = [k for k, (a, b) in enumerate(out) if b > a or 0 < a < len(tag)]
+    return [out[k] for k in keep], [jumps[k] for k in keep]
+
+
+def _shift(
+    bridge: Bridge, beside: Bridge, span: Span, jump: Span | None
+) -> tuple[float, float, Span | None]:
+    """By how much, m, and how surely, positions go on elsewhere behind a stretch ``span``, and the
+    jump where that is seen.
 
     A path that follows a ``jump`` leaves the positions on both its sides, which are ``beside`` it
     as good a witness as those further off that are on the path, and nearer: but those of a receiver
@@ -181,8 +216,8 @@ def _shift(bridge: Bridge, beside: Bridge, span: Span, jump: Span | None) -> tup
     if jump is not None:
         near, near_sd = beside.shift(jump)
         if near_sd < sd and abs(near - metres) < sigmas(OUTSIDE_95) * math.hypot(sd, near_sd):
-            return near, near_sd
-    return metres, sd
+            return near, near_sd, jump
+    return metres, sd, None
 
 
 def _unsure(found: Astray, shifts: list[tuple[float, float]], most_m: float) -> list[float]:

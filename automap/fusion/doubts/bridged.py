@@ -9,6 +9,7 @@ are left out.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -18,15 +19,15 @@ from automap.fusion.doubts.path import Misses
 from automap.fusion.doubts.position_jump import Places
 from automap.fusion.doubts.reason import Span
 from automap.fusion.doubts.velocity_step import last_term
-from automap.gates import sd_by_median
+from automap.gates import gate, sd_by_median
 from automap.records import BoolArray, FloatArray, IntArray
 
 
 @dataclass(frozen=True)
 class Bridge:
-    """The readings' way over stretches of positions ``seen`` beside them; ``sound`` rows of these,
-    ``misses`` of fixes off the path, whose tags are ``zero`` s later. What curves over sound
-    positions lead astray by is found once for each length."""
+    """The readings' way over stretches of positions, or of heights, ``seen`` beside them; ``sound``
+    rows of these, ``misses`` of fixes off the path, whose tags are ``zero`` s later. What curves
+    over sound positions lead astray by is found once for each length."""
 
     seen: Places
     sound: IntArray
@@ -52,9 +53,10 @@ class Bridge:
         known = np.abs(tag[near] - seen.t[gone]) < limits.SAME_FIX_S
         if not known.any():
             return math.inf
+        miss = misses.miss[near[known]]
         # fixes less what they miss the path by are the path
-        on_path = seen.at[gone[known]] - misses.miss[near[known], :2]
-        apart = float(np.hypot(*(on_path - led[known]).T).max())
+        on_path = seen.at[gone[known]] - (miss[:, :2] if seen.at.shape[1] == 2 else -miss[:, 2:])
+        apart = float(np.linalg.norm(on_path - led[known], axis=1).max())
         if len(gone) not in self.astray:
             self.astray[len(gone)] = self._astray(len(gone), half, reach)
         return float(np.hypot(apart, self.astray[len(gone)]))
@@ -110,16 +112,16 @@ class Bridge:
     def _astray(self, left_out: int, half: int, reach_s: float) -> float:
         """How far, m, curves lead astray over ``left_out`` sound fixes; endless where the drive
         does not show it."""
-        found = []
+        found, axes = [], self.seen.at.shape[1]
         for part in self._windows(left_out, half):
             before, gone, after = np.split(part, [half, half + left_out])
             if _whole(self.seen, before, after, reach_s):
                 led = _led(self.seen, np.concatenate([before, after]), gone)
-                found.append(float(np.hypot(*(self.seen.at[gone] - led).T).max()))
+                found.append(float(np.linalg.norm(self.seen.at[gone] - led, axis=1).max()))
         if len(found) < limits.LEAST_USUAL:
             return math.inf
-        # the rms of a distance, normal in two axes, by its median
-        return float(np.median(found)) / math.sqrt(math.log(2.0))
+        # the rms of a distance, normal in each axis, by its median
+        return float(np.median(found)) / math.sqrt(gate(0.5, axes) / axes)
 
     def _apart(self, left_out: int, half: int, reach_s: float) -> float:
         """The sigma, m an axis, of shifts over ``left_out`` sound fixes; endless where the drive
@@ -133,13 +135,13 @@ class Bridge:
         return sd_by_median(_steps(self.seen, rows).ravel())
 
 
-def outside(misses: Misses, spans: list[Span]) -> Misses:
+def outside(misses: Misses, spans: Sequence[Span]) -> Misses:
     """Those of the ``misses`` that are in none of the ``spans``."""
     keep = ~in_any(misses.t, spans)
     return Misses(misses.t[keep], misses.miss[keep], misses.white_var[keep], misses.slow_var[keep])
 
 
-def in_any(t: FloatArray, spans: list[Span]) -> BoolArray:
+def in_any(t: FloatArray, spans: Sequence[Span]) -> BoolArray:
     """Which instants [n] lie within one of the ``spans``, which follow one another."""
     if not spans:
         return np.zeros(len(t), np.bool_)
