@@ -9,6 +9,7 @@ import numpy as np
 
 from automap.fusion import limits
 from automap.fusion.doubts.difference import Difference, between, no_difference, within
+from automap.fusion.doubts.limits import STEP_WINDOW_S
 from automap.fusion.doubts.path import Misses, local_error
 from automap.fusion.doubts.reason import Reason
 from automap.records import FloatArray, Trajectory
@@ -71,9 +72,11 @@ def _widened(
                 least[known] = np.maximum(least[known], metres)
         over = zip(reason.spans, reason.span_errors_m, strict=False) if reason.led else ()
         for (a, b), metres in over:
-            # off by so much half way between ends where it is right: half a wave
+            # off by so much half way between the ends that it is led from: half a wave
             known = slice(np.searchsorted(t, a), np.searchsorted(t, b, side="right"))
-            swerving[known] = np.maximum(swerving[known], 0.5 * np.pi * metres / (b - a))
+            swerving[known] = np.maximum(
+                swerving[known], 0.5 * np.pi * metres / (b - a + 2.0 * STEP_WINDOW_S)
+            )
         factor[there] = np.maximum(factor[there], reason.factor)
         high[there] = np.maximum(high[there], reason.height_m)
         late[there] = np.maximum(late[there], reason.late_s)

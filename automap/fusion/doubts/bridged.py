@@ -22,6 +22,9 @@ from automap.fusion.doubts.velocity_step import last_term
 from automap.gates import gate, sd_by_median
 from automap.records import BoolArray, FloatArray, IntArray
 
+_FILLED = 1.5
+"""Fixes that follow one another last for less than so many times their number: no hole between."""
+
 
 @dataclass(frozen=True)
 class Bridge:
@@ -33,7 +36,7 @@ class Bridge:
     sound: IntArray
     misses: Misses
     zero: float
-    astray: dict[int, float] = field(default_factory=dict)
+    astray: dict[tuple[int, int, int], float] = field(default_factory=dict)
     apart: dict[tuple[int, int], float] = field(default_factory=dict)
 
     def off(self, span: Span) -> float:
@@ -42,10 +45,12 @@ class Bridge:
         gone = self._rows(span)
         if not len(gone):
             return 0.0
-        half = self._half()
-        before, after = self._sides(gone, half)
-        reach = (len(gone) + 2 * half) * self._spacing()
-        if min(len(before), len(after)) < half or not _whole(seen, before, after, reach):
+        before, after = self._sides(gone, 2 * self._half())
+        sides = self._either(len(before), len(after))
+        if sides is None:
+            return math.inf
+        before, after = before[len(before) - sides[0] :], after[: sides[1]]
+        if not self._whole(np.concatenate([before, gone, after])):
             return math.inf
         led = _led(seen, np.concatenate([before, after]), gone)
         tag = misses.t + self.zero
@@ -57,9 +62,10 @@ class Bridge:
         # fixes less what they miss the path by are the path
         on_path = seen.at[gone[known]] - (miss[:, :2] if seen.at.shape[1] == 2 else -miss[:, 2:])
         apart = float(np.linalg.norm(on_path - led[known], axis=1).max())
-        if len(gone) not in self.astray:
-            self.astray[len(gone)] = self._astray(len(gone), half, reach)
-        return float(np.hypot(apart, self.astray[len(gone)]))
+        key = len(gone), *sides
+        if key not in self.astray:
+            self.astray[key] = self._astray(*key)
+        return float(np.hypot(apart, self.astray[key]))
 
     def shift(self, span: Span) -> tuple[float, float]:
         """By how much, m, positions behind the ``span`` lie off the way from those before, and the
@@ -69,19 +75,17 @@ class Bridge:
         size = max(len(gone), half)
         before, after = self._sides(gone, size, span[0])
         size = min(len(before), len(after))
-        # as much of either side as there is drive to compare it with
+        best = 0.0, math.inf
+        # by as much of either side as tells it best
         while size >= half:
-            reach = (len(gone) + 2 * size) * self._spacing()
             key = len(gone), size
             if key not in self.apart:
-                self.apart[key] = self._apart(*key, reach)
-            if math.isfinite(self.apart[key]) and _whole(
-                self.seen, before[-size:], after[:size], reach
-            ):
-                rows = np.concatenate([before[-size:], after[:size]])
-                return float(np.hypot(*_steps(self.seen, rows[None])[0])), self.apart[key]
+                self.apart[key] = self._apart(*key)
+            rows = np.concatenate([before[-size:], after[:size]])
+            if self.apart[key] < best[1] and self._whole(np.insert(rows, size, gone)):
+                best = float(np.hypot(*_steps(self.seen, rows[None])[0])), self.apart[key]
             size //= 2
-        return 0.0, math.inf
+        return best
 
     def _rows(self, span: Span) -> IntArray:
         first, last = np.searchsorted(self.seen.t, [np.nextafter(span[0], np.inf), span[1]])
@@ -101,37 +105,51 @@ class Bridge:
         at = int(np.searchsorted(self.seen.t[self.sound], begin))
         return self.sound[max(at - size, 0) : at], self.sound[at : at + size]
 
-    def _windows(self, left_out: int, half: int) -> IntArray:
-        """Sound rows [k, n] of windows of twice ``half`` and the ``left_out`` between."""
-        size = 2 * half + left_out
-        starts = np.arange(0, len(self.sound) - size + 1, half)
+    def _either(self, before: int, after: int) -> tuple[int, int] | None:
+        """How many of so many sound rows ``before`` and ``after`` a curve is taken to: as many of
+        both, or of one alone, at an end of a drive; None where there are too few."""
+        half = self._half()
+        wanted = (half, half), (2 * half, 0), (0, 2 * half)
+        return next((w for w in wanted if before >= w[0] and after >= w[1]), None)
+
+    def _whole(self, rows: IntArray) -> bool:
+        """Whether no readings are lost between the ends of ``rows``, and few fixes are missing."""
+        seen, reach = self.seen, len(rows) * self._spacing()
+        lost = seen.lost_s[rows[-1]] == seen.lost_s[rows[0]]
+        return bool(lost and seen.t[rows[-1]] - seen.t[rows[0]] < _FILLED * reach)
+
+    def _windows(self, size: int) -> IntArray:
+        """Sound rows [k, size] that follow one another, of windows a half apart."""
+        starts = np.arange(0, len(self.sound) - size + 1, self._half())
         # of a long drive some tell it as well
         starts = starts[:: len(starts) // limits.MOST_USUAL + 1]
-        return np.asarray(self.sound[starts[:, None] + np.arange(size)])
+        rows = np.asarray(self.sound[starts[:, None] + np.arange(size)])
+        t, lost = self.seen.t[rows], self.seen.lost_s[rows]
+        whole = (lost[:, -1:] == lost[:, :1]) & (
+            t[:, -1:] - t[:, :1] < _FILLED * size * self._spacing()
+        )
+        return np.asarray(rows[whole[:, 0]])
 
-    def _astray(self, left_out: int, half: int, reach_s: float) -> float:
-        """How far, m, curves lead astray over ``left_out`` sound fixes; endless where the drive
-        does not show it."""
+    def _astray(self, left_out: int, before: int, after: int) -> float:
+        """How far, m, curves to so many fixes on either side lead astray over ``left_out`` sound
+        ones; endless where the drive does not show it."""
         found, axes = [], self.seen.at.shape[1]
-        for part in self._windows(left_out, half):
-            before, gone, after = np.split(part, [half, half + left_out])
-            if _whole(self.seen, before, after, reach_s):
-                led = _led(self.seen, np.concatenate([before, after]), gone)
-                found.append(float(np.linalg.norm(self.seen.at[gone] - led, axis=1).max()))
+        for rows in self._windows(before + left_out + after):
+            gone = rows[before : before + left_out]
+            led = _led(self.seen, np.delete(rows, np.s_[before : before + left_out]), gone)
+            found.append(float(np.linalg.norm(self.seen.at[gone] - led, axis=1).max()))
         if len(found) < limits.LEAST_USUAL:
             return math.inf
         # the rms of a distance, normal in each axis, by its median
         return float(np.median(found)) / math.sqrt(gate(0.5, axes) / axes)
 
-    def _apart(self, left_out: int, half: int, reach_s: float) -> float:
+    def _apart(self, left_out: int, half: int) -> float:
         """The sigma, m an axis, of shifts over ``left_out`` sound fixes; endless where the drive
         does not show it."""
-        rows = self._windows(left_out, half)
-        rows = np.concatenate([rows[:, :half], rows[:, half + left_out :]], axis=1)
-        t, lost = self.seen.t[rows], self.seen.lost_s[rows]
-        rows = rows[(lost[:, -1] == lost[:, 0]) & (t[:, -1] - t[:, 0] < 1.5 * reach_s)]
+        rows = self._windows(2 * half + left_out)
         if len(rows) < limits.LEAST_USUAL:
             return math.inf
+        rows = np.delete(rows, np.s_[half : half + left_out], axis=1)
         return sd_by_median(_steps(self.seen, rows).ravel())
 
 
@@ -148,13 +166,6 @@ def in_any(t: FloatArray, spans: Sequence[Span]) -> BoolArray:
     first, last = np.array(sorted(spans)).T
     at = np.searchsorted(first, t) - 1
     return np.asarray((at >= 0) & (t < last[at]))
-
-
-def _whole(seen: Places, before: IntArray, after: IntArray, reach_s: float) -> bool:
-    """Whether no readings are lost between the ends, and the fixes no further apart than that."""
-    ends = before[0], after[-1]
-    lost = seen.lost_s[ends[1]] == seen.lost_s[ends[0]]
-    return bool(lost and seen.t[ends[1]] - seen.t[ends[0]] < 1.5 * reach_s)
 
 
 def _led(seen: Places, rows: IntArray, gone: IntArray) -> FloatArray:
