@@ -31,7 +31,8 @@ from automap.fusion.doubts.antenna import (
     overturned_arm,
     unproven_arm,
 )
-from automap.fusion.doubts.bridged import bridged, outside
+from automap.fusion.doubts.astray import beside_imu
+from automap.fusion.doubts.bridged import in_any, outside
 from automap.fusion.doubts.constancy import constancy_doubts
 from automap.fusion.doubts.difference import off_course
 from automap.fusion.doubts.estimates import (
@@ -46,7 +47,7 @@ from automap.fusion.doubts.estimates import (
     unexpected_delay,
 )
 from automap.fusion.doubts.heights import height_doubts, separation_doubts
-from automap.fusion.doubts.hole import hole_doubts, not_led_back, regained_jumps
+from automap.fusion.doubts.hole import hole_doubts, regained_jumps
 from automap.fusion.doubts.own_velocities import smoothed_doubts
 from automap.fusion.doubts.path import fix_misses, off_the_fixes
 from automap.fusion.doubts.position_jump import (
@@ -61,7 +62,6 @@ from automap.fusion.doubts.position_jump import (
 from automap.fusion.doubts.reason import Reason, Span
 from automap.fusion.doubts.receiver import (
     accuracy_doubts,
-    beside_imu,
     dated_velocities,
     overstated,
     receiver_doubts,
@@ -161,28 +161,30 @@ def weigh(
     lifts = found.get("vehicle_pitch_coefficient", (0.0, 0.0))[0]
     steps: list[Reason] = []
     over: list[Span] = []
+    witnesses = fixes
     jumps: list[Jump] = []
     of_heights = height_jumps(stated, path)
     if free is not None:
         age = found.get(LATENCY_STATE, (0.0, 0.0))[0]
         places = beside_readings(places, free, path, arm, age)
-        of_heights += position_jumps(beside_readings(heights, free, path, arm, age))
+        high = beside_readings(heights, free, path, arm, age)
+        of_heights += position_jumps(high)
         # readings of an instant are stamped later by the delay
         late = age - (0.0 if delay_is_clock else result.delay.mean)
         jumps = regained_jumps(stated, result.innovations, path, late)
         beside = fix_misses(path, stated, arm, age)
         ends = float(path.gps_s[0]), float(path.gps_s[-1])
-        unled = not_led_back(receiver.parted, result.innovations, path, late, beside, age)
-        of_receiver = list(beside_imu(of_receiver, receiver.parted, unled, beside, *ends))
-        at_start = ends[0], age, level_sd(part for _, part in known())
-        of_receiver = bridged(of_receiver, receiver.parted, places, beside, *at_start)
-        over = [span for reason in of_receiver if reason.span_errors_m for span in reason.spans]
-        of_receiver += hole_doubts(places, path, *at_start[1:])
+        good_to = age, level_sd(part for _, part in known())
+        of_receiver = beside_imu(of_receiver, receiver.parted, places, high, beside, ends, *good_to)
+        over = [span for reason in of_receiver if reason.led for span in reason.spans]
+        of_heights = _elsewhere(of_heights, over, ends[0])
+        witnesses = _without(fixes, over, ends[0] + age)
+        of_receiver += hole_doubts(places, path, *good_to)
         steps = _steps(result, path, free, found, fixes, options, arm, over)
         free = None  # of ten hours a hundred megabytes
     drifts: list[Drift] = []
     try:
-        dated = dated_velocities(fixes, receiver)
+        dated = dated_velocities(witnesses, receiver)
         levels = fix_levels(dated, options)
         alone = smooth_fixes(dated, clock, options, levels)
         sd = level_sd(stretch for _, stretch in known())
@@ -281,6 +283,26 @@ def _of_arm(found: Estimates, stated: FloatArray | None, speed: float, sd_m: flo
     at = found, stated, STATED_ARM_SD_M, speed
     overturned = overturned_arm(found, stated, STATED_ARM_SD_M)
     return [*overturned, *(contradicted_arm(*at) or unproven_arm(*at, sd_m))]
+
+
+def _without(fixes: Fixes, over: Sequence[Span], zero: float) -> Fixes:
+    """The fixes without what they tell in the stretches that the IMU leads ``over``, tagged
+    ``zero`` s later."""
+    there = in_any(fixes.gps_s - zero, over)
+    return replace(
+        fixes,
+        lat_rad=np.where(there, np.nan, fixes.lat_rad),
+        lon_rad=np.where(there, np.nan, fixes.lon_rad),
+        vel_ned=np.where(there[:, None], np.nan, fixes.vel_ned),
+    )
+
+
+def _elsewhere(jumps: Sequence[Jump], over: Sequence[Span], start_gps_s: float) -> list[Jump]:
+    """The ``jumps`` but those in stretches, or at their ends, that the IMU leads ``over``."""
+    reach = limits.STEP_WINDOW_S
+    wide = [(start_gps_s + a - reach, start_gps_s + b + reach) for a, b in over]
+    at = np.array([jump.gps_s for jump in jumps])
+    return [jump for jump, there in zip(jumps, in_any(at, wide), strict=True) if not there]
 
 
 def _steps(

@@ -9,6 +9,7 @@ import numpy as np
 
 from automap.fusion import limits
 from automap.fusion.doubts.difference import Difference, between, no_difference, within
+from automap.fusion.doubts.limits import STEP_WINDOW_S
 from automap.fusion.doubts.path import Misses, local_error
 from automap.fusion.doubts.reason import Reason
 from automap.records import FloatArray, Trajectory
@@ -53,27 +54,40 @@ def _widened(
     apart = no_difference(len(t)) if away is None else away(stretch.gps_s)
     factor, floor, high = np.ones(len(t)), np.zeros(len(t)), np.zeros(len(t))
     doubted, turned = np.zeros(len(t), np.bool_), np.zeros(len(t))
-    late, only = np.zeros(len(t)), np.zeros(len(t))
+    swerving = np.zeros(len(t))
+    late, only, led = np.zeros(len(t)), np.zeros(len(t)), np.zeros(len(t), np.bool_)
     for reason in reasons:
         there = np.zeros(len(t), np.bool_)
         for a, b in reason.spans:
             there |= (t >= a) & (t <= b)
         if not reason.spans:
             there[:] = True
+        doubted |= there & (reason.state != "good")
+        led |= there & reason.led
         if not reason.span_errors_m:
-            doubted |= there & (reason.state != "good")
             floor[there] = np.maximum(floor[there], reason.error_m)
-        for (a, b), metres in zip(reason.spans, reason.span_errors_m, strict=False):
+        for least, errors in ((floor, reason.span_errors_m), (high, reason.span_heights_m)):
+            for (a, b), metres in zip(reason.spans, errors, strict=False):
+                known = slice(np.searchsorted(t, a), np.searchsorted(t, b, side="right"))
+                least[known] = np.maximum(least[known], metres)
+        over = zip(reason.spans, reason.span_errors_m, strict=False) if reason.led else ()
+        for (a, b), metres in over:
+            # off by so much half way between the ends that it is led from: half a wave
             known = slice(np.searchsorted(t, a), np.searchsorted(t, b, side="right"))
-            floor[known] = np.maximum(floor[known], metres)
+            swerving[known] = np.maximum(
+                swerving[known], 0.5 * np.pi * metres / (b - a + 2.0 * STEP_WINDOW_S)
+            )
         factor[there] = np.maximum(factor[there], reason.factor)
         high[there] = np.maximum(high[there], reason.height_m)
         late[there] = np.maximum(late[there], reason.late_s)
         only[there] = np.maximum(only[there], reason.moved_s)
         turned[there] = np.maximum(turned[there], reason.heading)
+    # fixes say nothing of a path that an IMU leads past them
+    doubted &= ~led
     moved, motion = within(path, late, rows), within(path, np.maximum(late, only), rows)
     floor = np.max([floor, moved.position, doubted * np.maximum(error, apart.position)], axis=0)
     off = np.maximum(motion.velocity, doubted[:, None] * apart.velocity)
+    off = np.maximum(off, swerving[:, None] * [1.0, 1.0, 0.0])
     turned = np.max([turned, motion.heading, doubted * apart.heading], axis=0)
     sd = stretch.sd_pos_ned * factor[:, None]
     # per axis: an error of this length may have any direction

@@ -168,7 +168,8 @@ def exit_codes() -> str:
         + _table(["code", "meaning"], rows)
         + "\nWith several drives it is the highest. `automap check` gives 3 for a drive that is "
         "not usable, `automap evaluate --require` and `automap regress` give 5 for a figure that "
-        "is missed, `automap run --strict` for a path that is doubtful or unusable. An error is "
+        "is missed, `automap run --strict` for a path or signs that are doubtful or "
+        "unusable. An error is "
         "one sentence with the file, the line or byte, and what to do; `--debug` adds the "
         "traceback.\n"
     )

@@ -123,6 +123,7 @@ def run_command(
     from pipeline.fleet.status import write_status
     from pipeline.fleet.store import Store
     from pipeline.shared.terminal import progress_bar
+    from pipeline.shared.verdicts import doubted
 
     check_there(drives)
     store = Store.at(url, make=bool(drives))
@@ -137,8 +138,7 @@ def run_command(
     finally:
         write_status(store)
     for entry in store.entries(ran.doubtful):
-        state = entry.done.get("verdict", {}).get("state")
-        _warn([f"{entry.path}: its path is {state}; automap fleet status says why."])
+        _warn([f"{entry.path}: {told.sentence()}" for told in doubted(entry.done)])
     for text in ran.aside.values():
         click.echo(click.style("put aside: ", fg="red") + text, err=True)
     if not quiet:

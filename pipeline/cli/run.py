@@ -66,7 +66,7 @@ Examples:
 @click.option(
     "--strict",
     is_flag=True,
-    help="Exit with code 5 where the verdict on a path is doubtful or unusable.",
+    help="Exit with code 5 where the verdict on a path or on its signs is not good.",
 )
 @click.option("--quiet", is_flag=True, help="Print nothing but errors.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object at the end.")
@@ -94,15 +94,16 @@ def command(
     Runs the stages ingest, sync, fuse, detect, geolocate, export and report. A stage whose
     inputs and settings have not changed since the last run is kept; why another one runs is
     said beside it. At the end stands whether the path may be relied on: good, doubtful or
-    unusable, with the reasons.
+    unusable, with the reasons; and whether the signs may.
     """
     from functools import partial
 
     from automap.errors import ConfigError, RegressionError
     from pipeline.run.batch import requested, run_drives
     from pipeline.shared.progress import Reporter
-    from pipeline.shared.summary import as_dict, verdict_of
+    from pipeline.shared.summary import as_dict
     from pipeline.shared.terminal import Terminal
+    from pipeline.shared.verdicts import doubted
 
     if datum:
         assignments = (*assignments, f"export.datum={datum}")
@@ -135,10 +136,8 @@ def command(
             show_failure(outcome.error, debug_wanted())
     code = max(outcome.exit_code for outcome in outcomes)
     for outcome in outcomes if strict and not dry_run else ():
-        state, reasons = verdict_of(outcome)
-        if outcome.error is None and state not in ("", "good"):
-            more = f" ({len(reasons) - 1} more above)" if len(reasons) > 1 else ""
-            failure = RegressionError(f"{outcome.drive}: the path is {state}: {reasons[0]}{more}")
+        for told in doubted(outcome.record) if outcome.error is None else ():
+            failure = RegressionError(f"{outcome.drive}: {told.sentence()}")
             show_failure(failure, debug_wanted())
             code = max(code, failure.exit_code)
     if as_json:

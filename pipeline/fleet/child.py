@@ -55,6 +55,7 @@ def run_one(drive: Path, out: Path, echo: dict[str, Any]) -> dict[str, Any]:
     from pipeline.run.registry import ORDER, load_stages
     from pipeline.run.runner import Request, run_drive
     from pipeline.settings.load import settings_of_echo
+    from pipeline.shared.verdicts import KEYS
 
     started, processor = time.monotonic(), time.process_time()
     settings = settings_of_echo(echo, "the store's settings")
@@ -78,7 +79,7 @@ def run_one(drive: Path, out: Path, echo: dict[str, Any]) -> dict[str, Any]:
         "km": 0.0 if path is None else _length_km(path),
         "cell": begin_of(run.signs),
         "sd_m": None if path is None else _typical_sd(path),
-        "verdict": record.get("verdict"),
+        **{key: record.get(key) for key in KEYS.values()},
         "warnings": record.get("warnings", []),
         "automap": record.get("automap"),
         "seconds": time.monotonic() - started,

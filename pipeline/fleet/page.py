@@ -47,14 +47,12 @@ def _aside(drives: Sequence[dict[str, Any]]) -> Section:
 
 def _doubtful(drives: Sequence[dict[str, Any]]) -> Section:
     rows: list[tuple[str, ...]] = [
-        (d["name"], d["verdict"], "; ".join(d["verdict_reasons"]))
-        for d in drives
-        if d["verdict"] not in (None, "", "good")
+        (d["name"], "; ".join(d["doubts"])) for d in drives if d["doubts"]
     ]
     return Section(
-        header=("drive", "verdict", "reasons"),
+        header=("drive", "what is doubtful"),
         rows=rows[:_ROWS],
-        absent="" if rows else "The path of every drive that is done may be relied on.",
+        absent="" if rows else "Path and signs of every drive that is done may be relied on.",
     )
 
 

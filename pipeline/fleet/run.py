@@ -185,7 +185,7 @@ class _Round:
             return None
         if result.kind == "done":
             self.ran.done.append(digest)
-            if result.verdict not in ("", "good"):
+            if result.doubtful:
                 self.ran.doubtful.append(digest)
         else:
             self.ran.aside[digest] = result.error

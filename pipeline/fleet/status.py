@@ -16,6 +16,7 @@ from pipeline.fleet.orders import current_key
 from pipeline.fleet.store import SCHEMA, SETTINGS, Entry, Store
 from pipeline.fleet.versions import MAP, current
 from pipeline.shared.values import listing, mapping, number
+from pipeline.shared.verdicts import KEYS, doubted, verdicts
 
 PAGE, LINES, METRICS = "status.html", "drives.jsonl", "automap_fleet.prom"
 FOLDER = "status"
@@ -27,8 +28,7 @@ _NUMBERS = ("signs", "hours", "km", "seconds", "processor_s", "peak_bytes")
 def drive_line(entry: Entry, key: str | None) -> dict[str, Any]:
     """What is told of one drive."""
     done = entry.done
-    verdict = mapping(done.get("verdict"))
-    reasons = [str(mapping(r).get("text", "")) for r in listing(verdict.get("reasons"))]
+    told = verdicts(done)
     stored = [number(mapping(f).get("bytes")) or 0 for f in mapping(done.get("files")).values()]
     return {
         "digest": entry.digest,
@@ -37,8 +37,9 @@ def drive_line(entry: Entry, key: str | None) -> dict[str, Any]:
         "state": entry.state(key),
         "reason": _text(entry.aside.get("error")),
         "kind": _text(entry.aside.get("kind")),
-        "verdict": _text(verdict.get("state")),
-        "verdict_reasons": reasons,
+        **{key: told[of].state if of in told else None for of, key in KEYS.items()},
+        "verdict_reasons": [text for each in told.values() for text in each.reasons],
+        "doubts": [doubt.sentence() for doubt in doubted(done)],
         "older_settings": bool(done and key) and done.get("made_with", done.get("key")) != key,
         **{name: number(done.get(name)) for name in _NUMBERS},
         "stored_bytes": int(sum(stored)) or None,
@@ -70,7 +71,7 @@ def status(store: Store) -> tuple[dict[str, Any], list[dict[str, Any]]]:
         "aside": sum(line["state"] == "aside" for line in drives),
         "older_settings": sum(line["older_settings"] for line in done),
         "older_version": len(done) if now not in (None, key) else 0,
-        "doubtful": sum(line["verdict"] not in (None, "", "good") for line in done),
+        "doubtful": sum(bool(line["doubts"]) for line in done),
         "hours": total("hours"),
         "km": total("km"),
         "machine_hours": hours,
@@ -128,9 +129,8 @@ def summary_lines(told: dict[str, Any], drives: Sequence[dict[str, Any]]) -> lis
         lines.append(f"    - {line['reason']}")
     if told["doubtful"]:
         lines.append(f"  doubtful    {told['doubtful']}")
-        for line in [d for d in drives if d["verdict"] not in (None, "", "good")][:_SHOWN]:
-            why = f": {line['verdict_reasons'][0]}" if line["verdict_reasons"] else ""
-            lines.append(f"    - {line['name']} is {line['verdict']}{why}")
+        for line in [d for d in drives if d["doubts"]][:_SHOWN]:
+            lines.append(f"    - {line['name']}: {'; '.join(line['doubts'])}")
     if told["older_settings"]:
         lines.append(f"  settings    {told['older_settings']} were done with older ones")
     if told["older_version"]:
@@ -186,7 +186,7 @@ _METRICS = (
     ("drives_done", "done", "Drives that are done"),
     ("drives_waiting", "waiting", "Drives that wait"),
     ("drives_aside", "aside", "Drives put aside"),
-    ("drives_doubtful", "doubtful", "Drives done whose path is doubtful or worse"),
+    ("drives_doubtful", "doubtful", "Drives done whose path or signs are doubtful or worse"),
     ("driven_hours", "hours", "Hours of the drives that are done"),
     ("driven_km", "km", "Kilometres of the drives that are done"),
     ("machine_hours", "machine_hours", "Hours of processes that the drives took"),

@@ -21,6 +21,7 @@ from pipeline.fleet.child import kind_of
 from pipeline.fleet.fork_server import LOG, fork_server
 from pipeline.fleet.orders import Order
 from pipeline.fleet.store import DONE, DRIVES, Store, StoreGoneError, result_name
+from pipeline.shared.verdicts import doubted
 
 _EVERY_S = 0.2
 """How often the memory of a drive's process is looked at."""
@@ -40,7 +41,7 @@ class Result:
     digest: str
     kind: str
     error: str = ""
-    verdict: str = ""
+    doubtful: bool = False
 
 
 def run_task(url: str, digest: str, path: str, order: Order) -> Result:
@@ -112,7 +113,7 @@ def _has_room(folder: Path) -> bool:
 
 
 def _done(digest: str, marker: dict[str, Any]) -> Result:
-    return Result(digest, "done", verdict=str((marker.get("verdict") or {}).get("state", "")))
+    return Result(digest, "done", doubtful=bool(doubted(marker)))
 
 
 def _failed(digest: str, answer: dict[str, Any], path: str, drive: Path) -> Result:

@@ -52,7 +52,7 @@ def report_html(
         "sensors": sensor_section(products),
         "motion": motion_section(products),
     }
-    state, sections["verdict"] = verdict_section(record)
+    heading, sections["verdict"] = verdict_section(record)
     content = map_data(products, signs, read_pictures(products), background)
     facts = _facts(products, record)
     return render(
@@ -63,7 +63,7 @@ def report_html(
         figures=key_figures(products, signs),
         # last of all that reads, so that it knows every file that could not be read
         warnings=_warnings(products, record),
-        verdict=state,
+        verdict=heading,
         sections=sections,
         sign_table=sign_list(signs),
         map=content,

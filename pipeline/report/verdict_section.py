@@ -1,4 +1,4 @@
-"""The head of the page: whether the path may be relied on, and why not."""
+"""The head of the page: whether path and signs may be relied on, and why not."""
 
 from __future__ import annotations
 
@@ -7,30 +7,36 @@ from typing import Any
 
 from pipeline.pages.section import Section
 from pipeline.report.figures import duration_text
-from pipeline.shared.values import mapping
+from pipeline.shared.values import listing, mapping
+from pipeline.shared.verdicts import KEYS, verdicts
 
 _WORDS = {
-    "good": "The path agrees with all that was measured, as far as can be told.",
-    "doubtful": "The path contradicts some of what was measured. Its uncertainty was widened to "
-    "what was seen, and that of the signs with it.",
-    "unusable": "The path is of no use for a map.",
+    ("path", "good"): "The path agrees with all that was measured, as far as can be told.",
+    ("path", "doubtful"): "The path contradicts some of what was measured. Its uncertainty was "
+    "widened to what was seen, and that of the signs with it.",
+    ("path", "unusable"): "The path is of no use for a map.",
+    ("signs", "good"): "",
+    ("signs", "doubtful"): "The signs are not to be put into a register as they are.",
 }
 
 
 def verdict_section(record: dict[str, Any]) -> tuple[str, Section]:
-    """The state for the heading, "" without one, and its reasons; ``record`` is run.json."""
-    verdict = mapping(record.get("verdict"))
-    state = str(verdict.get("state", ""))
+    """The heading, such as "path good, signs doubtful", "" without a verdict, and the reasons;
+    ``record`` is run.json."""
     section = Section()
-    if state not in _WORDS:
-        return "", section
-    section.sentences.append(_WORDS[state])
-    reasons = verdict.get("reasons")
-    for reason in reasons if isinstance(reasons, list) else ():
-        text = str(mapping(reason).get("text", ""))
-        told = f"{text[:1].upper()}{text[1:]}{_where(reason)}."
-        section.verdicts.append(("good" if state == "good" else "bad", told))
-    return state, section
+    heading = []
+    for key in KEYS:
+        told = verdicts(record).get(key)
+        words = None if told is None else _WORDS.get((key, told.state))
+        if told is None or words is None:
+            continue
+        heading.append(f"{key} {told.state}")
+        section.sentences += [words] if words else []
+        for reason in listing(mapping(record[KEYS[key]]).get("reasons")):
+            text = str(mapping(reason).get("text", ""))
+            line = f"{text[:1].upper()}{text[1:]}{_where(mapping(reason))}."
+            section.verdicts.append(("good" if told.state == "good" else "bad", line))
+    return ", ".join(heading), section
 
 
 def _where(reason: dict[str, Any]) -> str:

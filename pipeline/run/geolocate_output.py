@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections import Counter
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,6 +19,28 @@ if TYPE_CHECKING:
     from automap.records import Detections, IntArray
 
 _LISTED = 3
+
+
+def signs_verdict(statuses: Sequence[str], boxes: int) -> dict[str, Any] | None:
+    """Whether signs of these ``statuses``, from so many ``boxes``, may be relied on, for run.json;
+    None without boxes.
+
+    Not where a camera's boxes go with no path (its signs are ``doubtful``), where most signs are
+    placed uncertainly, or where no sign came of the boxes."""
+    if not boxes:
+        return None
+    texts = []
+    if not statuses:
+        texts.append(f"no sign came of {boxes} boxes: see the warnings")
+    weak = Counter(status for status in statuses if status != "ok")
+    if weak["doubtful"] or 2 * weak.total() > len(statuses):
+        each = ", ".join(f"{count} {status}" for status, count in weak.most_common())
+        texts.append(
+            f"{weak.total()} of {len(statuses)} signs are placed uncertainly ({each}): see the "
+            "warnings"
+        )
+    reasons = [{"code": "signs_unsure", "text": text} for text in texts]
+    return {"state": "doubtful" if reasons else "good", "reasons": reasons}
 
 
 def write_observations_of(
@@ -76,6 +100,7 @@ def write_nothing(context: StageContext, table: pa.Table) -> None:
     write_signs(context.work / names.SIGNS_RAW, [])
     context.metric("detections", n)
     context.metric("detections_used", 0)
+    context.signs_verdict = signs_verdict([], n)
     context.result = f"0 signs from {n} detections"
     if n:
         context.result += "; none has both a camera and a place on the path: see the warnings"
@@ -90,6 +115,7 @@ def report_result(context: StageContext, result: GeolocationResult) -> None:
     from automap.geolocation.result import mostly_left_out
 
     signs, observations = result.signs, result.observations
+    context.signs_verdict = signs_verdict([s.status for s in signs], len(observations.used))
     context.metric("detections", len(observations.used))
     context.metric("detections_used", int(observations.used.sum()))
     statuses = sorted({s.status for s in signs})
@@ -139,8 +165,6 @@ def report_result(context: StageContext, result: GeolocationResult) -> None:
     lost = mostly_left_out(observations.used, observations.note)
     context.result += f"; {lost}" if lost else ""
     flagged = [s for s in signs if s.status != "ok"]
-    if 2 * len(flagged) > len(signs):
-        context.result += f"; {len(flagged)} of {len(signs)} signs are placed uncertainly"
     if flagged:
         some = ", ".join(f"{s.id} {s.status}" for s in flagged[:_LISTED])
         more = f" and {len(flagged) - _LISTED} more" if len(flagged) > _LISTED else ""

@@ -22,6 +22,7 @@ from pipeline.run.stage import Stage, StageContext
 from pipeline.shared.lock import locked
 from pipeline.shared.progress import Outcome, Reporter, StageLine
 from pipeline.shared.run_record import merge_stages, new_record, read_record, utc_now
+from pipeline.shared.verdicts import KEYS
 
 if TYPE_CHECKING:
     from automap.io.drive import Drive
@@ -243,8 +244,9 @@ def _run_stage(run: _Run, stage: Stage, now: Ingredients, reason: str) -> None:
             warnings=list(context.warnings),
             metrics=dict(context.metrics),
         )
-        if context.verdict is not None:
-            record["verdict"] = context.verdict
+        for key in KEYS.values():
+            if getattr(context, key) is not None:
+                record[key] = getattr(context, key)
         for text in context.warnings:
             log.warning("stage %s: %s", stage.name, text)
         log.info("stage %s %s after %.3f s: %s", stage.name, state, seconds, record["result"])

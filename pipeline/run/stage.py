@@ -33,6 +33,8 @@ class StageContext:
     result: str = ""
     verdict: dict[str, Any] | None = None
     """Whether the path may be relied on, by the stage that makes it (``fusion.verdict``)."""
+    signs_verdict: dict[str, Any] | None = None
+    """Whether the signs may, by the stage that places them."""
     progress: Progress = lambda fraction, text: None
 
     def warn(self, text: str) -> None:

@@ -12,6 +12,7 @@ from typing import Any
 from automap import __version__
 from automap.io import names
 from pipeline.shared.values import json_object, mapping
+from pipeline.shared.verdicts import KEYS
 
 SCHEMA = "automap.run/1"
 
@@ -117,24 +118,24 @@ def new_record(drive: Path, name: str, command: str, settings: Mapping[str, Any]
         "settings": dict(settings),
         "inputs": {},
         "stages": {},
-        "verdict": None,
+        **dict.fromkeys(KEYS.values()),
         "warnings": [],
         "metrics": {},
     }
 
 
 def merge_stages(record: dict[str, Any]) -> None:
-    """Fill the record's own inputs, verdict, warnings and metrics from its stages, in order."""
+    """Fill the record's own inputs, verdicts, warnings and metrics from its stages, in order."""
     inputs: dict[str, Any] = {}
     warnings: list[str] = []
     metrics: dict[str, Any] = {}
-    verdict: Any = None
+    told: dict[str, Any] = dict.fromkeys(KEYS.values())
     for stage in record["stages"].values():
         inputs.update(stage.get("inputs", {}))
         warnings += [text for text in stage.get("warnings", []) if text not in warnings]
         metrics.update(stage.get("metrics", {}))
-        verdict = stage.get("verdict", verdict)
-    record.update(inputs=inputs, verdict=verdict, warnings=warnings, metrics=metrics)
+        told.update((key, stage[key]) for key in KEYS.values() if key in stage)
+    record.update(inputs=inputs, **told, warnings=warnings, metrics=metrics)
 
 
 def _package_versions() -> dict[str, str]:

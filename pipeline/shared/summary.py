@@ -7,15 +7,17 @@ from typing import Any
 from automap.io import names
 from automap.io.atomic import plain
 from pipeline.shared.progress import Outcome
-from pipeline.shared.values import mapping
+from pipeline.shared.verdicts import KEYS, Told, verdicts
 
 _SHOWN = (("fuse", "trajectory"), ("detect", "detections"), ("geolocate", "signs"))
+_JUDGED = {"fuse": "path", "geolocate": "signs"}
 
 
 def summary_lines(outcome: Outcome) -> list[str]:
     """The run in a few lines, the last one with where the map is; none after a failure.
 
-    The verdict stands there with its reasons, a good one with what else is to be known.
+    The verdicts stand below what they are of, with reasons; a good one with what else is to be
+    known.
     """
     finished = [line for line in outcome.stages if line.state in ("ran", "kept")]
     if outcome.error is not None or len(finished) != len(outcome.stages) or not finished:
@@ -30,30 +32,21 @@ def summary_lines(outcome: Outcome) -> list[str]:
         result = stages.get(stage, {}).get("result")
         if result:
             lines.append(f"  {label:<11} {result}")
-        if stage == "fuse":
-            lines += _verdict_lines(outcome)
+        if stage in _JUDGED:
+            lines += _verdict_lines(verdicts(outcome.record).get(_JUDGED[stage]))
     found = [name for name in (names.REPORT, names.KML) if (outcome.out / name).is_file()]
     if found:
         lines.append(f"  {'map':<11} {'  '.join(str(outcome.out / name) for name in found)}")
     return lines
 
 
-def verdict_of(outcome: Outcome) -> tuple[str, list[str]]:
-    """State of the path and the reasons in words; "" where the run made no path."""
-    verdict = mapping(outcome.record.get("verdict"))
-    reasons = verdict.get("reasons")
-    texts = [mapping(r).get("text", "") for r in reasons] if isinstance(reasons, list) else []
-    return str(verdict.get("state", "")), [str(text) for text in texts]
-
-
-def _verdict_lines(outcome: Outcome) -> list[str]:
-    state, texts = verdict_of(outcome)
-    if not state:
+def _verdict_lines(told: Told | None) -> list[str]:
+    if told is None:
         return []
-    told = state
-    if texts and state != "good":
-        told += f", for {len(texts)} reason{'s' if len(texts) != 1 else ''}:"
-    return [f"  {'verdict':<11} {told}", *(f"  {'':<11} - {text}" for text in texts)]
+    line = told.state
+    if told.reasons and told.state != "good":
+        line += f", for {len(told.reasons)} reason{'s' if len(told.reasons) != 1 else ''}:"
+    return [f"  {'verdict':<11} {line}", *(f"  {'':<11} - {text}" for text in told.reasons)]
 
 
 def as_dict(outcome: Outcome) -> dict[str, Any]:
@@ -75,7 +68,7 @@ def as_dict(outcome: Outcome) -> dict[str, Any]:
             }
             for line in outcome.stages
         ],
-        "verdict": record.get("verdict"),
+        **{key: record.get(key) for key in KEYS.values()},
         "warnings": record.get("warnings", []),
         "metrics": record.get("metrics", {}),
         "map": str(outcome.out / names.KML) if (outcome.out / names.KML).is_file() else None,

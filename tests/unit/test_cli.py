@@ -167,17 +167,19 @@ def test_a_dry_run_shows_reasons(drive: Path, capsys: pytest.CaptureFixture[str]
     assert re.search(r"detect +would run .*\(stage ingest would run again", capsys.readouterr().out)
 
 
+@pytest.mark.parametrize("key", ["verdict", "signs_verdict"])
 @pytest.mark.parametrize(("state", "code"), [("good", 0), ("doubtful", 5), ("unusable", 5)])
-def test_strict_tells_by_the_code_what_the_verdict_is(
+def test_strict_tells_by_the_code_what_the_verdicts_are(
     state: str,
     code: int,
+    key: str,
     drive: Path,
     capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     def judge(context: StageContext) -> None:
         reasons = [] if state == "good" else [{"code": "late", "text": "fixes are 9 s late"}]
-        context.verdict = {"state": state, "reasons": reasons}
+        setattr(context, key, {"state": state, "reasons": reasons})
 
     monkeypatch.setattr(registry, "load_stages", lambda names: [reader(), doubler(judge)])
     words = ["run", str(drive), "--to", "detect", "--strict"]
@@ -191,7 +193,7 @@ def test_strict_tells_by_the_code_what_the_verdict_is(
     assert run_command([word for word in words if word != "--strict"]) == 0
     capsys.readouterr()
     assert run_command([*words, "--json"]) == code
-    assert json.loads(capsys.readouterr().out)["drives"][0]["verdict"]["state"] == state
+    assert json.loads(capsys.readouterr().out)["drives"][0][key]["state"] == state
 
 
 def failing(error: BaseException) -> list[object]:

@@ -222,6 +222,10 @@ def test_doubtful_paths_and_metrics_are_told(tmp_path: Path) -> None:
     assert any("The fixes jump." in line for line in summary_lines(told, drives))
     page = (tmp_path / "store" / "status" / "status.html").read_text()
     assert "The fixes jump." in page
+    assert f"{drives[0]['name']}: the path is doubtful: The fixes jump." in "\n".join(
+        summary_lines(told, drives)
+    )
+    assert "the path is doubtful: The fixes jump." in page
     lines = (tmp_path / "store" / "status" / "drives.jsonl").read_text().splitlines()
     assert [json.loads(line)["verdict"] for line in lines] == ["doubtful"] * 2
     text = (tmp_path / "store" / "status" / "automap_fleet.prom").read_text()

@@ -9,8 +9,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from automap.fusion.doubts.hole import not_led_back, regained_jumps
-from automap.fusion.doubts.path import Misses
+from automap.fusion.doubts.hole import regained_jumps
 from automap.fusion.doubts.position_jump import (
     Jump,
     beside_readings,
@@ -20,14 +19,11 @@ from automap.fusion.doubts.position_jump import (
     places_of,
     position_jumps,
 )
-from automap.fusion.doubts.reason import Reason
-from automap.fusion.doubts.receiver import beside_imu
 from automap.fusion.nodes import model_fixes
 from automap.fusion.options import FusionOptions
 from automap.fusion.output import Innovations
 from automap.fusion.widening import widen
 from automap.records import Fixes, FixType, FloatArray, Trajectory
-from automap.sync.velocity_consistency import Interval
 from tests.unit.fusion_receiver import GPS0, Receiver, receive, shifted
 from tests.unit.test_fusion_doubted_sigmas import NONE
 from tests.unit.test_fusion_velocity_step import drive, free_of, path_of
@@ -225,59 +221,3 @@ def test_heights_of_carrier_phases_that_jump_are_told_from_fix_to_fix(by_m: floa
     path = path_of(motion, imu, OFF_RAD)
     found = height_jumps(model_fixes(fixes, fixes.gps_s, FusionOptions()), path)
     assert [jump.by[2] for jump in found] == pytest.approx([by_m] * bool(by_m), abs=0.1)
-
-
-@pytest.mark.parametrize("off_m", [5.0, 60.0])
-def test_positions_that_come_back_to_where_the_filter_leads_were_not_aside_before(
-    off_m: float,
-) -> None:
-    """Two jumps of 80 m, at the ends of what a receiver made up; beside an IMU that leads across,
-    or one that followed it to the second."""
-    path = _path()
-    tag = GPS0 + np.arange(1.0, 199.0)
-    jumps = [Interval(GPS0 + end - 1.0, GPS0 + end, 80.0) for end in (60.0, 120.0)]
-    off = np.where(tag == GPS0 + 120.0, off_m, 1.0).repeat(2)
-    names = np.array(["position_n", "position_e"] * len(tag), dtype=object)
-    stamps = np.rint((np.repeat(tag, 2) - GPS0) * 1e9).astype(np.int64)
-    one = np.ones(len(off))
-    told = Innovations(stamps, names, off / np.sqrt(2.0), one, one, one > 0.0)
-    zero = np.zeros((len(tag), 3))
-    near = Misses(tag - GPS0, zero, zero, zero)
-    followed = [] if off_m < 40.0 else jumps[1:]
-    assert not_led_back(jumps, told, path, 0.0, near, 0.0) == followed
-    # a path that goes on elsewhere was not come back to
-    assert not_led_back(jumps, told, path, 0.0, replace(near, miss=zero + 60.0), 0.0) == jumps
-    # nothing is known of a jump that no fix follows, nor of none
-    unseen = [*jumps, Interval(GPS0 + 60.3, GPS0 + 60.4, 80.0)]
-    assert not_led_back(unseen, told, path, 0.0, near, 0.0) is None
-    assert not_led_back([], told, path, 0.0, near, 0.0) is None
-    said = Reason("positions_aside", "up to 110 m", ((0.0, 59.0), (60.0, 119.0)), error_m=110.0)
-    ends = float(path.gps_s[0]), float(path.gps_s[-1])
-    beside = list(beside_imu([said], jumps, followed, near, *ends))
-    assert [reason.error_m for reason in beside] == [80.0] * len(followed)
-    # a path that is at both places does not tell which is aside
-    assert all(reason.spans == said.spans for reason in beside)
-    assert list(beside_imu([said], jumps, None, near, *ends)) == [said]
-
-
-@pytest.mark.parametrize(("first", "last", "few"), [(0.6, 0.85, True), (0.2, 0.9, False)])
-def test_positions_are_aside_behind_the_jumps_that_an_imu_does_not_lead_over(
-    first: float, last: float, few: bool
-) -> None:
-    """For a quarter of the drive, which its path passes by: the rest is where they are."""
-    path = _path()
-    start, end = float(path.gps_s[0]), float(path.gps_s[-1])
-    at = [share * (end - start) for share in (first, last)]
-    jumps = [Interval(start + t - 1.0, start + t, 80.0) for t in at]
-    said = Reason("positions_aside", "up to 80 m", ((0.0, end - start),), error_m=80.0)
-    t = np.arange(0.0, end - start)
-    off = np.where((t > at[0]) & (t < at[1]), 70.0, 1.0)[:, None] * [1.0, 0.0, 0.0]
-    misses = Misses(t, off, np.ones_like(off), np.ones_like(off))
-    (told,) = beside_imu([said], jumps, jumps[:1], misses, start, end)
-    spans = [(pytest.approx(at[0]), pytest.approx(at[1] - 1.0))] if few else list(said.spans)
-    assert list(told.spans) == spans
-    assert (told.error_m, told.text) == (80.0, said.text)
-    # one that went there may be led astray before or behind
-    followed = replace(misses, miss=0.0 * off)
-    (told,) = beside_imu([said], jumps, jumps[:1], followed, start, end)
-    assert told.spans == said.spans

@@ -74,7 +74,7 @@ def test_whole_run_shows_every_section(out: Path) -> None:
     text = tree.text_content()
     for words in (
         "lever arm is not measured",
-        "Verdict: doubtful",
+        "Verdict: path doubtful",
         "The sigmas of <east> are too small.",
         "GPS position north",
         "never ran",

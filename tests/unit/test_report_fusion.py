@@ -17,6 +17,7 @@ from pipeline.report.evaluation_section import evaluation_section
 from pipeline.report.fusion_section import fusion_section
 from pipeline.report.map_data import sign_faces
 from pipeline.report.verdict_section import verdict_section
+from pipeline.run.geolocate_output import signs_verdict
 from pipeline.shared.products import RunProducts
 
 EVALUATION = {
@@ -118,13 +119,43 @@ def test_a_verdict_is_told_with_its_reasons_and_where() -> None:
     spans = [[60.0 * k, 60.0 * k + 20.0] for k in range(1, 8)]
     reasons = [{"code": "off_the_fixes", "text": "fixes lie 9 m off", "spans_s": spans}]
     state, section = verdict_section({"verdict": {"state": "doubtful", "reasons": reasons}})
-    assert state == "doubtful"
+    assert state == "path doubtful"
     assert "widened" in section.sentences[0]
     ((grade, text),) = section.verdicts
     assert grade == "bad"
     assert text.startswith("Fixes lie 9 m off (1 min 00 s to 1 min 20 s, ")
     assert text.endswith("5 min 20 s and 2 more into the drive).")
     assert verdict_section({"verdict": {"state": "good", "reasons": []}})[1].verdicts == []
+
+
+def test_signs_that_are_unsure_are_told_beside_a_good_path() -> None:
+    record = {
+        "verdict": {"state": "good", "reasons": []},
+        "signs_verdict": signs_verdict(["ok", "doubtful", "single_view", "doubtful"], 40),
+    }
+    heading, section = verdict_section(record)
+    assert heading == "path good, signs doubtful"
+    ((grade, text),) = section.verdicts
+    assert grade == "bad"
+    assert "3 of 4 signs are placed uncertainly (2 doubtful, 1 single_view)" in text
+
+
+@pytest.mark.parametrize(
+    ("statuses", "boxes", "state"),
+    [
+        ([], 0, None),
+        ([], 9, "doubtful"),
+        (["ok"] * 3 + ["single_view"] * 3, 9, "good"),
+        (["ok"] * 3 + ["single_view"] * 4, 9, "doubtful"),
+        # one camera of two goes with no path
+        (["ok"] * 9 + ["doubtful"], 9, "doubtful"),
+    ],
+)
+def test_signs_are_relied_on_where_most_are_placed_well_and_no_camera_is_doubted(
+    statuses: list[str], boxes: int, state: str | None
+) -> None:
+    told = signs_verdict(statuses, boxes)
+    assert (told and told["state"]) == state
 
 
 def test_what_is_to_be_known_of_a_good_path_is_no_reproach() -> None:

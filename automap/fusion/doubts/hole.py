@@ -8,13 +8,12 @@ Fixed carrier phases behind others, or none, lie where the filter leads, to what
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
 import numpy as np
 
 from automap.fusion import limits as fusion_limits
 from automap.fusion.doubts import limits
-from automap.fusion.doubts.path import Misses
 from automap.fusion.doubts.position_jump import Jump, Places
 from automap.fusion.doubts.reason import Reason
 from automap.fusion.doubts.velocity_step import last_term
@@ -23,7 +22,6 @@ from automap.fusion.nodes import FixModel
 from automap.fusion.output import Innovations
 from automap.gates import OUTSIDE_95, exceeds, exceeds_ratio, gate, sd_by_median
 from automap.records import FloatArray, IntArray, Trajectory
-from automap.sync.velocity_consistency import Interval
 
 
 def hole_doubts(seen: Places, path: Trajectory, age_s: float, sd_m: float) -> Iterator[Reason]:
@@ -117,30 +115,6 @@ def regained_jumps(
         if chance < limits.OVER_HOLE_PROBABILITY:
             found.append(Jump(when, by, chance))
     return found
-
-
-def not_led_back(
-    parted: Sequence[Interval],
-    told: Innovations,
-    path: Trajectory,
-    late_s: float,
-    misses: Misses,
-    age_s: float,
-) -> list[Interval] | None:
-    """Those of the jumps, by which positions part from the receiver's velocities, that do not come
-    back to where the filter leads, and to the path, as those do behind places that a receiver made
-    up; None where that is not known of one. ``misses`` of fixes ``age_s`` old, the rest as above.
-    """
-    tag = misses.t + float(path.gps_s[0]) + age_s
-    left = []
-    for jump in parted:
-        row, by = _led_off(told, path, jump.end_gps_s - late_s, limits.BACK_S)
-        off = misses.miss[np.abs(tag - jump.end_gps_s) < limits.BACK_S]
-        if row < 0 or not len(off):
-            return None
-        if max(np.hypot(by[0], by[1]), np.hypot(off[0, 0], off[0, 1])) > 0.5 * jump.metres:
-            left.append(jump)
-    return left if parted else None
 
 
 def _led_off(

@@ -21,11 +21,12 @@ class Reason:
 
     ``spans`` the stretches it is about, none for the whole drive; ``error_m`` the error of
     position that shows there, horizontally, ``span_errors_m`` what the path is off by in each of
-    them at most, where that is known, ``height_m`` the error of the height, ``late_s`` by how
-    much the whole state may be of another instant, ``moved_s`` the same of velocity and attitude
-    where the positions are of theirs; ``heading`` rad that headings are off; ``factor`` by how much
-    the sigmas are too small.
-    ``state`` what it alone makes of the path; ``inertial`` that it speaks against the IMU,
+    them at most, where that is known, and ``span_heights_m`` its height; ``height_m`` the error of
+    the height, ``late_s`` by how much the whole state may be of another instant, ``moved_s`` the
+    same of velocity and attitude where the positions are of theirs; ``heading`` rad that headings
+    are off; ``factor`` by how much the sigmas are too small.
+    ``state`` what it alone makes of the path; ``inertial`` that it speaks against the IMU, ``led``
+    that an IMU leads over the stretches, in which positions are no witness,
     ``handled`` that what is wrong was left out and the sigmas hold without it.
     """
 
@@ -40,8 +41,10 @@ class Reason:
     heading: float = 0.0
     state: State = "doubtful"
     inertial: bool = False
+    led: bool = False
     handled: bool = False
     span_errors_m: tuple[float, ...] = ()
+    span_heights_m: tuple[float, ...] = ()
 
     def as_dict(self) -> dict[str, Any]:
         """For run.json."""

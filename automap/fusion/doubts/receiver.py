@@ -4,7 +4,7 @@ beyond doubt."""
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -15,10 +15,10 @@ from automap.fusion.doubts.reason import Reason, Span, State
 from automap.fusion.limits import LEAST_JUDGED
 from automap.fusion.measurements.position import has_position, states_accuracy
 from automap.fusion.options import FusionOptions
-from automap.gates import OUTSIDE_95, gate, sd_by_median
+from automap.gates import sd_by_median
 from automap.records import BoolArray, Fixes, FixType, FloatArray
 from automap.sync.between_fixes import nothing_new
-from automap.sync.limits import DELAY_SD_S, MOST_OF_DRIVE, STEP_SD_M
+from automap.sync.limits import DELAY_SD_S
 from automap.sync.path_match import Estimate
 from automap.sync.velocity_consistency import Interval, VelocityConsistency, told_intervals
 
@@ -122,51 +122,6 @@ def receiver_doubts(
     nothing says which is wrong, the path may be off by as much.
     """
     return list(_doubts(found, start_gps_s, felt))
-
-
-def beside_imu(
-    reasons: Iterable[Reason],
-    parted: Sequence[Interval],
-    left: Sequence[Interval] | None,
-    misses: Misses,
-    start_gps_s: float,
-    end_gps_s: float,
-) -> Iterator[Reason]:
-    """The ``reasons`` with positions aside by no more than an IMU shows, of whose jumps ``parted``
-    those that it does not lead over were ``left``, None where that is not known; ``misses`` of a
-    path from ``start_gps_s`` to ``end_gps_s``.
-
-    They are aside behind these alone where the path passes by all that lies there, and positions
-    are on it for most of the drive, or for half of it and come back to it: no reflection does.
-    """
-    most_m = math.inf if left is None else sum(jump.metres for jump in left)
-    begins = [start_gps_s, *(jump.end_gps_s for jump in parted)]
-    ends = [*(jump.start_gps_s for jump in parted), end_gps_s]
-    edges = np.clip([begins, ends], start_gps_s, end_gps_s) - start_gps_s
-    places = [(float(a), max(float(a), float(b))) for a, b in edges.T]
-    off = np.hypot(*misses.miss[:, :2].T)
-    # sound positions step by less
-    most_step = STEP_SD_M * math.sqrt(gate(OUTSIDE_95, 2))
-    behind, passed = [], True
-    for jump, (a, b) in zip(parted, places[1:], strict=True):
-        if jump in (left or ()):
-            there = off[(misses.t >= a) & (misses.t <= b)]
-            passed &= bool(len(there)) and float(np.median(there)) > most_step
-            behind.append((a, b))
-    share = sum(b - a for a, b in behind) / max(sum(b - a for a, b in places), 1e-9)
-    for reason in reasons:
-        if reason.code != "positions_aside" or left is None:
-            yield reason
-        elif left:
-            error = min(reason.error_m, most_m)
-            told = f"; beside the way that the IMU shows, by no more than {error:.0f} m"
-            few = share < (1.0 - MOST_OF_DRIVE if len(left) == len(parted) else 0.5)
-            yield replace(
-                reason,
-                text=reason.text + told * (error < reason.error_m),
-                error_m=error,
-                spans=tuple(behind) if passed and few else reason.spans,
-            )
 
 
 def accuracy_doubts(fixes: Fixes, options: FusionOptions) -> list[Reason]:
