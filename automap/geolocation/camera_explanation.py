@@ -163,10 +163,12 @@ def _best_explanation(
         closer = apart < limits.CLOSER_BOXES or not one.what
         if more > limits.MORE_BOXES or (more >= 0.0 and closer):
             best, what = tried, one.what
-    if what:
-        # with that assumed turn, lens and focal length may be as stated
+    assumed = best[0].cameras[name]
+    as_mounted = np.array_equal(assumed.mount_rpy, camera.mount_rpy)
+    if what and as_mounted and np.array_equal(assumed.matrix, camera.matrix):
+        # with other stamps or another picture, turn, lens and focal length may be as stated
         as_stated = replace(
-            *(best[0].cameras[name],), mount_sd=camera.mount_sd, distortion_sd=camera.distortion_sd,
+            *(assumed,), mount_sd=camera.mount_sd, distortion_sd=camera.distortion_sd,
             focal_sd=camera.focal_sd,
         )  # fmt: skip
         tried, more, apart = located(Hypothesis(what, best[0].detections[place], as_stated))

@@ -274,12 +274,15 @@ def test_an_explanation_places_more_boxes_or_places_them_closer(
         return located(np.arange(200) < round(200 * share), (scatter, 0.0, 1.0))
 
     unknown = camera_explanation.as_unknown(replace(view, width=view.width + 9))
-    one = camera_explanation.Hypothesis("mirrored", record, unknown)
-    monkeypatch.setattr(camera_explanation, "better_explanations", lambda *_: [one])
     monkeypatch.setattr(camera_explanation, "no_signs", lambda *_: none)
     stated = at(0.5, 1.0)
 
-    for worse, as_stated in ((1.0, True), (1.2, True), (1.3, False)):
+    zoomed = replace(unknown, matrix=unknown.matrix * [[1.1], [1.1], [1.0]])
+    for worse, as_stated, assumed in (
+        (1.0, True, unknown), (1.2, True, unknown), (1.3, False, unknown), (1.0, False, zoomed)
+    ):  # fmt: skip
+        one = camera_explanation.Hypothesis("mirrored", record, assumed)
+        monkeypatch.setattr(camera_explanation, "better_explanations", lambda *_, one=one: [one])
 
         def locate(tried: camera_explanation.Trial, told: Any, worse: float = worse) -> Any:
             if tried.cameras["a"].width == view.width:
