@@ -102,16 +102,13 @@ def assemble_sign(
 
 
 def _status(sightings: Sequence[Sighting], size: float, above_road: float, n_views: int) -> str:
-    """What a user should know first: implausible, single_view, contradictory, far, weak_geometry
-    or ok."""
+    """What a user should know first: implausible, single_view, far, weak_geometry or ok."""
     low, high = limits.SIZE_LIMITS_M
     lowest, highest = limits.HEIGHT_LIMITS_M
     if not (low <= size <= high and lowest <= above_road <= highest):
         return "implausible"
     if n_views == 1:
         return "single_view"
-    if all(s.contradictory for s in sightings):
-        return "contradictory"
     if min(s.landmark.depth_m for s in sightings) > limits.FAR_M:
         return "far"
     if min(s.landmark.depth_log_sd for s in sightings) > limits.WEAK_DEPTH_LOG_SD:

@@ -80,7 +80,7 @@ def explain_doubted(
             *(name, trajectory, trial, found, locate, told[name])
         )
     # what was assumed of the last camera moved the signs of those before it
-    told = {name: _evidence(name, trajectory, trial, found) for name in names}
+    told |= {name: _evidence(name, trajectory, trial, found) for name in names}
     left = [
         name
         for name in names
@@ -105,6 +105,15 @@ def explain_doubted(
             "doubtful and their ellipses as wide as they were away; check the frames' stamps and "
             "order, camera_matrix and that the video is of this drive."
         )
+    for name in told:
+        n = len(set(found.observations.sign_id[trial.rows(name)]) - {""})
+        if n and name not in left and not told[name].shown:
+            sentences.append(
+                f"camera {name}: nothing shows that its boxes are of this drive: the tracks of its "
+                f"{n} {'sign' if n == 1 else 'signs'} fit other times of the path about as well as "
+                "their own, as on a straight road or where signs are few. See that the video is "
+                "this drive's."
+            )
     return replace(found, warnings=sentences)
 
 
@@ -136,17 +145,34 @@ def _best_explanation(
     record, camera, out = trial.detections[place], trial.cameras[name], trial.notes[place] != ""
     unknown = Hypothesis("", record, as_unknown(camera))
     explanations = better_explanations(trajectory, record, camera, np.asarray(out))
-    by_tracks = explanation_by_tracks(unknown, told)
+    by_tracks = explanation_by_tracks(unknown, told, found.corrections[name].time_s)
     best, what = (trial, found), ""
+
+    def located(one: Hypothesis) -> tuple[tuple[Trial, GeolocationResult], float, float]:
+        """What comes of a hypothesis, how many boxes more it places than the best, as a part, and
+        how far they are off over those of that."""
+        some = trial.assuming(name, one, trajectory)
+        again = locate(some, lambda done: None)
+        more = _used(again, some.rows(name)) - _used(best[1], best[0].rows(name))
+        part = more / max(int(np.count_nonzero(~out)), 1)
+        return (some, again), part, _scatter(again) / _scatter(best[1])
+
     for one in [unknown, *by_tracks, *explanations[: limits.MOST_TRIED]]:
-        tried = trial.assuming(name, one, trajectory)
-        again = locate(tried, lambda done: None)
-        more = _used(again, tried.rows(name)) - _used(best[1], best[0].rows(name))
-        more /= max(int(np.count_nonzero(~out)), 1)
+        tried, more, apart = located(one)
         # what is open is fitted no worse; anything else must be worth its assumption
-        closer = _scatter(again) < limits.CLOSER_BOXES * _scatter(best[1])
-        if more > limits.MORE_BOXES or (more >= 0.0 and (closer or not one.what)):
-            best, what = (tried, again), one.what
+        closer = apart < limits.CLOSER_BOXES or not one.what
+        if more > limits.MORE_BOXES or (more >= 0.0 and closer):
+            best, what = tried, one.what
+    assumed = best[0].cameras[name]
+    as_mounted = np.array_equal(assumed.mount_rpy, camera.mount_rpy)
+    if what and as_mounted and np.array_equal(assumed.matrix, camera.matrix):
+        # with other stamps or another picture, turn, lens and focal length may be as stated
+        as_stated = replace(
+            *(assumed,), mount_sd=camera.mount_sd, distortion_sd=camera.distortion_sd,
+            focal_sd=camera.focal_sd,
+        )  # fmt: skip
+        tried, more, apart = located(Hypothesis(what, best[0].detections[place], as_stated))
+        best = tried if more >= 0.0 and apart * limits.CLOSER_BOXES < 1.0 else best
     return *best, what
 
 

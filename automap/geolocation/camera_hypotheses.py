@@ -236,12 +236,15 @@ def _calibrations(plain: Hypothesis) -> Iterator[Hypothesis]:
             )
 
 
-def explanation_by_tracks(plain: Hypothesis, told: Evidence) -> list[Hypothesis]:
-    """What tracks say that is wrong with a camera: its focal length, or that all its frames are of
-    another time by seconds."""
+def explanation_by_tracks(plain: Hypothesis, told: Evidence, late_s: float) -> list[Hypothesis]:
+    """What tracks say that is wrong with a camera, of frames that were found ``late_s`` from their
+    stamps: its focal length, or that all its frames are of another time by seconds, or at another
+    pace."""
     found = []
-    if told.is_late:
-        found.append(_shifted(plain, told.late_s))
+    if told.is_paced and told.paced > told.late:
+        found.append(_paced(plain, told.rate, late_s + told.begin_s))
+    elif told.is_late:
+        found.append(_shifted(plain, late_s + told.late_s))
     if told.is_zoomed:
         matrix = plain.camera.matrix.copy()
         matrix[:2, :2] *= told.factor
@@ -256,11 +259,11 @@ def _shifted(plain: Hypothesis, offset_s: float) -> Hypothesis:
     return replace(plain, what=f"the frames are {offset_s:+.1f} s from their stamps", found=found)
 
 
-def _paced(plain: Hypothesis, rate: float) -> Hypothesis:
+def _paced(plain: Hypothesis, rate: float, begin_s: float = 0.0) -> Hypothesis:
     since = plain.found.t_ns - plain.found.t_ns.min()
-    found = replace(plain.found, t_ns=plain.found.t_ns + np.round(rate * since).astype(np.int64))
+    late = np.round(rate * since + begin_s * 1e9).astype(np.int64)
     what = f"the frames take {1.0 + rate:.4f} of the time that their stamps say"
-    return replace(plain, what=what, found=found)
+    return replace(plain, what=what, found=replace(plain.found, t_ns=plain.found.t_ns + late))
 
 
 def _strided(plain: Hypothesis, length_s: float) -> Iterator[Hypothesis]:

@@ -60,12 +60,6 @@ LEAST_CLASS_SPREAD_LOG = 0.05
 LEAST_SIZE_GAIN = 0.5
 """Of the variance of a size, what bearings must have removed for it to tell of others."""
 
-CONTRADICTION_PROBABILITY = 1e-3
-"""Bearings and heights of one sign's boxes are so rarely that far apart by chance: one sign in a
-thousand is called contradictory for nothing."""
-SET_ASIDE = 100.0
-"""Factor on sigmas that leaves a measurement without a say: 0.2 deg become 20, 6 % a factor 400."""
-
 # scatter of boxes
 
 USUAL_SIZE_M = 0.7

@@ -16,7 +16,6 @@ from automap.geolocation.camera_explanation import Trial, explain_doubted
 from automap.geolocation.carriers import carried_views
 from automap.geolocation.class_sizes import sizes_of_others, usual_sizes
 from automap.geolocation.condition import with_conditions
-from automap.geolocation.contradiction import disagreement
 from automap.geolocation.due_frames import patterns_of
 from automap.geolocation.existence import existence_odds, existence_of
 from automap.geolocation.face_sizes import face_odds
@@ -155,7 +154,7 @@ def _located(
             kept.append(k)
     covariances = camera_covariances(views, cameras, corrections, rules)
     sightings = [
-        make_sighting(views, mark, covariances, disagreement(views, mark, size), size)
+        make_sighting(views, mark, covariances, size)
         for mark, size in _settled(views, [landmarks[k] for k in kept], rules)
     ]
     focal = np.array([focal_length(cameras[name]) for name in views.camera_names])

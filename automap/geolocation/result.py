@@ -138,12 +138,6 @@ def warnings_of(
     stated, ``focal_sd`` how well, as a part,
     their focal lengths are known."""
     sentences = left_out_sentences(observations.note)
-    apart = sum(sign.status == "contradictory" for sign in signs)
-    if apart:
-        sentences.append(
-            f"{apart} of {len(signs)} signs are at another distance by their bearings than by the "
-            "heights of their boxes (status contradictory); their ellipses hold both places."
-        )
     sentences += misfit(observations.used[asked], observations.note[asked], signs)
     for name, correction in corrections.items():
         camera = cameras[name]

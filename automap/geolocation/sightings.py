@@ -10,7 +10,6 @@ import numpy as np
 
 from automap.geolocation import limits
 from automap.geolocation.boresight import N_CAMERA
-from automap.geolocation.contradiction import AGREED, Disagreement
 from automap.geolocation.landmark import Landmark, SizePrior, position_jacobian
 from automap.geolocation.landmark_kernels import MARGIN
 from automap.geolocation.view_errors import crowd
@@ -22,11 +21,9 @@ from automap.records import FloatArray
 class Sighting:
     """A landmark with what the map needs of it; vectors in the local frame (NED).
 
-    ``own_cov`` [3, 3] from its boxes alone, and what these leave open where they contradict one
-    another (``contradictory``: ``contradiction.py``); ``camera_effect`` [3, 10] derivative of the
-    position by what is common to the camera, with ``camera_cov`` [10, 10]; ``pass_cov``
-    [3, 3] effect of what is common to this pass (attitude and velocity of the trajectory, margin
-    of the boxes);
+    ``own_cov`` [3, 3] from its boxes alone; ``camera_effect`` [3, 10] derivative of the position by
+    what is common to the camera, with ``camera_cov`` [10, 10]; ``pass_cov`` [3, 3] effect of what
+    is common to this pass (attitude and velocity of the trajectory, margin of the boxes);
     ``path_sd`` [3] the trajectory's position error at the nearest view, m; ``time_s`` the
     middle of the pass; ``facing`` [2] unit vector (north, east) from the sign towards the
     cameras; ``class_score`` sum of its boxes' scores by class. ``size_effect`` [3] what of
@@ -46,7 +43,6 @@ class Sighting:
     time_s: float
     facing: FloatArray
     class_score: dict[str, float]
-    contradictory: bool = False
     size_effect: FloatArray = field(default_factory=lambda: np.zeros(3))
 
     @property
@@ -99,11 +95,10 @@ def make_sighting(
     views: Views,
     landmark: Landmark,
     camera_covariances: Sequence[FloatArray],
-    found: Disagreement = AGREED,
     size: SizePrior | None = None,
 ) -> Sighting:
-    """Turn a landmark into a sighting; ``camera_covariances`` [10, 10] one per camera, ``found`` of
-    its bearings and heights, ``size`` that it was taken for (None: as if boxes alone told it)."""
+    """Turn a landmark into a sighting; ``camera_covariances`` [10, 10] one per camera, ``size``
+    that it was taken for (None: as if boxes alone told it)."""
     rows = landmark.rows
     J = position_jacobian(views, landmark)
     effect = J @ landmark.common[:, :N_CAMERA]
@@ -124,7 +119,7 @@ def make_sighting(
         landmark=landmark,
         camera=camera,
         position=landmark.position,
-        own_cov=J @ landmark.covariance @ J.T + found.contradictory * found.spread,
+        own_cov=J @ landmark.covariance @ J.T,
         camera_effect=effect,
         camera_cov=camera_cov,
         pass_cov=J @ landmark.pass_covariance @ J.T,
@@ -132,6 +127,5 @@ def make_sighting(
         time_s=float(views.t_ns[rows].mean() * 1e-9),
         facing=mean / max(float(np.linalg.norm(mean)), 1e-6),
         class_score=scores,
-        contradictory=found.contradictory,
         size_effect=np.zeros(3) if size is None else _by_size(views, landmark, size),
     )

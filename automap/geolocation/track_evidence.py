@@ -43,24 +43,28 @@ _LONG_ODDS = -float(np.log(limits.MISFIT_PROBABILITY))
 
 @dataclass(frozen=True)
 class Evidence:
-    """What speaks against a camera and its stamps, as logarithms of likelihood ratios, -inf where
-    nothing tells.
+    """What speaks against a camera and its stamps, as logarithms of likelihood ratios, which are
+    one where nothing tells.
 
     ``chance`` for tracks that are each of any time of the path; ``late`` for all frames off by up
-    to ``limits.LATE_S``, best by ``late_s``; ``focal`` for another focal length, best ``factor`` of
-    the stated one.
+    to ``limits.LATE_S``, best by ``late_s``; ``paced`` for stamps that run too fast or slow, by as
+    much from the first to the last, best by a part ``rate`` of the time from ``begin_s`` at the
+    first box on; ``focal`` for another focal length, best ``factor`` of the stated one.
     """
 
-    chance: float = -np.inf
-    late: float = -np.inf
+    chance: float = 0.0
+    late: float = 0.0
     late_s: float = 0.0
-    focal: float = -np.inf
+    paced: float = 0.0
+    rate: float = 0.0
+    begin_s: float = 0.0
+    focal: float = 0.0
     factor: float = 1.0
 
     @property
     def doubts(self) -> bool:
         """Whether a camera and its stamps must be otherwise than they were found."""
-        return self.chance > _ODDS or self.is_late or self.is_zoomed
+        return self.chance > _ODDS or self.is_late or self.is_paced or self.is_zoomed
 
     @property
     def is_late(self) -> bool:
@@ -68,15 +72,25 @@ class Evidence:
         return self.late > _LONG_ODDS
 
     @property
+    def is_paced(self) -> bool:
+        """Whether stamps run too fast or too slow."""
+        return self.paced > _LONG_ODDS
+
+    @property
     def is_zoomed(self) -> bool:
         """Whether the focal length is another one than was found."""
         return self.focal > _LONG_ODDS
+
+    @property
+    def shown(self) -> bool:
+        """Whether tracks are of their own time of this path rather than of any."""
+        return self.chance < -_ODDS
 
     def allows(self, assumed: bool) -> bool:
         """Whether signs may be placed so: nothing speaks against what was found, or much for what
         was ``assumed``."""
         if assumed:
-            return self.chance < -_ODDS and not self.is_late
+            return self.shown and not self.is_late and not self.is_paced
         return not self.doubts
 
 
@@ -101,12 +115,14 @@ class _Tracks:
     freedom: FloatArray
     stray: FloatArray
 
-    def equations(self, offset_s: FloatArray) -> tuple[FloatArray, BoolArray]:
+    def equations(self, offset_s: FloatArray, rate: FloatArray) -> tuple[FloatArray, BoolArray]:
         """Squares [k, t, 6, 6] of what all tracks have in common and the residual, the tracks' own
-        unknowns eliminated, at offsets [k]; and which tracks [k, t] have a path there."""
+        unknowns eliminated, at offsets [k], of their mean time, that grow by a ``rate`` [k] of
+        it; and which tracks [k, t] have a path there."""
         K, n = len(offset_s), len(self.t_ns)
         frame, of_box = np.unique(self.t_ns, return_inverse=True)
-        late = np.round((offset_s[:, None] + self.camera.time_offset_s) * 1e9).astype(np.int64)
+        late_s = offset_s[:, None] + rate[:, None] * (frame - np.mean(self.t_ns)) * 1e-9
+        late = np.round((late_s + self.camera.time_offset_s) * 1e9).astype(np.int64)
         poses = poses_at(self.trajectory, (frame + late).ravel())
         centre, C = camera_poses(poses, self.camera, self.origin)
         known = (poses.covered & np.isfinite(centre).all(axis=1)).reshape(K, -1)[:, of_box]
@@ -140,13 +156,15 @@ class _Tracks:
         return rest, np.asarray(known_tracks)
 
     def losses(
-        self, offset_s: FloatArray, information: FloatArray
+        self, offset_s: FloatArray, information: FloatArray, rate: FloatArray | None = None
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Negative log likelihood of each track [k, t] at offsets [k], NaN where it has no path;
-        of what is common [k], by its ``information`` [5] before; and the log focal length [k]."""
+        """Negative log likelihood of each track [k, t] at offsets [k] that grow by a ``rate`` [k],
+        NaN where it has no path; of what is common [k], by its ``information`` [5] before; and the
+        log focal length [k]."""
         each, common, focal = [], [], []
+        rate = np.zeros(len(offset_s)) if rate is None else rate
         for a in range(0, len(offset_s), _AT_ONCE):
-            square, known = self.equations(offset_s[a : a + _AT_ONCE])
+            square, known = self.equations(offset_s[a : a + _AT_ONCE], rate[a : a + _AT_ONCE])
             weight = np.ones(known.shape)
             for _ in range(_ROUNDS):
                 total = (square * (weight * known)[:, :, None, None]).sum(axis=1)
@@ -189,16 +207,38 @@ def evidence_of(
     total = _total(each, common, freedom)
     here = int(np.nanargmin(np.where(own, total, np.nan)))
     stated = total[here]
-    away = _elsewhere(trajectory, tracks)
-    others, _, _ = tracks.losses(away, information)
+    others, _, _ = tracks.losses(_elsewhere(trajectory, tracks), information)
+    rate = near / max(np.ptp(tracks.t_ns) * 1e-9, limits.LATE_S / limits.MOST_RATE)
+    since = (tracks.t_ns[tracks.first] - np.mean(tracks.t_ns)) * 1e-9
+    least = _least_at_middle(each, rate / limits.LATE_STEP_S, since[told])
+    middle = near[int(np.argmin(np.where(np.isfinite(total), least, np.inf)))]
+    by_rate, common, _ = tracks.losses(np.full(len(rate), middle), information, rate)
+    paced = _total(by_rate[:, told], common, freedom)
+    fastest = float(rate[int(np.nanargmin(paced))])
     factor, focal = _other_focal(tracks, found, rules, near[here], told, stated)
     return Evidence(
         chance=_by_chance(each[here], np.vstack([each, others[:, told]]), tracks.stray[told]),
         late=_average(stated - total),
         late_s=float(near[int(np.nanargmin(total))]),
+        # no less than the average over all offsets of the middle
+        paced=_average(stated - paced) - float(np.log(len(near))),
+        rate=fastest,
+        begin_s=float(middle - fastest * (np.mean(tracks.t_ns) - found.t_ns.min()) * 1e-9),
         focal=focal,
         factor=factor,
     )
+
+
+def _least_at_middle(each: FloatArray, rate: FloatArray, since: FloatArray) -> FloatArray:
+    """The least loss [k] of all tracks at offsets [k] of their mean time, whatever the ``rate``
+    [r] in steps between offsets a second, by the losses ``each`` [k, t] of tracks that are
+    ``since`` [t] s from it. What is open in common is as each offset alone leaves it."""
+    worst = np.nanmax(each, axis=0)
+    losses = np.where(np.isfinite(each), each, worst)
+    at = np.arange(len(each))[:, None, None] + np.rint(rate[:, None] * since).astype(np.int64)
+    inside = (at >= 0) & (at < len(each))
+    found = losses[np.clip(at, 0, len(each) - 1), np.arange(len(since))]
+    return np.asarray(np.where(inside, found, worst).sum(axis=2).min(axis=1))
 
 
 def _by_chance(stated: FloatArray, anywhere: FloatArray, stray: FloatArray) -> float:

@@ -148,7 +148,6 @@ def figures(world: World, result: GeolocationResult, d: Difficulty) -> dict[str,
         "long_half_axis_m": float(
             np.sqrt(gate(OUTSIDE_95, 2) * np.median(np.linalg.eigvalsh(found.cov_en)[:, -1]))
         ),
-        "contradictory": float(np.mean([s.status == "contradictory" for s in result.signs])),
         "class_accuracy": summary["class_accuracy"],
         "roll_error_deg": float(off[0]),
         "pitch_error_deg": float(off[1]),
@@ -205,7 +204,6 @@ def main() -> None:
         "oracle_recall_3m",
         "coverage95",
         "long_half_axis_m",
-        "contradictory",
     ):
         print(f"all: {key} {np.average([row[key] for row in rows], weights=weight):.3f}")
     for key in (

@@ -19,7 +19,7 @@ import argparse
 import os
 from collections import defaultdict
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -28,7 +28,6 @@ from automap.gates import OUTSIDE_95, gate, sd_by_median
 from automap.geolocation import limits
 from automap.geolocation.boresight import N_CAMERA
 from automap.geolocation.class_sizes import sizes_of_others, usual_sizes
-from automap.geolocation.contradiction import disagreement
 from automap.geolocation.landmark import (
     Landmark,
     SizePrior,
@@ -46,6 +45,7 @@ from automap.io.drive import load_drive
 from automap.io.frame_times import frame_times
 from automap.io.trajectory_csv import read_trajectory_csv
 from automap.records import FloatArray, IntArray
+from tests.benchmarks.kitti_signs import SET_ASIDE
 
 LEVER_ARM = slice(5, 8)
 OFTEN = 6
@@ -119,6 +119,22 @@ def size_ratio(sizes: dict[str, list[tuple[float, float]]]) -> tuple[float, int]
     return sd_by_median(np.array(ratios)), len(ratios)
 
 
+def bearings_less_heights(views: Views, mark: Landmark, prior: SizePrior) -> float:
+    """Squared difference, in sigmas, of the logarithms of a sign's distance by the crossing of its
+    bearings and by the heights of its boxes; nought where either alone leads nowhere."""
+    if len(mark.rows) < 2:
+        return 0.0
+    any_size, aside = SizePrior(log_sd=SET_ASIDE), SET_ASIDE
+    parts = [
+        solved(replace(views, sd=views.sd * sd), mark.rows, known)
+        for sd, known in (([1.0, 1.0, aside], any_size), ([aside, aside, 1.0], prior))
+    ]
+    if not all(part.ok for part in parts):
+        return 0.0
+    off = parts[0].parameters[2] - parts[1].parameters[2]
+    return float(off**2 / sum(part.depth_log_sd**2 for part in parts))
+
+
 def look_at(folder: Path, into: Sequence[Seen]) -> None:
     """Add what the signs of a drive tell."""
     drive = load_drive(folder)
@@ -137,7 +153,7 @@ def look_at(folder: Path, into: Sequence[Seen]) -> None:
     for mark, prior in zip(marks, sizes_of_others(views, marks, general), strict=True):
         mark = solved(views, mark.rows, prior)
         size = measured_size(views, mark.rows, result.corrections["front"].covariance)
-        square = disagreement(views, mark, prior).square
+        square = bearings_less_heights(views, mark, prior)
         often = len(mark.rows) >= OFTEN
         foretold = foretell_nearest(views, mark.rows, prior) if often else np.nan
         for seen in into:

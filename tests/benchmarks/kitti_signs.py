@@ -29,7 +29,6 @@ from automap.earth import local_ned
 from automap.evaluation.sign_matching import match, points_of
 from automap.gates import OUTSIDE_95, gate
 from automap.geolocation.landmark import SizePrior, fit_landmark
-from automap.geolocation.limits import SET_ASIDE
 from automap.geolocation.locate import locate_signs
 from automap.geolocation.pass_errors import solve_with_pass_errors
 from automap.geolocation.sightings import make_sighting
@@ -43,6 +42,8 @@ from automap.records import FloatArray, IntArray, Sign, SignPoints
 
 PAIR_M, LOST_M, NEAR_M = 15.0, 10.0, 2.0
 CONTRADICTED = 1e-3
+SET_ASIDE = 100.0
+"""Factor on sigmas that leaves a measurement without a say: 0.2 deg become 20."""
 
 
 @dataclass(frozen=True)

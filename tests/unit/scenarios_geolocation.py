@@ -33,16 +33,12 @@ def _settled(views: Any, signs: Any = range(16)) -> list[Any]:
 
 
 def _seen(views: Any, signs: Any = range(16)) -> list[Any]:
-    from automap.geolocation.contradiction import disagreement
     from automap.geolocation.sightings import make_sighting
 
     rng = np.random.default_rng(1)
     root = 1e-3 * rng.normal(size=(2, 10, 10))
     camera = [r @ r.T for r in root]
-    return [
-        make_sighting(views, mark, camera, disagreement(views, mark, PRIOR))
-        for mark in _settled(views, signs)
-    ]
+    return [make_sighting(views, mark, camera) for mark in _settled(views, signs)]
 
 
 @scenario
@@ -117,8 +113,6 @@ def geolocation_passes() -> Any:
     """Signs with the errors of their passes, what they tell of the camera, and their sizes."""
     from automap.geolocation import boresight, class_sizes, time_minima
     from automap.geolocation.box_noise import margin_scatter, measured_noise, scatter
-    from automap.geolocation.contradiction import disagreement
-    from automap.geolocation.landmark import SizePrior
     from automap.geolocation.pass_errors import pass_sd
     from automap.geolocation.rules import GeolocationRules
     from automap.signs.classes import load_classes
@@ -154,12 +148,6 @@ def geolocation_passes() -> Any:
                 time_minima.apart(minima[1][0], replace(other, covariance=cov))
                 for other, _ in minima
                 for cov in (1e-6 * np.eye(10), 0.01 * np.eye(10))
-            ],
-            "disagreement": [
-                (found.square, found.spread, found.contradictory)
-                for mark in marks[:16:4]
-                for prior in (PRIOR, SizePrior(0.5, 0.02), SizePrior(0.9, 0.02))
-                if (found := disagreement(views, mark, prior))
             ],
             "usual": class_sizes.usual_sizes([*load_classes(), *CLASSES, "other", "white--circle"]),
             "sizes": class_sizes.sizes_of_others(views, marks, PRIOR),

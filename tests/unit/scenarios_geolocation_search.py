@@ -338,7 +338,7 @@ def geolocation_hand() -> Any:
     for number, mark in enumerate(_settled(views, (1, 4, 7))):
         of.record_sign(seen, views, mark, number, f"s{number}", np.array([950.0, 810.0]))
     seen.note[200:230] = ["misfit", "too_far", "unconfirmed", "moving", "back", ""] * 5
-    signs = [_sign(k, status) for k, status in enumerate(["ok", "contradictory", "far"])]
+    signs = [_sign(k, status) for k, status in enumerate(["ok", "single_view", "far"])]
     corrections = {
         "front": replace(CORRECTIONS["front"], time_minima=(-0.31, 0.27)),
         "left": replace(CORRECTIONS["front"], turn=np.array([0.1, -0.2, 0.3]), time_s=0.4),

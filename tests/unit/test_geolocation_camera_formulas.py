@@ -237,6 +237,7 @@ def located(used: FloatArray, scales: tuple[float, ...]) -> Any:
             sign_id=np.array(["s"] * len(used), object),
         ),
         noise=SimpleNamespace(scales=scales), signs=[],
+        corrections={"a": SimpleNamespace(time_s=0.0)},
     )  # fmt: skip
 
 
@@ -272,19 +273,31 @@ def test_an_explanation_places_more_boxes_or_places_them_closer(
     def at(share: float, scatter: float) -> Any:
         return located(np.arange(200) < round(200 * share), (scatter, 0.0, 1.0))
 
-    one = camera_explanation.Hypothesis("mirrored", record, replace(view, width=view.width + 9))
-    monkeypatch.setattr(camera_explanation, "better_explanations", lambda *_: [one])
+    unknown = camera_explanation.as_unknown(replace(view, width=view.width + 9))
     monkeypatch.setattr(camera_explanation, "no_signs", lambda *_: none)
     stated = at(0.5, 1.0)
 
-    def locate(tried: camera_explanation.Trial, told: Any) -> Any:
-        return at(share, scatter) if tried.cameras["a"].width != view.width else stated
+    zoomed = replace(unknown, matrix=unknown.matrix * [[1.1], [1.1], [1.0]])
+    for worse, as_stated, assumed in (
+        (1.0, True, unknown), (1.2, True, unknown), (1.3, False, unknown), (1.0, False, zoomed)
+    ):  # fmt: skip
+        one = camera_explanation.Hypothesis("mirrored", record, assumed)
+        monkeypatch.setattr(camera_explanation, "better_explanations", lambda *_, one=one: [one])
 
-    known = "a", Any, trial, stated, locate, NOTHING_TOLD
-    tried, found, what = camera_explanation._best_explanation(*known)  # type: ignore[arg-type]
-    assert what == ("mirrored" if taken else "")
-    assert (tried.cameras["a"].width != view.width) == taken
-    assert found.noise.scales[0] == (scatter if taken else 1.0)
+        def locate(tried: camera_explanation.Trial, told: Any, worse: float = worse) -> Any:
+            if tried.cameras["a"].width == view.width:
+                return stated
+            sure = tried.cameras["a"].mount_sd == view.mount_sd
+            return at(share, scatter * (worse if sure else 1.0))
+
+        known = "a", Any, trial, stated, locate, NOTHING_TOLD
+        tried, found, what = camera_explanation._best_explanation(*known)  # type: ignore[arg-type]
+        assert what == ("mirrored" if taken else "")
+        assert (tried.cameras["a"].width != view.width) == taken
+        # with it the camera is as stated in all else unless its boxes scatter clearly more so
+        assert (tried.cameras["a"].mount_sd == view.mount_sd) == (taken and as_stated)
+        wanted = scatter * (worse if as_stated else 1.0) if taken else 1.0
+        assert found.noise.scales[0] == pytest.approx(wanted)
 
 
 @pytest.mark.parametrize("excess", [0.5, 3.0])

@@ -216,10 +216,8 @@ def test_a_class_is_believed_by_its_tracks_as_by_the_drives_of_a_map() -> None:
     assert np.isnan(believed([1, 2], [0, 0], "ab", [np.nan, np.nan])).all()
 
 
-def sighting(depth: float = 20.0, sd: float = 0.1, contradictory: bool = False) -> Any:
-    return SimpleNamespace(
-        landmark=SimpleNamespace(depth_m=depth, depth_log_sd=sd), contradictory=contradictory
-    )
+def sighting(depth: float = 20.0, sd: float = 0.1) -> Any:
+    return SimpleNamespace(landmark=SimpleNamespace(depth_m=depth, depth_log_sd=sd))
 
 
 @pytest.mark.parametrize(
@@ -233,8 +231,6 @@ def sighting(depth: float = 20.0, sd: float = 0.1, contradictory: bool = False) 
         ([sighting()], 6.0, 15.0, 3, "ok"),
         ([sighting()], 0.7, 15.1, 3, "implausible"),
         ([sighting()], 0.7, -2.1, 3, "implausible"),
-        ([sighting(contradictory=True), sighting()], 0.7, 2.0, 4, "ok"),
-        ([sighting(90.0, 0.9, True)], 0.7, 2.0, 4, "contradictory"),
         ([sighting(61.0, 0.9), sighting(60.0)], 0.7, 2.0, 4, "ok"),
         ([sighting(61.0, 0.9), sighting(60.1)], 0.7, 2.0, 4, "far"),
         ([sighting(sd=0.26), sighting(sd=0.25)], 0.7, 2.0, 4, "ok"),
@@ -265,7 +261,7 @@ def test_a_sign_of_the_map_has_place_and_covariance_where_it_stands(
                 parameters=np.array([0, 0, 0, log_size[k]]),
             ),
             covariance=np.diag([1.0, 1.0, 4.0 + 9.0 * k]), path_sd=np.array([9.0, 9.0, 1.5]),
-            class_score={"a": 1.0, "b": 1.5 * k}, contradictory=False,
+            class_score={"a": 1.0, "b": 1.5 * k},
         )
         for k, rows in enumerate(([4, 1], [2]))
     ]  # fmt: skip

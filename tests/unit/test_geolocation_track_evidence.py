@@ -11,6 +11,7 @@ from geolocation_scene import ORIGIN, boxes, camera, drive_path, roadside
 from automap.earth import from_local_ned
 from automap.geolocation import limits
 from automap.geolocation.camera_hypotheses import Hypothesis, explanation_by_tracks
+from automap.geolocation.locate import locate_signs
 from automap.geolocation.rules import GeolocationRules
 from automap.geolocation.track_evidence import (
     NOTHING_TOLD,
@@ -80,7 +81,9 @@ def told(path: Trajectory, found: Detections, view: Camera) -> Evidence:
 def test_boxes_of_this_path_and_time_are_not_doubted(path, found) -> None:
     one = told(path, found, camera())
     assert not one.doubts
+    assert one.shown
     assert one.allows(True)
+    assert one.rate == pytest.approx(0.0, abs=0.003)
     assert abs(one.late_s) <= limits.LATE_OWN_S
     assert one.factor == pytest.approx(1.0, abs=0.05)
 
@@ -91,9 +94,24 @@ def test_frames_of_another_time_are_told_with_their_offset(path, found, late_s: 
     one = told(path, late, camera())
     assert one.is_late
     assert one.late_s == pytest.approx(-late_s, abs=0.06)
-    (shifted,) = explanation_by_tracks(Hypothesis("", late, camera()), replace(one, focal=0.0))
+    (shifted,) = explanation_by_tracks(Hypothesis("", late, camera()), replace(one, focal=0.0), 0.0)
     assert f"{-late_s:+.1f} s from their stamps" in shifted.what
     assert np.abs(shifted.found.t_ns - found.t_ns).max() < 0.06e9
+
+
+@pytest.mark.parametrize("rate", [-0.03, 0.015])
+def test_stamps_at_another_pace_are_told_with_it(path, found, rate: float) -> None:
+    since = found.t_ns - found.t_ns.min()
+    fast = replace(found, t_ns=found.t_ns + np.round(rate * since).astype(np.int64))
+    one = told(path, fast, camera())
+    assert one.is_paced
+    assert one.paced > one.late
+    assert one.rate == pytest.approx(1.0 / (1.0 + rate) - 1.0, abs=0.003)
+    assert not one.allows(True)
+    # as if its frames had been found a quarter of a second off
+    (other,) = explanation_by_tracks(Hypothesis("", fast, camera()), one, 0.25)
+    assert f"take {1.0 + one.rate:.4f} of the time" in other.what
+    assert np.abs(other.found.t_ns - found.t_ns - 0.25e9).max() < 0.2e9
 
 
 def test_another_focal_length_is_told(path, found) -> None:
@@ -101,7 +119,7 @@ def test_another_focal_length_is_told(path, found) -> None:
     assert one.is_zoomed
     assert not one.is_late
     assert one.factor == pytest.approx(1.0 / 1.4, rel=0.05)
-    (other,) = explanation_by_tracks(Hypothesis("", found, zoomed(camera(), 1.4)), one)
+    (other,) = explanation_by_tracks(Hypothesis("", found, zoomed(camera(), 1.4)), one, 0.0)
     assert other.camera.matrix[0, 0] == pytest.approx(1000.0, rel=0.05)
 
 
@@ -128,6 +146,7 @@ def test_a_straight_level_road_says_nothing() -> None:
     ):
         assert not one.doubts
         assert one.allows(False)
+        assert not one.shown
         # and so does not speak for what would be assumed
         assert not one.allows(True)
 
@@ -136,7 +155,7 @@ def test_boxes_without_tracks_or_off_the_path_say_nothing(path, found) -> None:
     assert told(path, replace(found, track=np.full(len(found), -1)), camera()) == NOTHING_TOLD
     assert told(path, replace(found, t_ns=found.t_ns + 10**12), camera()) == NOTHING_TOLD
     assert not NOTHING_TOLD.doubts
-    assert explanation_by_tracks(Hypothesis("", found, camera()), NOTHING_TOLD) == []
+    assert explanation_by_tracks(Hypothesis("", found, camera()), NOTHING_TOLD, 0.0) == []
 
 
 def test_likelihoods_are_averaged_and_one_track_of_no_sign_says_little() -> None:
@@ -151,3 +170,12 @@ def test_likelihoods_are_averaged_and_one_track_of_no_sign_says_little() -> None
     assert _by_chance(np.array([np.nan, 500.0]), anywhere, np.full(2, 0.1)) == pytest.approx(
         np.log(10.0)
     )
+
+
+@pytest.mark.slow
+def test_it_is_said_where_nothing_shows_that_boxes_are_of_the_drive(path, found) -> None:
+    straight = drive_path(20.0, turn_rate=0.0)
+    for way, boxes_of, says in ((path, found, False), (straight, seen(straight, camera()), True)):
+        result = locate_signs(way, [boxes_of], {"front": camera()})
+        assert {sign.status for sign in result.signs} == {"ok"}
+        assert any("nothing shows that its boxes are of this" in w for w in result.warnings) == says
