@@ -79,9 +79,6 @@ half a second, and as 15 m where it drives fast."""
 REGAINED_SD_M = 0.1
 """A filter is led astray by so much an axis, m, where only positions to decimetres and velocities
 made of them are told: 0.17 m in the one such stretch recorded, of 2 s."""
-BACK_S = 0.05
-"""A fix and its innovation are no further apart: half the step of twenty a second, more than
-clocks are off."""
 STRAIGHT_RAD = 0.1
 """A way that turns by less is straight: 6 deg, a sixteenth of a corner. Chosen."""
 SAME_FIX_S = 1e-3
