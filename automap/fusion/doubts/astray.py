@@ -78,17 +78,9 @@ def beside_imu(
     most_m = max(most_m, float(found.passed[:, 1].max(initial=0.0)))
     spans = [(jump.start_gps_s, jump.end_gps_s) for jump in parted]
     beside = replace(bridge, sound=np.flatnonzero(~in_any(seen.t, spans)), apart={})
-    shifts = []
-    for k, i in enumerate(found.link):
-        metres, sd, followed = _shift(bridge, beside, found.gone[i], found.alone[i])
-        shifts.append((metres, sd))
-        if followed is not None:
-            found.gone[i] = followed
-            found.kept[k : k + 2] = (
-                (found.kept[k][0], followed[0]),
-                (followed[1], found.kept[k + 1][1]),
-            )
-    level = _unsure(found, shifts, most_m)
+    shifts = [_shift(bridge, beside, found.gone[i], found.alone[i]) for i in found.link]
+    found = _to_the_jumps(found, [jump for _, _, jump in shifts])
+    level = _unsure(found, [(metres, sd) for metres, sd, _ in shifts], most_m)
     off = [bridge.off(span) for span in found.gone]
     if not any(math.isfinite(metres) for metres in off):
         return list(reasons)
@@ -117,7 +109,7 @@ def _told(
     said = (
         f"; by the way that the IMU shows the path is off there by no more than {worst:.1f} m"
         if code == CODES[0]
-        else f"; the path passes them by, and is no further off than {worst:.1f} m elsewhere"
+        else f"; where the path goes along with them it is no further off than {worst:.1f} m"
     )
     sure = worst < math.sqrt(2.0) * sd_m
     return [
@@ -218,6 +210,16 @@ def _shift(
         if near_sd < sd and abs(near - metres) < sigmas(OUTSIDE_95) * math.hypot(sd, near_sd):
             return near, near_sd, jump
     return metres, sd, None
+
+
+def _to_the_jumps(found: Astray, jumps: Sequence[Span | None]) -> Astray:
+    """The stretches with those that a path follows a jump between, ``jumps`` [n - 1], up to it."""
+    gone, kept = list(found.gone), list(found.kept)
+    for k, (at, jump) in enumerate(zip(found.link, jumps, strict=True)):
+        if jump is not None:
+            gone[at] = jump
+            kept[k], kept[k + 1] = (kept[k][0], jump[0]), (jump[1], kept[k + 1][1])
+    return replace(found, gone=gone, kept=kept)
 
 
 def _unsure(found: Astray, shifts: list[tuple[float, float]], most_m: float) -> list[float]:
