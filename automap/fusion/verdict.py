@@ -210,7 +210,9 @@ def weigh(
     usual_speed = float(np.median(speed))
     reasons = [
         *of_receiver,
-        *jump_doubts([*position_jumps(places), *jumps], path),
+        *jump_doubts(
+            [*_elsewhere(position_jumps(places), over, float(path.gps_s[0])), *jumps], path
+        ),
         *jump_doubts(of_heights, path),
         *steps,
         *of_imu,

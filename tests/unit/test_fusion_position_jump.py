@@ -75,6 +75,24 @@ def test_what_an_imu_does_not_feel_is_told_with_size_and_instant(rate: float) ->
     assert found[1].by == pytest.approx([*-by, 0.0], abs=0.2)
 
 
+@pytest.mark.parametrize("by_m", [0.0, 3.0, 6.5])
+def test_of_a_usual_receiver_jumps_beyond_the_steps_of_sound_ones_are_told(by_m: float) -> None:
+    """A path followed 8 m within seconds, and was stated to be good to 2 m."""
+    white = np.random.default_rng(8).normal(0.0, 0.15, (len(exact()), 3))
+    fixes = replace(
+        shifted(exact(), white),
+        sd_pos_ned=np.full((len(exact()), 3), 1.3),
+        fix_type=np.full(len(exact()), FixType.THREE_D),
+    )
+    found = jumps_of(moved(fixes, 100.1, 1e3, by_m * np.array([0.6, -0.8])))
+    assert len(found) == (by_m > 5.0)
+    for jump in found:
+        assert jump.gps_s - GPS0 == pytest.approx(100.0, abs=0.3)
+        assert np.hypot(*jump.by[:2]) == pytest.approx(by_m, abs=0.6)
+    # without an IMU nothing tells them from what such fixes err by
+    assert jumps_of(moved(fixes, 100.1, 1e3, by_m * np.array([0.6, -0.8])), None) == []
+
+
 @pytest.mark.parametrize("seed", [3, 11])
 def test_heights_that_an_imu_does_not_feel_are_told(seed: int) -> None:
     """Four decimetres, which at 15 m/s may be a body that pitches, were 2.8 sigmas off."""

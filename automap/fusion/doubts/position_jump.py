@@ -10,7 +10,7 @@ Which side of a jump is right is not told: each place is so as probably as it la
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
@@ -30,6 +30,7 @@ from automap.fusion.limits import (
 from automap.fusion.nodes import FixModel
 from automap.gates import OUTSIDE_95, gate, sd_by_median
 from automap.records import BoolArray, FloatArray, IntArray, Trajectory
+from automap.sync.limits import STEP_SD_M
 from automap.timebase import gps_to_iso
 
 
@@ -107,9 +108,20 @@ def beside_readings(
 
 def position_jumps(places: Places) -> list[Jump]:
     """Jumps, in the order of time, of positions, or of heights beside a witness, that are good to
-    decimetres. Others jump by as much as they err, which their sigmas hold."""
+    decimetres; of other positions beside a witness those beyond what sound ones step by and these
+    do. Else they jump by as much as they err, which their sigmas hold."""
     exact = places.sd < ARM_TOLD_SD_M
-    seen = Places(*(getattr(places, field.name)[exact] for field in fields(Places)))
+    found = _jumps_among(places, exact, 0.0)
+    if places.at.shape[1] > 1 and places.felt.shape[1]:
+        told_by_itself = replace(places, sd=np.zeros(len(places.sd)))
+        steps = STEP_SD_M * float(np.sqrt(gate(OUTSIDE_95, 2)))
+        found += _jumps_among(told_by_itself, ~exact, steps)
+    return sorted(found, key=lambda jump: jump.gps_s)
+
+
+def _jumps_among(places: Places, kind: BoolArray, steps_m: float) -> list[Jump]:
+    """The jumps of positions of a ``kind`` [m] beyond ``steps_m``."""
+    seen = Places(*(getattr(places, field.name)[kind] for field in fields(Places)))
     if len(seen.t) < LEAST_JUDGED:
         return []
     before, jump, least, slack, sd = (
@@ -119,7 +131,7 @@ def position_jumps(places: Places) -> list[Jump]:
         return []
     # one of as many as there are fixes
     axes = seen.at.shape[1]
-    beyond = slack + np.sqrt(gate(DOUBT_PROBABILITY / len(before), axes)) * sd
+    beyond = slack + np.hypot(steps_m, np.sqrt(gate(DOUBT_PROBABILITY / len(before), axes)) * sd)
     by = np.pad(jump, ((0, 0), (0, 1) if axes > 1 else (2, 0)))
     return _apart(0.5 * (seen.t[before] + seen.t[before + 1]), by, least / beyond)
 
