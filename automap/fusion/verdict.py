@@ -31,7 +31,7 @@ from automap.fusion.doubts.antenna import (
     overturned_arm,
     unproven_arm,
 )
-from automap.fusion.doubts.astray import beside_imu
+from automap.fusion.doubts.astray import CODES, beside_imu
 from automap.fusion.doubts.bridged import in_any, outside
 from automap.fusion.doubts.constancy import constancy_doubts
 from automap.fusion.doubts.difference import off_course
@@ -139,6 +139,7 @@ def weigh(
     of_receiver = receiver_doubts(receiver, float(path.gps_s[0]), felt)
     of_receiver += [*smoothed_doubts(fixes, receiver), *accuracy_doubts(fixes, options)]
     of_receiver += separation_doubts(fixes, of_receiver)
+    contradictions = [reason for reason in of_receiver if reason.code in CODES]
     askew, lean = outcome.mounted_askew(path, fused.sd_roll())
 
     def known() -> Iterator[tuple[slice, Trajectory]]:
@@ -183,16 +184,20 @@ def weigh(
         steps = _steps(result, path, free, found, fixes, options, arm, over)
         free = None  # of ten hours a hundred megabytes
     drifts: list[Drift] = []
+
+    def smoothed(dated: Fixes, levels: dict[str, float]) -> Trajectory:
+        alone = smooth_fixes(dated, clock, options, levels)
+        shift = round(result.delay.mean * 1e9) if delay_is_clock else 0
+        return replace(alone, t_ns=alone.t_ns + shift)
+
     try:
         dated = dated_velocities(witnesses, receiver)
         levels = fix_levels(dated, options)
-        alone = smooth_fixes(dated, clock, options, levels)
+        alone = smoothed(dated, levels)
         sd = level_sd(stretch for _, stretch in known())
         by_imu = (path, result.noise_factors) if believed else ()
         more, drifts = pattern_doubts(dated, alone, options, levels, sd, of_receiver, *by_imu)
         of_receiver += more
-        if delay_is_clock:
-            alone = replace(alone, t_ns=alone.t_ns + round(result.delay.mean * 1e9))
         unread_m = driven_m(unread(alone, t_read))
     except InputError:
         alone, unread_m = None, 0.0
@@ -247,6 +252,14 @@ def weigh(
         beside = fix_misses(alone, model)
         own, left = off_the_fixes(beside, options.wander_tau_s)
         if left < limits.AGREEING_SHARE:
+            if over:
+                # what such an IMU leads over it tells nothing of
+                alone = smoothed(dated_velocities(fixes, receiver), levels)
+                beside = fix_misses(alone, model)
+                of_receiver, reasons = (
+                    [*contradictions, *(reason for reason in told if reason.code not in CODES)]
+                    for told in (of_receiver, reasons)
+                )
             # what speaks against the IMU's path leaves that of the fixes as it is
             earlier = float(path.gps_s[0] - alone.gps_s[0])
             of_fixes = [*later(of_receiver, earlier), *own]

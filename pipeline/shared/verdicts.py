@@ -22,7 +22,7 @@ class Told:
 
     def sentence(self) -> str:
         """In one line, the first reason with it."""
-        more = f" ({len(self.reasons) - 1} more above)" if len(self.reasons) > 1 else ""
+        more = f" (and {len(self.reasons) - 1} more)" if len(self.reasons) > 1 else ""
         why = f": {self.reasons[0]}{more}" if self.reasons else ""
         return f"the {self.of} {'is' if self.of == 'path' else 'are'} {self.state}{why}"
 

@@ -138,6 +138,9 @@ def test_either_side_of_a_jump_that_the_path_follows_may_be_right(at: float) -> 
     told = judged(4, between(at, 1e9), smoothed(at, 1e9), [(at - 0.5, at + 0.5)])
     before, behind = told.found["positions_aside"].span_errors_m
     assert told.found["positions_aside"].state == "doubtful"
+    # no fix lies within the jump, and the path crosses it
+    assert told.found["positions_parted"].state == "doubtful"
+    assert told.found["positions_parted"].error_m > 0.3 * AWAY_M
     # a jump of 40 m, on the side that lasted for less with more than even odds
     assert max(before, behind) >= AWAY_M / np.sqrt(2.0) - 1.0
     assert min(before, behind) > 0.3 * AWAY_M

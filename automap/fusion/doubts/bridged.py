@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
@@ -45,7 +46,7 @@ class Bridge:
         gone = self._rows(span)
         if not len(gone):
             return 0.0
-        before, after = self._sides(gone, 2 * self._half())
+        before, after = self._sides(gone, 2 * self._half)
         sides = self._either(len(before), len(after))
         if sides is None:
             return math.inf
@@ -71,7 +72,7 @@ class Bridge:
         """By how much, m, positions behind the ``span`` lie off the way from those before, and the
         sigma of an axis of that; 0 and endless where readings show nothing."""
         gone = self._rows(span)
-        half = self._half()
+        half = self._half
         size = max(len(gone), half)
         before, after = self._sides(gone, size, span[0])
         size = min(len(before), len(after))
@@ -91,11 +92,13 @@ class Bridge:
         first, last = np.searchsorted(self.seen.t, [np.nextafter(span[0], np.inf), span[1]])
         return np.arange(first, last)
 
+    @cached_property
     def _spacing(self) -> float:
         return float(np.median(np.diff(self.seen.t)))
 
+    @cached_property
     def _half(self) -> int:
-        return max(round(limits.STEP_WINDOW_S / self._spacing()), limits.STEP_FIXES)
+        return max(round(limits.STEP_WINDOW_S / self._spacing), limits.STEP_FIXES)
 
     def _sides(
         self, gone: IntArray, size: int, start_gps_s: float = math.inf
@@ -108,25 +111,25 @@ class Bridge:
     def _either(self, before: int, after: int) -> tuple[int, int] | None:
         """How many of so many sound rows ``before`` and ``after`` a curve is taken to: as many of
         both, or of one alone, at an end of a drive; None where there are too few."""
-        half = self._half()
+        half = self._half
         wanted = (half, half), (2 * half, 0), (0, 2 * half)
         return next((w for w in wanted if before >= w[0] and after >= w[1]), None)
 
     def _whole(self, rows: IntArray) -> bool:
         """Whether no readings are lost between the ends of ``rows``, and few fixes are missing."""
-        seen, reach = self.seen, len(rows) * self._spacing()
+        seen, reach = self.seen, len(rows) * self._spacing
         lost = seen.lost_s[rows[-1]] == seen.lost_s[rows[0]]
         return bool(lost and seen.t[rows[-1]] - seen.t[rows[0]] < _FILLED * reach)
 
     def _windows(self, size: int) -> IntArray:
         """Sound rows [k, size] that follow one another, of windows a half apart."""
-        starts = np.arange(0, len(self.sound) - size + 1, self._half())
+        starts = np.arange(0, len(self.sound) - size + 1, self._half)
         # of a long drive some tell it as well
         starts = starts[:: len(starts) // limits.MOST_USUAL + 1]
         rows = np.asarray(self.sound[starts[:, None] + np.arange(size)])
         t, lost = self.seen.t[rows], self.seen.lost_s[rows]
         whole = (lost[:, -1:] == lost[:, :1]) & (
-            t[:, -1:] - t[:, :1] < _FILLED * size * self._spacing()
+            t[:, -1:] - t[:, :1] < _FILLED * size * self._spacing
         )
         return np.asarray(rows[whole[:, 0]])
 
