@@ -81,9 +81,9 @@ def beside_imu(
     shifts = [_shift(bridge, beside, found.gone[i], found.alone[i]) for i in found.link]
     found = _to_the_jumps(found, [jump for _, _, jump in shifts])
     level = _unsure(found, [(metres, sd) for metres, sd, _ in shifts], most_m)
-    # a path that follows a jump may be off by it there
+    # a path that follows a jump between two fixes may be off by it there
     jumped = {jump: metres for metres, _, jump in shifts if jump is not None}
-    off = [max(bridge.off(span), jumped.get(span, 0.0)) for span in found.gone]
+    off = [bridge.off(span) or jumped.get(span, 0.0) for span in found.gone]
     if not any(math.isfinite(metres) for metres in off):
         return list(reasons)
     off = [min(metres, most_m) for metres in off]
