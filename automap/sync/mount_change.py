@@ -187,6 +187,11 @@ def _axes_changed(pieces: Sequence[MountPiece], cuts: Sequence[_Cut], known: boo
         case = np.eye(3) if known else mounting(sides[0])
         before, after = (scores(side, case @ ways, case @ ways) for side in sides)
         same = float((before + after).max())
+        if not known:
+            # an IMU that stays as it is lies as all pieces together tell, not as the first do
+            lies = mounting(together(sides)) @ ways
+            alike = np.sum([scores(side, lies, lies) for side in sides], axis=0)
+            same = max(same, float(alike.max()))
         # of those that are as good the one with the fewest mistakes
         i, j = np.unravel_index(int(np.argmax(before + prior)), before.shape)
         accel, gyro = (_index(np.einsum("ji,kjl->kil", ways[n], ways)) for n in (i, j))

@@ -7,7 +7,8 @@ another rate, from the start or from some time on, bends the offsets; one that w
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import combinations
 from typing import Literal
 
 import numpy as np
@@ -77,7 +78,7 @@ def clock_change(pieces: Sequence[Piece]) -> ClockChange | None:
 
     By Student's t of weighted least squares, of what exceeds a sound clock's rate and a step that
     is none. The scatter of the lags is the drive's own, for receivers' delays vary, beside what
-    other drives showed. Nor may it be one piece whose lag was mistaken, and chance in all others.
+    other drives showed. Nor may it be pieces whose lags were mistaken, and chance in all others.
     """
     if len(pieces) < 2 * limits.SIDE_PIECES:
         return None
@@ -91,11 +92,33 @@ def clock_change(pieces: Sequence[Piece]) -> ClockChange | None:
         if found.probability >= likely:
             return None
         # the place is known by now, so that nothing is tried any more
-        fewer = [_fitted(change, lag, sd, k) for k in np.flatnonzero(change.use).tolist()]
-        mistaken = limits.MISTAKEN_LAG * sum(other.probability for other in fewer)
-        if mistaken < limits.CHANGE_PROBABILITY:
+        if _mistaken(change, lag, sd) < limits.CHANGE_PROBABILITY:
             return found
     return None
+
+
+def _mistaken(change: _Shape, lag: FloatArray, sd: FloatArray) -> float:
+    """Probability that some pieces' lags [n], one sigma ``sd`` [n] s, are those of other motions,
+    as ``MISTAKEN_LAG`` of them are, and the change is chance in all others.
+
+    A lag that is mistaken lies anywhere in the search: two of them are seldom as near to what a
+    change makes of them as two lags of one clock.
+    """
+    design, value, _, found = _least_squares(change, lag, sd, change.use)
+    off = np.zeros(len(lag))
+    off[change.use] = sd[change.use] * np.abs(value - design @ found)
+    near = np.minimum(np.maximum(off, sd) / limits.STATED_REACH_S, 1.0)
+    used = np.flatnonzero(change.use).tolist()
+    total = 0.0
+    for count in range(1, len(used)):
+        each = limits.MISTAKEN_LAG**count
+        if each < limits.CHANGE_PROBABILITY:
+            break
+        for without in combinations(used, count):
+            # the first one may be anywhere: the size of the change is what it says
+            alike = float(np.prod(np.sort(near[list(without)])[1:]))
+            total += each * alike * _fitted(change, lag, sd, without).probability
+    return total
 
 
 def _pieces(motion: ImuMotion, gnss: GnssMotion, reach_s: float | None) -> list[Piece]:
@@ -151,21 +174,31 @@ def _changes(pieces: Sequence[Piece]) -> Iterator[_Shape]:
             yield _Shape("jump", felt[i - 1], felt[i + 1], later, np.arange(count) != i)
 
 
-def _fitted(
-    change: _Shape, lag: FloatArray, sd: FloatArray, without: int | None = None
-) -> ClockChange:
-    """The size of a change by lags [n], where ``without`` is given by all others."""
-    from scipy.special import stdtr
-
-    use = change.use if without is None else change.use & (np.arange(len(lag)) != without)
+def _least_squares(
+    change: _Shape, lag: FloatArray, sd: FloatArray, use: BoolArray
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Design [k, 2] and lags [k] of the pieces in ``use`` [n], by their sigmas; the covariance
+    [2, 2] of a constant and of the size of a change, and both [2]."""
     design = np.column_stack([np.ones(len(lag)), change.shape])[use] / sd[use, None]
     value = lag[use] / sd[use]
-    covariance = np.linalg.inv(design.T @ design)
-    found = covariance @ design.T @ value
+    covariance = np.asarray(np.linalg.inv(design.T @ design))
+    return design, value, covariance, covariance @ design.T @ value
+
+
+def _fitted(
+    change: _Shape, lag: FloatArray, sd: FloatArray, without: Sequence[int] = ()
+) -> ClockChange:
+    """The size of a change by lags [n], where those ``without`` are given by all others."""
+    from scipy.special import stdtr
+
+    use = change.use & ~np.isin(np.arange(len(lag)), without)
+    told = ClockChange(change.kind, change.first_s, change.last_s, 0.0, np.inf, 1.0)
+    if len(np.unique(change.shape[use])) < 2:
+        return told
+    design, value, covariance, found = _least_squares(change, lag, sd, use)
     worth, usual = limits.SCATTER_PIECES, limits.LAG_SCATTER**2
     dof = len(value) - 2 + worth
     scatter = (worth * usual + float(((value - design @ found) ** 2).sum())) / dof
     size, spread = float(found[1]), float(np.sqrt(scatter * covariance[1, 1]))
     beyond = max(abs(size) - _ALLOWED[change.kind], 0.0) / spread
-    probability = 2.0 * float(stdtr(dof, -beyond))
-    return ClockChange(change.kind, change.first_s, change.last_s, size, spread, probability)
+    return replace(told, size=size, sd=spread, probability=2.0 * float(stdtr(dof, -beyond)))

@@ -141,6 +141,16 @@ def test_eight_pieces_tell_a_jump_and_one_mistaken_lag_of_them_does_not() -> Non
         assert told(steady + 2.0 * (np.arange(8) == place)) is None
 
 
+def test_two_mistaken_lags_that_say_something_else_are_no_jump() -> None:
+    # of a made receiver that smooths over a second and a half
+    lags = np.array([27.438, 50.930, -1.230, -1.179, -1.048, -1.004])
+    assert clock_change(_pieces(lags.tolist())) is None
+    agreeing = np.where(np.arange(6) < 2, 27.44, lags)
+    change = clock_change(_pieces(agreeing.tolist()))
+    assert change is not None
+    assert change.size == pytest.approx(-28.5, abs=0.2)
+
+
 def test_chance_is_no_change() -> None:
     rng = np.random.default_rng(2)
     for count in rng.integers(0, 25, 200).tolist():
