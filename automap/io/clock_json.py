@@ -10,11 +10,13 @@ from typing import Any, TypeVar
 from automap.errors import InputError
 from automap.io.atomic import write_json
 from automap.io.json_text import parse_json
-from automap.records import ClockModel, DriveClocks
+from automap.records import ClockModel, DriveClocks, ReceiverFilter
 
 _T = TypeVar("_T")
 _MOST_GPS_S = 9.0e9
 """More seconds do not fit into the nanoseconds of 64 bits."""
+_MOST_FILTER_S = 60.0
+"""No bend is left behind a filter of a minute."""
 _MOST_DRIFT = 0.1
 """Far more than any clock; from 1 on times would turn round."""
 
@@ -38,6 +40,8 @@ def write_clocks(path: Path, clocks: DriveClocks, diagnostics: dict[str, Any]) -
     if clocks.arrival is not None:
         named["arrival_clock"] = asdict(clocks.arrival)
         named["arrival_time_base"] = clocks.arrival_time_base
+    if clocks.receiver_filter is not None:
+        named["receiver_filter"] = asdict(clocks.receiver_filter)
     write_clock(path, clocks.clock, named | diagnostics)
 
 
@@ -86,4 +90,14 @@ def _clocks(content: dict[str, Any]) -> DriveClocks:
         time_base=str(content["time_base"]),
         arrival=None if arrival is None else _clock(arrival),
         arrival_time_base=None if arrival is None else str(content["arrival_time_base"]),
+        receiver_filter=_filter(content.get("receiver_filter")),
     )
+
+
+def _filter(content: dict[str, Any] | None) -> ReceiverFilter | None:
+    if content is None:
+        return None
+    velocity_s, position_s = float(content["velocity_s"]), float(content["position_s"])
+    if not (0.0 <= velocity_s < _MOST_FILTER_S and 0.0 <= position_s < _MOST_FILTER_S):
+        raise ValueError(f"filters of {velocity_s:g} and {position_s:g} s")
+    return ReceiverFilter(velocity_s, position_s)

@@ -7,7 +7,7 @@ source did not give is NaN. Nothing here knows about files.
 from __future__ import annotations
 
 from automap.records.arrays import NO_TIME, BoolArray, FloatArray, Image, IntArray
-from automap.records.clocks import ClockModel, DriveClocks
+from automap.records.clocks import ClockModel, DriveClocks, ReceiverFilter
 from automap.records.motion import DrivePath, Trajectory, along_course
 from automap.records.pictures import (
     DISTORTION_SD,
@@ -76,6 +76,7 @@ __all__ = [
     "PictureTurns",
     "PlacedSign",
     "RawImu",
+    "ReceiverFilter",
     "ReviewAction",
     "ReviewKind",
     "RoadPosition",

@@ -40,15 +40,26 @@ class ClockModel:
 
 
 @dataclass(frozen=True)
+class ReceiverFilter:
+    """Time constants, s, of the first-order filters that a receiver's velocities and positions came
+    through; 0 where there is none."""
+
+    velocity_s: float = 0.0
+    position_s: float = 0.0
+
+
+@dataclass(frozen=True)
 class DriveClocks:
     """The clocks of a drive.
 
     ``clock`` leads from the stamps of the trajectory, which are ``time_base`` ("boot_ns",
     "gps_ns" or "unix_ns"), to GPS time; ``arrival`` from the arrival times of the receiver's
-    bytes where those are another clock, ``arrival_time_base``.
+    bytes where those are another clock, ``arrival_time_base``. ``receiver_filter`` is what makes
+    fixes late beside their times.
     """
 
     clock: ClockModel
     time_base: str
     arrival: ClockModel | None = None
     arrival_time_base: str | None = None
+    receiver_filter: ReceiverFilter | None = None

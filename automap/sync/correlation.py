@@ -41,7 +41,7 @@ def refine_lag(imu: ImuMotion, gnss: GnssMotion, offset_s: float, half_s: float)
     if len(imu.t_s) < 2 or len(gnss.start) < 2:
         return None
     lags = offset_s + np.arange(-half_s, half_s + 0.5 * limits.COARSE_S, limits.COARSE_S)
-    channels = _channels(imu, gnss, float(lags[0]), float(lags[-1]))
+    channels = channels_between(imu, gnss, float(lags[0]), float(lags[-1]))
     if not channels:
         return None
     for _ in range(2):
@@ -71,7 +71,7 @@ def refine_lag(imu: ImuMotion, gnss: GnssMotion, offset_s: float, half_s: float)
     return Lag(lag, sd, gain, int(sum(len(channel.target) for channel in channels)))
 
 
-def _channels(imu: ImuMotion, gnss: GnssMotion, first: float, last: float) -> list[_Channel]:
+def channels_between(imu: ImuMotion, gnss: GnssMotion, first: float, last: float) -> list[Channel]:
     """The receiver's quantities over intervals that the IMU covers at all lags searched."""
     covered = np.isfinite(imu.between(gnss.start + first, gnss.end + last)[:, 0])
     channels = []
@@ -82,11 +82,11 @@ def _channels(imu: ImuMotion, gnss: GnssMotion, first: float, last: float) -> li
         if len(rows) >= limits.LEAST_INTERVALS:
             rows = rows[:: -(-len(rows) // limits.MOST_INTERVALS)]
             window = (gnss.start[rows], gnss.end[rows])
-            channels.append(_Channel(imu, *window, gnss.speed[rows], target[rows], is_turn))
+            channels.append(Channel(imu, *window, gnss.speed[rows], target[rows], is_turn))
     return channels
 
 
-class _Channel:
+class Channel:
     """One receiver quantity, explained by the IMU's increments at a lag."""
 
     def __init__(
@@ -107,19 +107,19 @@ class _Channel:
 
     def scores(self, lags: FloatArray) -> FloatArray:
         """-2 log likelihood [lags] up to a constant."""
-        squares = [float(self.weight @ self._fit(lag)[0] ** 2) for lag in lags.tolist()]
+        squares = [float(self.weight @ self.fit(lag)[0] ** 2) for lag in lags.tolist()]
         return float(self.weight.sum()) * np.log(np.maximum(squares, 1e-12))
 
     def reweight(self, lag: float) -> None:
         """Huber weights from the residuals at ``lag``: a fix that jumped must not decide."""
-        residual = np.abs(self._fit(lag)[0])
+        residual = np.abs(self.fit(lag)[0])
         scale = sd_by_median(residual) + 1e-9
         self.noise = scale
         self.weight = np.minimum(1.0, limits.HUBER_SD * scale / np.maximum(residual, 1e-12))
 
     def sandwich(self, lag: float, step: float) -> tuple[float, float]:
         """Information about the lag and the variance of the score, both in 1/s^2."""
-        residual, design, beta = self._fit(lag)
+        residual, design, beta = self.fit(lag)
         ahead, behind = self._design(lag + step) @ beta, self._design(lag - step) @ beta
         slope = (ahead - behind) / (2.0 * step)
         # only what azimuth, scale and bias cannot imitate tells the lag
@@ -142,7 +142,8 @@ class _Channel:
         spacing = float(np.median(np.diff(self.start))) if len(self.start) > 1 else 1.0
         return int(np.clip(limits.CORRELATED_S / max(spacing, 1e-3), 2, 400))
 
-    def _fit(self, lag: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def fit(self, lag: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """What is left of the target [n] at a lag, the regressors [n, k] and what each counts."""
         design = self._design(lag)
         beta = self._solve(design, self.target)
         return self.target - design @ beta, design, beta

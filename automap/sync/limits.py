@@ -157,6 +157,18 @@ SMOOTHED_S = 2.0
 """A telephone's filter of places and speeds, once a second, lags by one to two of its steps: fixes
 that show the motion so late are no wrong clock, and the drive need not be lost. Chosen."""
 
+# a receiver's own filter
+
+FILTER_STEP_S = 0.02
+"""Motions are filtered in such steps: a tenth of the shortest filter that is looked for."""
+FILTERS_S = (0.25, 0.35, 0.5, 0.7, 1.0, 1.4, 2.0, 2.8)
+"""Time constants that are tried, a factor of the root of two apart: from a quarter of the second
+over which motions are compared to twice ``SMOOTHED_S``, beyond which bends are gone."""
+SCREENED_FILTERS_S = (0.5, 1.0, 2.0)
+"""Those tried first: with the right one between two of them either explains most of it."""
+FILTER_INTERVALS = 1500
+"""Most intervals that tell a filter: a bend of each few seconds of half an hour."""
+
 # velocities against positions
 
 POSITION_NOISE_M = 0.5

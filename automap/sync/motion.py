@@ -57,6 +57,19 @@ class ImuMotion:
         steps[lost] = np.nan
         return steps[:, :3]
 
+    def filtered(self, time_s: float) -> ImuMotion:
+        """The integrals behind a first-order low-pass of the time constant ``time_s``; the seconds
+        lost in gaps stay as they are."""
+        from scipy.signal import lfilter
+
+        step = limits.FILTER_STEP_S
+        t = np.arange(self.t_s[0], self.t_s[-1], step)
+        sampled = np.column_stack([np.interp(t, self.t_s, column) for column in self.integral.T])
+        keeps = float(np.exp(-step / time_s))
+        first = sampled[0, :3]
+        sampled[:, :3] = first + lfilter([1.0 - keeps], [1.0, -keeps], sampled[:, :3] - first, 0)
+        return ImuMotion(t, sampled)
+
     def part(self, first: float, last: float) -> ImuMotion:
         """The integrals at the times from ``first`` to ``last``."""
         rows = slice(*np.searchsorted(self.t_s, (first, last)))
@@ -80,6 +93,11 @@ class GnssMotion:
     def shifted(self, seconds: float) -> GnssMotion:
         """The same motion dated ``seconds`` later."""
         return replace(self, start=self.start + seconds, end=self.end + seconds)
+
+    def thinned(self, most: int) -> GnssMotion:
+        """Every so many intervals that ``most`` remain, evenly over the drive."""
+        step = max(1, -(-len(self.start) // most))
+        return GnssMotion(*(getattr(self, item.name)[::step] for item in fields(self)))
 
     def part(self, first: float, last: float) -> GnssMotion:
         """The intervals that start in ``first`` to ``last``."""

@@ -21,6 +21,7 @@ from automap.io.clock_json import read_clocks
 from automap.io.drive import Drive
 from automap.io.tables import read_fixes, read_imu, read_odometer
 from automap.records import ClockModel, DriveClocks, Fixes, FloatArray, ImuData, WheelSpeed
+from automap.sync.receiver_filter import taken_back
 from automap.sync.stamps import in_trajectory_time
 from automap.sync.velocity_consistency import VelocityConsistency, velocity_consistency
 from pipeline.shared.progress import Progress
@@ -129,7 +130,7 @@ def read_usable_fixes(out: Path) -> tuple[Fixes, VelocityConsistency]:
 
 
 def _right_fixes(out: Path) -> tuple[Fixes, VelocityConsistency]:
-    fixes = read_fixes(out / names.FIXES)
+    fixes = taken_back(read_fixes(out / names.FIXES), read_clocks(out / names.SYNC).receiver_filter)
     receiver = velocity_consistency(fixes)
     return usable_fixes(fixes, receiver), receiver
 

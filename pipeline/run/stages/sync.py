@@ -20,16 +20,25 @@ def run(context: StageContext) -> None:
     from automap.io.clock_json import write_clocks
     from automap.io.tables import read_fixes, read_imu
     from automap.records import DriveClocks
+    from automap.sync.receiver_filter import receiver_filter, taken_back, told_filter
 
     imu_path, fixes_path = context.out / names.IMU, context.out / names.FIXES
     imu = read_imu(imu_path) if imu_path.exists() else None
-    fixes = _usable(read_fixes(fixes_path)) if fixes_path.exists() else None
+    told = read_fixes(fixes_path) if fixes_path.exists() else None
+    fixes, late_s = (None, 0.0) if told is None else _usable(told)
     base, result = _find_clock(context, imu, fixes)
+    behind = None
+    if imu is not None and fixes is not None:
+        behind = receiver_filter(imu, fixes, result.clock, late_s)
+    if told is not None and behind is not None:
+        fixes, _ = _usable(taken_back(told, behind))
+        base, result = _find_clock(context, imu, fixes)
+        context.warn(told_filter(behind))
     for text in result.warnings:
         context.warn(text)
     arrival = _arrival_clock(context, base, fixes)
     arrival_base = None if arrival is None else context.drive.gnss.arrival_time
-    clocks = DriveClocks(result.clock, base, arrival, arrival_base)
+    clocks = DriveClocks(result.clock, base, arrival, arrival_base, behind)
     write_clocks(context.work / names.SYNC, clocks, _diagnostics(result))
     if result.fit is not None and fixes is not None:
         _write_delays(context.work / names.SYNC_DELAYS, result, fixes)
@@ -37,12 +46,15 @@ def run(context: StageContext) -> None:
     context.result = _in_words(result)
 
 
-def _usable(fixes: Fixes) -> Fixes:
-    """Fixes without what is wrong with them by themselves, as ``automap check`` compares them."""
+def _usable(fixes: Fixes) -> tuple[Fixes, float]:
+    """Fixes without what is wrong with them by themselves, as ``automap check`` compares them, and
+    by how much, s, their velocities are later than their positions."""
     from automap.fusion.doubts.receiver import usable_fixes
     from automap.sync.velocity_consistency import velocity_consistency
 
-    return usable_fixes(fixes, velocity_consistency(fixes))
+    found = velocity_consistency(fixes)
+    lags = [lag.value for lag in (found.match.speed_lag_s, found.match.course_lag_s) if lag]
+    return usable_fixes(fixes, found), sum(lags) / max(len(lags), 1)
 
 
 def _find_clock(
@@ -209,7 +221,7 @@ def _inputs(drive: Drive) -> list[Path]:
 
 STAGE = Stage(
     name="sync",
-    version=7,
+    version=8,
     run=run,
     inputs=_inputs,
     needs=(names.IMU, names.FIXES, names.INGEST),

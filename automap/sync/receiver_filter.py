@@ -1,0 +1,176 @@
+"""The low-pass filter that a receiver's fixes came through, by what an IMU felt meanwhile.
+
+A filter that smooths tells a bend late and too round. One of the first order is undone exactly: its
+input is a difference of two outputs (A. E. Bryson and L. J. Henrikson, Estimation using sampled
+data containing sequentially correlated noise, Journal of Spacecraft and Rockets 5(6), 1968).
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from automap.gates import sd_by_median
+from automap.records import (
+    BoolArray,
+    ClockModel,
+    Fixes,
+    FloatArray,
+    ImuData,
+    IntArray,
+    ReceiverFilter,
+)
+from automap.sync import limits
+from automap.sync.axes_evidence import effective_count
+from automap.sync.between_fixes import nothing_new
+from automap.sync.correlation import channels_between
+from automap.sync.motion import GnssMotion, ImuMotion, imu_motion
+from automap.sync.motion_clock import gnss_motions, in_imu_time
+
+
+def receiver_filter(
+    imu: ImuData, fixes: Fixes, clock: ClockModel, late_s: float = 0.0
+) -> ReceiverFilter | None:
+    """The filters without which what the receiver saw of the turns is a million times less likely;
+    None where there is none.
+
+    ``clock`` need not be better than a second or two: filters are told from delays by how they
+    round a bend. Velocities are told ``late_s`` s later than positions: by about a filter's own
+    lateness where one of the two comes through it alone, by less where both do.
+    """
+    motion = imu_motion(imu)
+    if len(motion.t_s) < 2:
+        return None
+    found = {
+        source: _Turns(motion, in_imu_time(gnss, clock, imu)).told()
+        for source, gnss in gnss_motions(fixes)
+    }
+    longest = max(found.values(), default=0.0)
+    if not longest:
+        return None
+    both = abs(late_s) < 0.5 * longest
+    return ReceiverFilter(
+        *(found.get(source, 0.0) or both * longest for source in ("velocity", "position"))
+    )
+
+
+def told_filter(behind: ReceiverFilter) -> str:
+    """The sentence that tells of filters that were taken back."""
+    told = [("velocities", behind.velocity_s), ("positions", behind.position_s)]
+    over = " and its ".join(f"{what} over {s:.1f} s" for what, s in told if s)
+    return (
+        f"the receiver smooths its {over}, as its turns beside those of the IMU show: that was "
+        "taken back; log its own fixes, without a filter"
+    )
+
+
+def taken_back(fixes: Fixes, behind: ReceiverFilter | None) -> Fixes:
+    """Fixes as they were before the filters; unknown at the first one and at rows that say what
+    others said already.
+
+    A road's slope hardly changes within a filter's time: heights are taken from as much later as
+    they are late, which does not raise their noise.
+    """
+    if behind is None:
+        return fixes
+    again = nothing_new(fixes)
+
+    def before(values: FloatArray, time_s: float) -> FloatArray:
+        return _input(fixes.gps_s, values, time_s, again) if time_s else values
+
+    late_s = behind.position_s
+    return replace(
+        fixes,
+        vel_ned=np.column_stack([before(v, behind.velocity_s) for v in fixes.vel_ned.T]),
+        lat_rad=before(fixes.lat_rad, late_s),
+        lon_rad=before(fixes.lon_rad, late_s),
+        height_m=_later(fixes.gps_s, fixes.height_m, late_s, again),
+    )
+
+
+def _rows(gps_s: FloatArray, values: FloatArray, again: BoolArray) -> IntArray:
+    """The rows of values [n] that were measured, in order of their times [n]."""
+    rows = np.flatnonzero(np.isfinite(gps_s) & np.isfinite(values) & ~again)
+    rows = rows[np.argsort(gps_s[rows], kind="stable")]
+    return np.asarray(rows[np.diff(gps_s[rows], prepend=-np.inf) > 1e-3])
+
+
+def _input(gps_s: FloatArray, output: FloatArray, time_s: float, again: BoolArray) -> FloatArray:
+    """What went into a filter at times [n], by what came out [n]."""
+    found = np.full_like(output, np.nan)
+    rows = _rows(gps_s, output, again)
+    keeps = np.exp(-np.diff(gps_s[rows]) / time_s)
+    found[rows[1:]] = output[rows[:-1]] + np.diff(output[rows]) / (1.0 - keeps)
+    return found
+
+
+def _later(gps_s: FloatArray, values: FloatArray, late_s: float, again: BoolArray) -> FloatArray:
+    """Values [n] of times [n] as they are told when a filter of ``late_s`` s shows them; unknown
+    behind the last."""
+    rows = _rows(gps_s, values, again)
+    if not late_s or not len(rows):
+        return values
+    step = float(np.median(np.diff(gps_s[rows]))) if len(rows) > 1 else late_s
+    # a filter is late by its time less half a step of the log, as far as it is one of steps
+    t = gps_s[rows] + step / np.expm1(step / late_s)
+    found = np.full_like(values, np.nan)
+    found[rows] = np.interp(t, gps_s[rows], values[rows], right=np.nan)
+    return found
+
+
+class _Turns:
+    """Turns that a receiver saw, beside those that an IMU felt behind filters."""
+
+    def __init__(self, motion: ImuMotion, gnss: GnssMotion) -> None:
+        self.motion, self.gnss = motion, gnss.thinned(limits.FILTER_INTERVALS)
+        longest = limits.FILTERS_S[-1]
+        plain = self._rest(0.0, -longest - limits.LAG_REACH_S, longest)
+        self.lag_s, self.plain = (0.0, np.zeros(0)) if plain is None else plain
+
+    def told(self) -> float:
+        """The time constant of the likeliest filter, s; 0 where none is."""
+        if not len(self.plain) or max(map(self.gain, limits.SCREENED_FILTERS_S)) <= 0.0:
+            return 0.0
+        gains = np.array([self.gain(time_s) for time_s in limits.FILTERS_S])
+        best = int(np.argmax(gains))
+        if gains[best] < limits.CERTAIN_LEAD_NATS + np.log(len(gains)):
+            return 0.0
+        near = slice(max(best - 1, 0), best + 2)
+        curve = np.polyfit(np.log(limits.FILTERS_S[near]), gains[near], 2)
+        inside = len(gains[near]) == 3 and curve[0] < 0.0
+        return float(np.exp(-0.5 * curve[1] / curve[0])) if inside else limits.FILTERS_S[best]
+
+    def gain(self, time_s: float) -> float:
+        """By how many nats a filter makes the turns likelier: of as many independent ones as what
+        is left without it is worth."""
+        if not len(self.plain):
+            return 0.0
+        low, high = (self.lag_s + time_s + side * limits.LAG_REACH_S for side in (-1.0, 1.0))
+        behind = self._rest(time_s, low, high)
+        if behind is None:
+            return 0.0
+        return effective_count(self.plain) * (_misfit(self.plain) - _misfit(behind[1]))
+
+    def _rest(self, time_s: float, low: float, high: float) -> tuple[float, FloatArray] | None:
+        """The best lag from ``low`` to ``high`` s, and what is left of the turns [n] there."""
+        motion = self.motion.filtered(time_s) if time_s else self.motion
+        turns = [c for c in channels_between(motion, self.gnss, low, high) if c.is_turn]
+        if not turns:
+            return None
+        channel = turns[0]
+        lag = 0.0
+        # how far the antenna is ahead takes up what is left of a lag
+        near = limits.COARSE_S * np.arange(-3.0, 4.0)
+        for tried in (np.arange(low, high, limits.OFFSET_STEP_S), near):
+            lags = np.asarray(lag + tried, np.float64)
+            lag = float(lags[np.argmin(channel.scores(lags))])
+            channel.reweight(lag)
+        return lag, channel.fit(lag)[0]
+
+
+def _misfit(rest: FloatArray) -> float:
+    """Mean negative log likelihood of residuals [n] of Student's t with two degrees of freedom,
+    which receivers' errors have; its scale is theirs."""
+    scale = sd_by_median(rest) + 1e-9
+    return float(np.log(scale) + 1.5 * np.mean(np.log1p(0.5 * (rest / scale) ** 2)))
