@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from automap.earth import MEAN_RADIUS
+from automap.gates import sd_by_median
 from automap.records import Fixes, FixType, FloatArray, ImuData, IntArray
 from automap.sync import limits
 
@@ -38,6 +39,14 @@ class ImuMotion:
     def rate(self, t_s: FloatArray) -> FloatArray:
         """Rate of heading at times [m], rad/s, the mean over a tenth of a second."""
         return (self._heading(t_s + 0.05) - self._heading(t_s - 0.05)) / 0.1
+
+    def turn_noise(self) -> float:
+        """Spectral density of the rate's white noise, rad^2/s, by how neighbours differ."""
+        change = np.diff(self.integral[:, 0], 2)
+        if not len(change):
+            return 0.0
+        # of two integrals by trapezia: half of what rates two samples apart differ by
+        return 2.0 * sd_by_median(change) ** 2 / float(np.median(np.diff(self.t_s)))
 
     def _heading(self, t_s: FloatArray) -> FloatArray:
         right, part = self._place(t_s)

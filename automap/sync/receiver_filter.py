@@ -124,6 +124,8 @@ class _Turns:
 
     def __init__(self, motion: ImuMotion, gnss: GnssMotion) -> None:
         self.motion, self.gnss = motion, gnss.thinned(limits.FILTER_INTERVALS)
+        speed = gnss.speed[np.isfinite(gnss.turn)]
+        self.noise = motion.turn_noise() * (float(np.median(speed)) if len(speed) else 0.0) ** 2
         longest = limits.FILTERS_S[-1]
         plain = self._rest(0.0, -longest - limits.LAG_REACH_S, longest)
         self.lag_s, self.plain = (0.0, np.zeros(0)) if plain is None else plain
@@ -136,21 +138,28 @@ class _Turns:
         best = int(np.argmax(gains))
         if gains[best] < limits.CERTAIN_LEAD_NATS + np.log(len(gains)):
             return 0.0
-        near = slice(max(best - 1, 0), best + 2)
+        if best in (0, len(gains) - 1):
+            return limits.FILTERS_S[best]
+        near = slice(best - 1, best + 2)
         curve = np.polyfit(np.log(limits.FILTERS_S[near]), gains[near], 2)
-        inside = len(gains[near]) == 3 and curve[0] < 0.0
-        return float(np.exp(-0.5 * curve[1] / curve[0])) if inside else limits.FILTERS_S[best]
+        return float(np.exp(-0.5 * curve[1] / curve[0]))
 
     def gain(self, time_s: float) -> float:
         """By how many nats a filter makes the turns likelier: of as many independent ones as what
-        is left without it is worth."""
+        is left without it is worth, and but for what it takes off the gyro's own noise.
+
+        White noise of a rate, rad^2/s, turns by its spectrum times a window; behind a filter by
+        less, as long as ``time_s`` (1 - exp(-window / ``time_s``)) would have shown.
+        """
         if not len(self.plain):
             return 0.0
         low, high = (self.lag_s + time_s + side * limits.LAG_REACH_S for side in (-1.0, 1.0))
         behind = self._rest(time_s, low, high)
         if behind is None:
             return 0.0
-        return effective_count(self.plain) * (_misfit(self.plain) - _misfit(behind[1]))
+        window = float(np.median(self.gnss.end - self.gnss.start))
+        less = -self.noise * time_s * float(np.expm1(-window / time_s))
+        return effective_count(self.plain) * (_misfit(self.plain) - _misfit(behind[1], less))
 
     def _rest(self, time_s: float, low: float, high: float) -> tuple[float, FloatArray] | None:
         """The best lag from ``low`` to ``high`` s, and what is left of the turns [n] there."""
@@ -169,8 +178,9 @@ class _Turns:
         return lag, channel.fit(lag)[0]
 
 
-def _misfit(rest: FloatArray) -> float:
+def _misfit(rest: FloatArray, more: float = 0.0) -> float:
     """Mean negative log likelihood of residuals [n] of Student's t with two degrees of freedom,
-    which receivers' errors have; its scale is theirs."""
+    which receivers' errors have; its scale is theirs, with a variance ``more``."""
     scale = sd_by_median(rest) + 1e-9
-    return float(np.log(scale) + 1.5 * np.mean(np.log1p(0.5 * (rest / scale) ** 2)))
+    shape = 1.5 * np.mean(np.log1p(0.5 * (rest / scale) ** 2))
+    return float(0.5 * np.log(scale**2 + more) + shape)

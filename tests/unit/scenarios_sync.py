@@ -181,7 +181,7 @@ def sync_offsets() -> Any:
     n = 60
     start = 5.0 + np.cumsum(rng.uniform(0.4, 0.7, n))
     for is_turn in (True, False):
-        channel = correlation._Channel(
+        channel = correlation.Channel(
             imu, start, start + 1.0, rng.uniform(3.0, 15.0, n), rng.normal(size=n), is_turn
         )
         lags = np.array([-0.3, 0.0, 0.2])
@@ -194,7 +194,7 @@ def sync_offsets() -> Any:
             channel.sandwich(0.05, 0.02),
             channel._reach(),
         ]
-    found["channels"] = [len(c.target) for c in correlation._channels(imu, own, -0.5, 0.5)]
+    found["channels"] = [len(c.target) for c in correlation.channels_between(imu, own, -0.5, 0.5)]
     found["nothing"] = coarse.find_offset(imu, GnssMotion(*[np.zeros(0)] * 5))
     return found
 

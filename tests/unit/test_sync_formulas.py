@@ -64,7 +64,7 @@ def test_a_lag_is_where_scores_have_a_top_however_flat(
         def sandwich(self, lag: float, step: float) -> tuple[float, float]:
             return 4.0, 9.0
 
-    monkeypatch.setattr(correlation, "_channels", lambda *_: [Channel()])
+    monkeypatch.setattr(correlation, "channels_between", lambda *_: [Channel()])
     motion = correlation.ImuMotion(np.arange(3.0), np.zeros((3, 6)))
     fixes = correlation.GnssMotion(*[np.zeros(3)] * 5)
     lag = correlation.refine_lag(motion, fixes, 0.0, 1.0)
