@@ -34,6 +34,7 @@ from automap.gap.reading_steps import cut_off
 from automap.gap.result import Drift
 from automap.gap.screening import Screening
 from automap.gap.selection import Chosen, Selection
+from automap.gap.stepwise import rivals, told_apart
 from automap.records import FloatArray
 
 SWALLOW = ((tuple(bias_walks()), True), (INERTIAL_LEVELS, True), (RECEIVER_LEVELS, False))
@@ -74,12 +75,12 @@ def formula_in_place(selection: Selection, chosen: Chosen, name: str) -> str:
         if c.terms and not (follows_time(c.terms) and _of_a_constant(c.terms))
     ]
     best, instead = 0.0, ""
-    for rival in selection.rivals(chosen, name, formulas, frozenset()):
+    for rival in rivals(selection, chosen, name, formulas, frozenset()):
         if rival.name in chosen.names:
             continue
         # evidence alone: that formulas are seldom the truth is what is asked here
         ahead = rival.ahead - selection.log_prior(rival.chosen) + selection.log_prior(chosen)
-        if ahead > best and not selection.told_apart(rival, chosen, name):
+        if ahead > best and not told_apart(selection, rival, chosen, name):
             best, instead = ahead, rival.name
     return instead
 

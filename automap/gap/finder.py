@@ -22,7 +22,7 @@ from automap.gap.doubt import doubt_of_usual, doubts, given_up, in_noise
 from automap.gap.drive import GapDrive, OpenDrive, in_vehicle_axes, open_drive
 from automap.gap.fit import Fit, GapModel, Values, base_model, fit_drive, without
 from automap.gap.found import Beside, Found
-from automap.gap.linear import Column, NodeMotion
+from automap.gap.linear import Column
 from automap.gap.misfit import Misfit, Place, misfits, places, worst_by_channel
 from automap.gap.naming import (
     Identifiability,
@@ -33,6 +33,7 @@ from automap.gap.naming import (
     suspected,
     verdict,
 )
+from automap.gap.nodes import NodeMotion
 from automap.gap.noise import Fitted, Log, open_fits, with_levels
 from automap.gap.noise_conditions import Levels
 from automap.gap.reading_steps import coarse_readings
@@ -48,6 +49,7 @@ from automap.gap.result import (
     NoiseClaim,
     Refused,
     Unexplained,
+    advice,
 )
 from automap.gap.scoring import (
     channel_gaps,
@@ -207,7 +209,11 @@ def _result(
     findings += usual
     with_states = found.fitted.fits
     under = Levels(with_states, found.fitted.curvature)
-    noise = stochastic_findings(under, stated.factors, rest, frozenset(exclude))
+    noise = [
+        replace(f, confusable_with=also, advice=advice(f.effect, also))
+        for f in stochastic_findings(under, stated.factors, rest, frozenset(exclude))
+        for also in (found.not_told_apart.get(f.effect, ()),)
+    ]
     wild = outliers_finding(with_states, rest)
     if wild is not None and wild.effect not in exclude:
         noise.append(wild)

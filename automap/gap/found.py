@@ -4,22 +4,16 @@ found as that beside which more is looked for in any drives.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from automap.gap.confirm import Confirmed
 from automap.gap.fit import Fit, Values
-from automap.gap.linear import (
-    Column,
-    Conditional,
-    Linear,
-    NodeMotion,
-    conditional,
-    linearised,
-    motions_of,
-)
+from automap.gap.linear import Column, Conditional, Linear, conditional
+from automap.gap.nodes import NodeMotion, motions_of
 from automap.gap.noise import Fitted, Joint
 from automap.gap.selection import Chosen, Selection
+from automap.gap.sensitivity import ColumnsOf, linearised
 
 
 @dataclass(frozen=True)
@@ -64,9 +58,6 @@ def in_layout(chosen: Chosen, old: Sequence[Column], new: Selection) -> Chosen:
     return Chosen(tuple(parts))
 
 
-ColumnsOf = Callable[[NodeMotion], list[Column]]
-
-
 @dataclass(frozen=True)
 class Beside:
     """A choice of a selection: ``columns_of`` its columns along a drive, ``values`` at which fits
@@ -81,7 +72,7 @@ class Beside:
         """Fits made linear in the choice and ``more`` columns, which may act or not."""
 
         def columns(at: NodeMotion) -> list[Column]:
-            return self.columns_of(at) + more(at)
+            return [*self.columns_of(at), *more(at)]
 
         return linearised(motions_of(fits), columns, self.values, may_act)
 

@@ -26,12 +26,12 @@ from automap.gap.drive import OpenDrive
 from automap.gap.evidence import nats_of_parts
 from automap.gap.found import Found, in_layout
 from automap.gap.neighbours import Terms, complexity
-from automap.gap.noise import Fitted, Log, fitted_about, noise_score, with_levels, with_noise
+from automap.gap.noise import Fitted, Log, fitted_about, with_levels, with_noise
 from automap.gap.result import equation
 from automap.gap.scoring import likelier
 from automap.gap.screening import Screening
 from automap.gap.selection import Chosen, Key, Move, Selection
-from automap.gap.stepwise import pruned, select, swallowed
+from automap.gap.stepwise import close_rivals, pruned, select
 
 WALK_OF = {term.sensor: w for w, e in bias_walks().items() for term in imu_terms([e.name])}
 WALKS = tuple(WALK_OF.values())
@@ -65,6 +65,7 @@ class Search:
         self.spoken_against: list[Confirmed] = []
         self.stands = Confirmed({}, ())
         self.nats: dict[str, float] = {}
+        self.drifts: dict[str, tuple[str, tuple[str, ...]]] = {}
         self.each_drive: list[str] = []
         self.levels = {(frozenset[Key](), 0): base.model.factors}
         self.alike: dict[str, tuple[str, ...]] = {}
@@ -140,9 +141,10 @@ class Search:
         free = replace(here.model, options=self.screening.options)
         full = fitted_about(free, self._with_age(here.estimate), here.fits).joint()
         nothing_else = self.screening.selection(here, slow=False, may_act=False)
+        drifts = {walk: (n,) for walk, (n, rest) in self.drifts.items() if rest == chosen.names}
         return Found(
             *(self.base, here, full, selection, chosen, self.screening.effects),
-            {**self.alike, **self.close},
+            {**self.alike, **self.close, **drifts},
             *(self.stands.after(self.spoken_against), nothing_else),
             self.borne_out | self.nats,
             {n: t for (n, beside), t in self.resembling.items() if {n, *beside} == {*chosen.names}},
@@ -313,25 +315,28 @@ class Search:
         """The set less what acts on a sensor and is worth less than a name beyond what drift says:
         beside biases that are steady because of it, it always seems needed. So the set is asked
         without it, with the drift fitted anew; what was proposed in the place of drift by held-out
-        drives, too. With it come the nats of what stays."""
+        drives, too. With it come the nats of what stays, and beside drift what it may be."""
         self.nats, worth = {}, dict[str, float]()
         for name in found.names:
-            if not selection.sensors(found, name):
+            sensors = selection.sensors(found, name)
+            if not sensors:
                 continue
             fewer, other = found.without(name), self._as_drift(here, selection, found, name)
             prior = selection.log_prior(found) - selection.log_prior(fewer)
             self.nats[name], _ = likelier(here.fits, other.fits)
             if name in self.borne_out:
                 continue
+            ahead, sigmas = self.judge.ahead(here, other, selection.of_vehicle(found, {name}))
             if name in self.swallowed:
-                ahead, sigmas = self.judge.ahead(here, other, selection.of_vehicle(found, {name}))
-                if ahead + prior < limits.LEAST_ODDS or sigmas < limits.APART:
-                    return fewer
-                self.borne_out[name] = ahead + prior
-                continue
-            _, moves = selection.odds_of(found, name)
-            self.nats[name] = min(self.nats[name], sum(m.evidence.nats for m in moves))
-            worth[name] = self.nats[name] + prior
+                worth[name] = ahead + prior if sigmas > limits.APART else -np.inf
+                if worth[name] >= limits.LEAST_ODDS:
+                    self.borne_out[name] = worth[name]
+            else:
+                _, moves = selection.odds_of(found, name)
+                self.nats[name] = min(self.nats[name], sum(m.evidence.nats for m in moves))
+                worth[name] = self.nats[name] + prior
+            if worth[name] < limits.LEAST_ODDS and ahead + prior > -limits.CLOSE_NATS:
+                self.drifts |= {WALK_OF[sensor]: (name, fewer.names) for sensor in sensors}
         selection.needed = frozenset(self.borne_out)
         weakest = min(worth, key=lambda n: worth[n], default="")
         return found.without(weakest) if worth.get(weakest, np.inf) < limits.LEAST_ODDS else found
@@ -410,7 +415,7 @@ class Search:
             formula = bool(selection.candidates[name].terms)
             best, instead, winner = 0.0, None, ""
             nats = self.screening.nats(joint, selection, chosen, name)
-            for rival in selection.close_rivals(chosen, name):
+            for rival in close_rivals(selection, chosen, name):
                 other = rival.name
                 its, brief = self.screening.refined(here, selection, rival.chosen)
                 same = frozenset(its.names) == frozenset(chosen.names)
@@ -528,32 +533,10 @@ class Search:
         loud = self.screening.selection(fitted_about(model, here.estimate, here.fits), slow)
         loud.refused, loud.outdone = selection.refused, selection.outdone
         known = in_layout(found, selection.linear.layout, loud)
-        if slow:
-            known = self._swallowed(here, loud, known)
         more = select(loud, known, limits.MAX_FINDINGS)
         new = Chosen(tuple(p for p in more.parts if p[0] not in found.names))
-        new = in_layout(new, loud.linear.layout, selection)
+        # drift is one level of all axes: one that is left to it keeps it up
+        new = selection.whole(in_layout(new, loud.linear.layout, selection))
         if slow:
             self.swallowed |= {n for n in new.names if selection.sensors(new, n)}
         return Chosen((*found.parts, *new.parts))
-
-    def _swallowed(self, here: Fitted, loud: Selection, known: Chosen) -> Chosen:
-        """What is known with what drift has taken: an effect with which drives are likelier, the
-        biases of its sensor steadier, by the filter too, than without it and drift as fitted."""
-        factors = here.model.factors
-        as_fitted = noise_score(here.fits, factors)
-        steady = {s: {**factors, w: limits.STEADY * factors[w]} for s, w in WALK_OF.items()}
-        least = {s: as_fitted - noise_score(here.fits, its) for s, its in steady.items()}
-        more = swallowed(loud, known, least)
-        new = more.parts[len(known.parts) :]
-        if not new:
-            return known
-        (sensor,) = loud.linear.layout[new[0][1][0]].sensors
-        best = -np.inf
-        # drift that ends in between is told by none of the ends
-        for share in (1.0, limits.STEADY**0.5, limits.STEADY):
-            its = {**factors, WALK_OF[sensor]: share * factors[WALK_OF[sensor]]}
-            begin = replace(here, model=replace(here.model, factors=its))
-            best = max(best, noise_score(self.screening.states(begin, loud, more).fits, its))
-        odds = best - as_fitted + loud.log_prior(more) - loud.log_prior(known)
-        return more if odds > 0.0 else known

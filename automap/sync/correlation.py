@@ -153,7 +153,7 @@ class _Channel:
 
     def _design(self, lag: float) -> FloatArray:
         """Regressors [n, k] at a lag."""
-        return self._designs(np.array([lag]))[0]
+        return np.asarray(self._designs(np.array([lag]))[0])
 
     def _designs(self, lags: FloatArray) -> FloatArray:
         """Regressors [l, n, k] at lags [l]."""

@@ -42,7 +42,7 @@ class Asked(Search):
         self.compared = Counter()
         self.judge, self.swallowed, self.tried = Heard(cast("Any", ["a drive"])), set(), {}
         self.sets: list[tuple[str, ...]] = []
-        self.alike, self.resembling = {}, {}
+        self.alike, self.resembling, self.drifts = {}, {}, {}
 
     def _fit(self, here: Any, selection: Selection, chosen: Chosen) -> Any:
         self.sets.append(chosen.names)

@@ -110,12 +110,25 @@ def test_what_drift_would_say_is_no_evidence(
     monkeypatch: pytest.MonkeyPatch, by_filter: float, told: float | None
 ) -> None:
     asked = Asked()
+    monkeypatch.setattr(asked.judge, "ahead", lambda *about, **more: (by_filter, 9.0))
     monkeypatch.setattr(search, "likelier", lambda one, other: (by_filter, 9.0))
     both = Chosen((*only(LATE).parts, (LOW_PASSED, (1,), 1.0)))
     kept = asked._beyond_drift(HERE, on_sensor(), both)
     assert asked.sets == [(LATE,)]
     assert kept == (only(LATE) if told is None else both)
     assert told is None or asked.nats == {LOW_PASSED: told}
+
+
+@pytest.mark.parametrize(("by_all", "may_be"), [(5.0, True), (-5.0, False)])
+def test_what_drift_says_nearly_as_well_is_told_beside_the_drift(
+    monkeypatch: pytest.MonkeyPatch, by_all: float, may_be: bool
+) -> None:
+    asked = Asked()
+    monkeypatch.setattr(asked.judge, "ahead", lambda *about, **more: (by_all, 1.0))
+    monkeypatch.setattr(search, "likelier", lambda one, other: (5.0, 1.0))
+    both = Chosen((*only(LATE).parts, (LOW_PASSED, (1,), 1.0)))
+    assert asked._beyond_drift(HERE, on_sensor(), both) == only(LATE)
+    assert asked.drifts == ({"gyro_bias_walk": (LOW_PASSED, (LATE,))} if may_be else {})
 
 
 @pytest.mark.parametrize("of_vehicle", [False, True])
@@ -278,7 +291,7 @@ def test_velocities_are_as_much_older_than_positions_as_the_age_of_these_lets_be
 
 @pytest.mark.parametrize("steady", [True, False])
 def test_what_takes_the_place_of_one_from_swallowed_biases_is_asked_as_that(
-    steady: bool,
+    monkeypatch: pytest.MonkeyPatch, steady: bool
 ) -> None:
     warm, warms_up = "gyro_temperature", "gyro_warm_up"
     asked = Asked()
@@ -298,10 +311,11 @@ def test_what_takes_the_place_of_one_from_swallowed_biases_is_asked_as_that(
     asked.judge = cast("Judge", SimpleNamespace(ahead=lambda *about: (2.0, 1.0)))
     selection: Any = SimpleNamespace(
         candidates={name: SimpleNamespace(terms=()) for name in (warm, warms_up)},
-        close_rivals=lambda chosen, name: [SimpleNamespace(name=warms_up, chosen=only(warms_up))],
         of_vehicle=lambda chosen, names: False,
         log_prior=lambda chosen: 0.0,
     )
+    rival = SimpleNamespace(name=warms_up, chosen=only(warms_up))
+    monkeypatch.setattr(search, "close_rivals", lambda selection, chosen, name: [rival])
     instead = asked._decided(fit_of(warm), selection, only(warm))
     assert instead is not None
     assert instead.names == (warms_up,)
