@@ -8,35 +8,26 @@ also proposed under the noise that the model was asked with, and judged with the
 
 from __future__ import annotations
 
-import math
 from collections import Counter
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from itertools import count
 
 import numpy as np
 
 from automap.effects import CATALOGUE
-from automap.effects.catalogue import bias_walks, pairs_of_sign
-from automap.effects.imu import imu_terms
+from automap.effects.catalogue import pairs_of_sign
 from automap.gap import limits
-from automap.gap.candidates import FIX_AGE, follows_time, is_course
+from automap.gap.candidates import FIX_AGE, is_course
 from automap.gap.confirm import Confirmed, Judge, confirmed
 from automap.gap.drive import OpenDrive
-from automap.gap.evidence import nats_of_parts
 from automap.gap.found import Found, in_layout
-from automap.gap.neighbours import Terms, complexity
 from automap.gap.noise import Fitted, Log, fitted_about, with_levels, with_noise
-from automap.gap.result import equation
+from automap.gap.reforming import WALK_OF, WALKS, WHOLE_DELAYS, Forms, log_prior
 from automap.gap.scoring import likelier
 from automap.gap.screening import Screening
-from automap.gap.selection import Chosen, Key, Move, Selection
+from automap.gap.selection import Chosen, Key, Selection
 from automap.gap.stepwise import close_rivals, pruned, select
-
-WALK_OF = {term.sensor: w for w, e in bias_walks().items() for term in imu_terms([e.name])}
-WALKS = tuple(WALK_OF.values())
-"""The drift of each sensor's biases."""
-WHOLE_DELAYS = frozenset(pair for pairs in pairs_of_sign(-1.0) for pair in pairs)
 
 
 class Search:
@@ -54,8 +45,8 @@ class Search:
         self.base, self.held_out, self.stated, self.log = base, held_out, dict(stated), log
         self.judge = Judge(held_out)
         self.screening = Screening(base, exclude, log)
+        self.forms = Forms(self.screening, self.judge, stated, log)
         self.close: dict[str, tuple[str, ...]] = {}
-        self.resembling: dict[tuple[str, frozenset[str]], str] = {}
         self.borne_out: dict[str, float] = {}
         self.swallowed: set[str] = set()
         self.tried: dict[Key, int] = {}
@@ -68,7 +59,6 @@ class Search:
         self.drifts: dict[str, tuple[str, tuple[str, ...]]] = {}
         self.each_drive: list[str] = []
         self.levels = {(frozenset[Key](), 0): base.model.factors}
-        self.alike: dict[str, tuple[str, ...]] = {}
         self.before: tuple[Fitted, Selection, Chosen] | None = None
 
     def run(self) -> Found:
@@ -119,7 +109,7 @@ class Search:
                 del new
             else:
                 last = slow or closing
-                ask = self._reconsidered if last else self._formed
+                ask = self._reconsidered if last else self.forms.better
                 other = ask(here, selection, found, ending)
                 if other is not None:
                     found, brief = self.screening.refined(here, selection, other)
@@ -141,13 +131,14 @@ class Search:
         free = replace(here.model, options=self.screening.options)
         full = fitted_about(free, self._with_age(here.estimate), here.fits).joint()
         nothing_else = self.screening.selection(here, slow=False, may_act=False)
+        resembling = self.forms.resembling.items()
         drifts = {walk: (n,) for walk, (n, rest) in self.drifts.items() if rest == chosen.names}
         return Found(
             *(self.base, here, full, selection, chosen, self.screening.effects),
-            {**self.alike, **self.close, **drifts},
+            {**self.forms.alike, **self.close, **drifts},
             *(self.stands.after(self.spoken_against), nothing_else),
             self.borne_out | self.nats,
-            {n: t for (n, beside), t in self.resembling.items() if {n, *beside} == {*chosen.names}},
+            {n: text for (n, beside), text in resembling if {n, *beside} == {*chosen.names}},
         )
 
     def _with_age(self, estimate: Mapping[str, float]) -> Mapping[str, float]:
@@ -179,13 +170,6 @@ class Search:
         selection.needed = frozenset(self.borne_out)
         return chosen, None
 
-    def _as_drift(self, here: Fitted, selection: Selection, chosen: Chosen, name: str) -> Fitted:
-        """A set less one candidate, the drift of the sensors that it acts on as suits the drives
-        without it."""
-        self.log(f"checking how much of {name} drift says")
-        walks = [WALK_OF[sensor] for sensor in sorted(selection.sensors(chosen, name))]
-        return with_levels(self.screening.states(here, selection, chosen.without(name)), walks)
-
     def _bar(self, keys: Iterable[Key]) -> None:
         """Try parts no more."""
         self.tried |= dict.fromkeys(keys, limits.TRIALS)
@@ -214,7 +198,7 @@ class Search:
             return fewer
         rival = None
         if not ending:
-            formed = self._formed(here, selection, found, ending)
+            formed = self.forms.better(here, selection, found, ending)
             if formed is not None:
                 return formed
             rival = self._decided(here, selection, found)
@@ -247,70 +231,6 @@ class Search:
             found = found.without(name)
         return found
 
-    def _formed(
-        self, here: Fitted, selection: Selection, chosen: Chosen, ending: bool
-    ) -> Chosen | None:
-        """The choice with its formulas in other forms, for as long as one is better, or with what
-        is suspected in one that is sure; None where none is."""
-        instead = None
-        room = len(chosen.names) < limits.MAX_FINDINGS and not ending
-        moves = selection.suspected(chosen) if room else []
-        formulas = [m for m in moves if selection.candidates[m.name].terms]
-        unsure = [m for m in formulas if m.odds > formulas[0].odds - limits.CLOSE_NATS]
-        while not ending and (found := self._better_form(here, selection, chosen, unsure)):
-            (chosen, here), unsure = found, []
-            instead = chosen
-        return instead
-
-    def _better_form(
-        self, here: Fitted, selection: Selection, chosen: Chosen, suspects: Sequence[Move]
-    ) -> tuple[Chosen, Fitted] | None:
-        """The choice with a formula in the form near it with which all drives are likeliest by the
-        filter itself: where a linear model says nearly the same of two, it is off by more. Where
-        another of the choice and the formula may be one thing, also in the place of both. One of
-        the ``suspects`` may be sure in another form, for which a thousand to one must speak. Of
-        forms that are not told apart the simplest is taken, and the others are noted."""
-        unsure, joint = {m.name: m for m in suspects}, here.joint()
-        for name in (*chosen.names, *unsure):
-            terms = selection.candidates[name].terms
-            least, begun, entangled = 0.0, chosen, list[str]()
-            if name in unsure:
-                move = unsure[name]
-                least = limits.LEAST_ODDS - limits.CLOSE_NATS
-                begun = chosen.joined(name, move.part, move.evidence.scale)
-            else:
-                entangled = self.screening.entangled(joint, selection, chosen, name)
-            near = [(least, chosen, (terms, 0.0), here)]
-            for gone in ("", *entangled):
-                of_vehicle = selection.of_vehicle(begun, {name, gone})
-                for form, its, fitted in self._in_forms(here, selection, begun, name, gone):
-                    ahead, sigmas = self.judge.ahead(fitted, here, of_vehicle)
-                    ahead += selection.log_prior(its) - selection.log_prior(chosen)
-                    # a few wild stretches are no reason to prefer either
-                    ahead = ahead if sigmas > limits.APART else min(ahead, 0.0)
-                    near.append((ahead, begun.without(gone), form, fitted))
-                    least = max(one[0] for one in near) - limits.CLOSE_NATS
-                    near = [one for one in near if one[0] > least]
-            near.sort(key=lambda one: (len(one[1].parts), complexity(one[2][0])))
-            _, fewer, best, its_fit = near[0]
-            if len(near) > 1:
-                self.alike[equation(best[0])] = tuple(equation(one[2][0]) for one in near[1:])
-            if best[0] != terms:
-                return self.screening.in_form(here, selection, fewer, name, *best), its_fit
-        return None
-
-    def _in_forms(
-        self, here: Fitted, selection: Selection, chosen: Chosen, name: str, gone: str = ""
-    ) -> Iterator[tuple[tuple[Terms, float], Chosen, Fitted]]:
-        """The forms near a formula of a choice, out of how many each, the choice without what is
-        ``gone`` with each in its place, a candidate for so long, and its fit."""
-        known = self.screening.refinements, selection.candidates
-        for form in self.screening.forms(here, selection, chosen, name, gone):
-            self.screening.refinements, selection.candidates = dict(known[0]), dict(known[1])
-            its = self.screening.in_form(here, selection, chosen.without(gone), name, *form)
-            yield form, its, self.screening.states(here, selection, its)
-            self.screening.refinements, selection.candidates = known
-
     def _beyond_drift(self, here: Fitted, selection: Selection, found: Chosen) -> Chosen:
         """The set less what acts on a sensor and is worth less than a name beyond what drift says:
         beside biases that are steady because of it, it always seems needed. So the set is asked
@@ -321,7 +241,7 @@ class Search:
             sensors = selection.sensors(found, name)
             if not sensors:
                 continue
-            fewer, other = found.without(name), self._as_drift(here, selection, found, name)
+            fewer, other = found.without(name), self.forms.as_drift(here, selection, found, name)
             prior = selection.log_prior(found) - selection.log_prior(fewer)
             self.nats[name], _ = likelier(here.fits, other.fits)
             if name in self.borne_out:
@@ -432,7 +352,7 @@ class Search:
                 rival_formula = bool(selection.candidates[other].terms)
                 strictly = formula != rival_formula
                 ahead, sigmas = self.judge.ahead(fitted, here, of_vehicle, strictly)
-                ahead += self._log_prior(selection, its) - self._log_prior(selection, chosen)
+                ahead += log_prior(selection, its) - log_prior(selection, chosen)
                 if abs(sigmas) < limits.APART and not rival_formula:
                     self.close[name] = (*self.close.get(name, ()), other)
                 clear = abs(sigmas) > limits.APART and abs(ahead) > limits.CHALLENGE * nats
@@ -444,7 +364,7 @@ class Search:
                     wins &= clear
                 if wins and (instead is None or ahead > best):
                     best, instead, winner = ahead, its, other
-            formed = None if formula else self._form_instead(here, selection, chosen, name, nats)
+            formed = None if formula else self.forms.in_place(here, selection, chosen, name, nats)
             if formed is not None and formed[0] > best:
                 best, instead, winner = formed[0], formed[1], formed[1].names[-1]
             if instead is not None:
@@ -454,71 +374,6 @@ class Search:
                     self.swallowed.add(winner)
                 return instead
         return None
-
-    def _form_instead(
-        self, here: Fitted, selection: Selection, chosen: Chosen, name: str, nats: float
-    ) -> tuple[float, Chosen] | None:
-        """The choice with a formula in the place of a named effect of so many ``nats``, and by how
-        much its log odds are ahead, where it is told apart from that; None where none is.
-
-        The dictionary has one form of each family, and which of it a drive shows may explain twice
-        as much: so it is sought from the formula that explains most in the effect's place, and the
-        likeliest is asked with the noise that suits it. What is likelier than the effect, all forms
-        that were tried paid for, but not told apart from it, or less likely beforehand by as much,
-        is noted as what it may be.
-        """
-        if CATALOGUE[name].resembles == "a delay":
-            # every receiver has some, and what is one instead has a name
-            return None
-        rest = chosen.without(name)
-        formulas = [
-            c
-            for c in selection.candidates.values()
-            if len(c.terms) == 1 and c.name not in chosen.names and not follows_time(c.terms)
-        ]
-        if not formulas:
-            return None
-        its_nats = nats_of_parts(selection.given(rest), [c.parts[0] for c in formulas])
-        if its_nats.max() < limits.WEAK_SHARE * nats:
-            return None
-        first = formulas[int(np.argmax(its_nats))]
-        begun = rest.joined(first.name, first.parts[0], 1.0)
-        vehicle = selection.of_vehicle(chosen, {name}) | selection.of_vehicle(begun, {first.name})
-        best: tuple[float, tuple[Terms, float], Fitted] | None = None
-        for form, _, fitted in self._in_forms(here, selection, begun, first.name):
-            ahead = self.judge.ahead(fitted, here, vehicle)[0] - math.log(form[1])
-            if best is None or ahead > best[0]:
-                best = ahead, form, fitted
-        if best is None or best[0] < -limits.CLOSE_NATS:
-            return None
-        _, form, fitted = best
-        fitted = with_noise(fitted, self.stated)
-        ahead, sigmas = self.judge.ahead(fitted, here, vehicle, strictly=True)
-        known = self.screening.refinements, selection.candidates
-        self.screening.refinements, selection.candidates = dict(known[0]), dict(known[1])
-        its = self.screening.in_form(here, selection, begun, first.name, *form)
-        odds = ahead + self._log_prior(selection, its) - self._log_prior(selection, chosen)
-        clear = sigmas > limits.APART and ahead > limits.CHALLENGE * nats
-        if odds > 0.0 and (clear or sigmas > limits.ONE_IN_A_THOUSAND):
-            if not selection.sensors(its, formula := its.names[-1]):
-                return odds, its
-            # what drift says as well would go, and the name with it
-            drift = self._as_drift(fitted, selection, its, formula)
-            worth = likelier(fitted.fits, drift.fits)[0] + selection.log_prior(its)
-            if worth >= limits.LEAST_ODDS + selection.log_prior(rest):
-                return odds, its
-        self.screening.refinements, selection.candidates = known
-        if ahead > math.log(form[1]):
-            text = f"{equation(form[0])}, with which the drives are {ahead:.2g} nats likelier"
-            self.resembling[name, frozenset(rest.names)] = text
-        return None
-
-    @staticmethod
-    def _log_prior(selection: Selection, chosen: Chosen) -> float:
-        """Log prior probability of a set; whole fixes are late more often than parts of them."""
-        known = {n: CATALOGUE[n] for n in chosen.names if n in CATALOGUE and n not in WHOLE_DELAYS}
-        parts = sum(effect.resembles == "a delay" for effect in known.values())
-        return selection.log_prior(chosen) - limits.CLOSE_NATS * parts
 
     def _proposed(
         self,
