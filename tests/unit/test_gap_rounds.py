@@ -165,6 +165,27 @@ def test_of_two_that_do_the_same_one_is_borne_out_where_either_would_do(strength
     assert "formula_accel_z" in out
 
 
+@pytest.mark.parametrize(("sigmas", "stays"), [(6.0, True), (3.0, False)])
+def test_axes_that_are_nothing_cost_those_that_act_nothing(sigmas: float, stays: bool) -> None:
+    warm = "gyro_temperature"
+    names = tuple((warm, axis) for axis in "xyz")
+    # in units of the priors, known to a twentieth
+    values, cov = 0.05 * np.array([0.3, sigmas, 0.2]), 0.05**2 * np.eye(3)
+    here = SimpleNamespace(joint=lambda: Joint(names, values, cov, 0.0))
+    columns = [Column(effect, parameter, 1.0) for effect, parameter in names]
+    candidate = Candidate(warm, ((0,), (1,), (2,)), math.log(0.05), -math.log(3.0))
+    linear = SimpleNamespace(layout=columns, prior_sd=np.ones(3))
+    selection: Any = SimpleNamespace(linear=linear, candidates={warm: candidate})
+    chosen = Chosen(tuple((warm, (i,), 1.0) for i in range(3)))
+    asked = object.__new__(Screening)
+    asked.effects, asked.refinements = {warm: warm}, {}
+    assert asked.not_borne_out(cast("Fitted", here), selection, chosen) == ([] if stays else [warm])
+    # as well as alone: 18 nats, less ln 20 of the prior's width, of the name and one axis
+    worth = asked._worth(here.joint(), selection, chosen, warm)
+    alone = asked._worth(here.joint(), selection, Chosen(((warm, (1,), 1.0),)), warm)
+    assert worth == pytest.approx(alone)
+
+
 def test_the_noise_of_a_set_that_was_fitted_before_is_not_sought_from_everywhere_again(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

@@ -12,7 +12,7 @@ import pytest
 from automap.gap import limits
 from automap.gap.candidates import Candidate
 from automap.gap.linear import Given, Linear
-from automap.gap.search import Search
+from automap.gap.reforming import log_prior
 from automap.gap.selection import Chosen, Selection, twins_of
 from automap.gap.stepwise import close_rivals, rivals, select, told_apart
 from automap.records import FloatArray
@@ -66,6 +66,23 @@ def test_noise_has_nothing_selected() -> None:
     for seed in range(12):
         phi, w = noise(seed)
         assert selected(alone(linear_with(phi, w))) == set()
+
+
+def test_what_acts_on_a_sensor_is_asked_with_all_its_axes() -> None:
+    phi, w = noise(1)
+    linear = linear_with(phi, w)
+    layout = tuple(
+        replace(c, sensors=frozenset({0} if 4 <= i <= 6 else ()))
+        for i, c in enumerate(linear.layout)
+    )
+    selection = alone(replace(linear, layout=layout))
+    selection.candidates["warm"] = Candidate("warm", ((4,), (5,), (6,)), -4.0)
+    selection.candidates["late"] = Candidate("late", ((7,), (8,)), -4.0)
+    chosen = Chosen((("warm", (5,), 5.0), ("late", (7,), 1.0)))
+    whole = selection.whole(chosen)
+    assert whole.parts[:2] == chosen.parts
+    assert whole.parts[2:] == (("warm", (4,), 5.0), ("warm", (6,), 5.0))
+    assert selection.whole(whole) == whole
 
 
 def test_what_is_not_needed_is_dropped() -> None:
@@ -319,7 +336,7 @@ def test_of_two_that_do_the_same_the_one_with_fewer_parameters_is_likelier() -> 
     for name, count in (("e0", 3), ("e1", 9)):
         known = selection.candidates[name]
         selection.candidates[name] = replace(known, log_choice=-math.log(count))
-    priors = [Search._log_prior(selection, of(selection, n)) for n in ("e0", "e1")]
+    priors = [log_prior(selection, of(selection, n)) for n in ("e0", "e1")]
     assert priors[0] - priors[1] == pytest.approx(math.log(3.0))
 
 
