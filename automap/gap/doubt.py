@@ -12,7 +12,7 @@ where levels are higher than stated, candidates are judged under what was stated
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -126,6 +126,20 @@ def in_noise(
         if told:
             return told
     return ()
+
+
+def in_drift(found: Found, told: Collection[str]) -> tuple[Misfit, ...]:
+    """What drift says nearly as well, of drifts that are not ``told``, where it is a hundred to one
+    by the filter: where nothing is there chance makes such odds no more often (Markov)."""
+    known, out = found.selection.given(found.chosen), list[Misfit]()
+    for walk, (name, odds) in found.as_drift.items():
+        candidate = found.selection.candidates[name]
+        surely = odds >= -math.log(limits.SUSPECTED) and not follows_time(candidate.terms)
+        if surely and walk not in told:
+            part = tuple(i for its in candidate.parts for i in its)
+            channel, size = shown_by(known, part)
+            out.append(Misfit(CHANNELS[channel], LIKE, name, size, math.exp(-odds)))
+    return tuple(out)
 
 
 def _likeliest(

@@ -56,7 +56,7 @@ class Search:
         self.spoken_against: list[Confirmed] = []
         self.stands = Confirmed({}, ())
         self.nats: dict[str, float] = {}
-        self.drifts: dict[str, tuple[str, tuple[str, ...]]] = {}
+        self.drifts: dict[str, tuple[str, float, frozenset[str]]] = {}
         self.each_drive: list[str] = []
         self.levels = {(frozenset[Key](), 0): base.model.factors}
         self.before: tuple[Fitted, Selection, Chosen] | None = None
@@ -132,13 +132,18 @@ class Search:
         full = fitted_about(free, self._with_age(here.estimate), here.fits).joint()
         nothing_else = self.screening.selection(here, slow=False, may_act=False)
         resembling = self.forms.resembling.items()
-        drifts = {walk: (n,) for walk, (n, rest) in self.drifts.items() if rest == chosen.names}
+        drifts = {
+            walk: (name, odds)
+            for walk, (name, odds, rest) in self.drifts.items()
+            if name in selection.candidates and rest <= {*chosen.names} - {name}
+        }
         return Found(
             *(self.base, here, full, selection, chosen, self.screening.effects),
-            {**self.forms.alike, **self.close, **drifts},
+            {**self.forms.alike, **self.close},
             *(self.stands.after(self.spoken_against), nothing_else),
             self.borne_out | self.nats,
             {n: text for (n, beside), text in resembling if {n, *beside} == {*chosen.names}},
+            {walk: its for walk, its in drifts.items() if its[0] not in chosen.names},
         )
 
     def _with_age(self, estimate: Mapping[str, float]) -> Mapping[str, float]:
@@ -165,10 +170,19 @@ class Search:
         ahead, sigmas = self.judge.ahead(here, fewer, of_vehicle, strictly=True)
         ahead += selection.log_prior(chosen) - selection.log_prior(found)
         if ahead < limits.LEAST_ODDS or sigmas < limits.APART:
+            if len(gone) == 1:
+                self._note_drift(selection, chosen, gone[0], ahead)
             return found, fewer
         self.borne_out |= dict.fromkeys(gone, ahead)
         selection.needed = frozenset(self.borne_out)
         return chosen, None
+
+    def _note_drift(self, selection: Selection, chosen: Chosen, name: str, odds: float) -> None:
+        """Note what drift says nearly as well, by log ``odds`` for the candidate of a choice."""
+        if odds > -limits.CLOSE_NATS:
+            rest = frozenset(chosen.names) - {name}
+            sensors = selection.sensors(chosen, name)
+            self.drifts |= {WALK_OF[sensor]: (name, odds, rest) for sensor in sensors}
 
     def _bar(self, keys: Iterable[Key]) -> None:
         """Try parts no more."""
@@ -196,12 +210,11 @@ class Search:
             idle = Chosen(tuple(p for p in found.parts if p not in fewer.parts))
             self._bar(selection.alike(idle))
             return fewer
-        rival = None
         if not ending:
             formed = self.forms.better(here, selection, found, ending)
             if formed is not None:
                 return formed
-            rival = self._decided(here, selection, found)
+        rival = self._decided(here, selection, found, ending)
         if rival is not None:
             pair = frozenset({frozenset(found.names), frozenset(rival.names)})
             if pair not in self.challenged:
@@ -238,8 +251,7 @@ class Search:
         drives, too. With it come the nats of what stays, and beside drift what it may be."""
         self.nats, worth = {}, dict[str, float]()
         for name in found.names:
-            sensors = selection.sensors(found, name)
-            if not sensors:
+            if not selection.sensors(found, name):
                 continue
             fewer, other = found.without(name), self.forms.as_drift(here, selection, found, name)
             prior = selection.log_prior(found) - selection.log_prior(fewer)
@@ -255,8 +267,8 @@ class Search:
                 _, moves = selection.odds_of(found, name)
                 self.nats[name] = min(self.nats[name], sum(m.evidence.nats for m in moves))
                 worth[name] = self.nats[name] + prior
-            if worth[name] < limits.LEAST_ODDS and ahead + prior > -limits.CLOSE_NATS:
-                self.drifts |= {WALK_OF[sensor]: (name, fewer.names) for sensor in sensors}
+            if worth[name] < limits.LEAST_ODDS:
+                self._note_drift(selection, found, name, ahead + prior)
         selection.needed = frozenset(self.borne_out)
         weakest = min(worth, key=lambda n: worth[n], default="")
         return found.without(weakest) if worth.get(weakest, np.inf) < limits.LEAST_ODDS else found
@@ -320,19 +332,24 @@ class Search:
                 break
         return here, chosen
 
-    def _decided(self, here: Fitted, selection: Selection, chosen: Chosen) -> Chosen | None:
+    def _decided(
+        self, here: Fitted, selection: Selection, chosen: Chosen, ending: bool = False
+    ) -> Chosen | None:
         """The choice with a rival in a candidate's place where the filter itself, which knows what
         is not linear, finds all drives likelier with it; None where no rival is.
 
         A formula is told only where it is told apart from every name and explains a tenth more: one
         that follows a name so closely is that name, and something else is a little off. What is
-        not told apart from a name that stays is noted.
+        not told apart from a name that stays is noted. A search that is ``ending`` asks for that
+        alone.
         """
-        self.close = {}
+        self.close = self.close if ending else {}
         against = {out.effect for one in self.spoken_against for out in one.kept_out}
         joint = here.joint()
         for name in chosen.names:
             formula = bool(selection.candidates[name].terms)
+            if ending and not formula:
+                continue
             best, instead, winner = 0.0, None, ""
             nats = self.screening.nats(joint, selection, chosen, name)
             for rival in close_rivals(selection, chosen, name):
@@ -340,6 +357,8 @@ class Search:
                 its, brief = self.screening.refined(here, selection, rival.chosen)
                 same = frozenset(its.names) == frozenset(chosen.names)
                 own = self.screening.seed(other) == self.screening.seed(name)
+                if ending and selection.candidates[other].terms:
+                    continue
                 if same or own or brief or self.screening.effects.get(other, other) in against:
                     continue
                 other = its.names[-1]

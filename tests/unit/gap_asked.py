@@ -22,6 +22,7 @@ SELECTION = cast(
         },
         log_prior=lambda chosen: 0.0,
         of_vehicle=lambda chosen, names: False,
+        sensors=lambda chosen, name: frozenset(),
         keys=lambda chosen: frozenset((name, part) for name, part, _ in chosen.parts),
     ),
 )

@@ -128,7 +128,8 @@ def test_what_drift_says_nearly_as_well_is_told_beside_the_drift(
     monkeypatch.setattr(search, "likelier", lambda one, other: (5.0, 1.0))
     both = Chosen((*only(LATE).parts, (LOW_PASSED, (1,), 1.0)))
     assert asked._beyond_drift(HERE, on_sensor(), both) == only(LATE)
-    assert asked.drifts == ({"gyro_bias_walk": (LOW_PASSED, (LATE,))} if may_be else {})
+    told = {"gyro_bias_walk": (LOW_PASSED, 2.0, {LATE})}
+    assert asked.drifts == (told if may_be else {})
 
 
 @pytest.mark.parametrize("of_vehicle", [False, True])
