@@ -342,3 +342,49 @@ def test_what_takes_the_place_of_one_from_swallowed_biases_is_asked_as_that(
     assert instead is not None
     assert instead.names == (warms_up,)
     assert (warms_up in asked.swallowed) == steady
+
+
+@pytest.mark.parametrize(
+    ("sigmas", "instead"), [(2.0, "gyro_g_sensitivity"), (4.0, None)], ids=["close", "clear"]
+)
+def test_a_search_that_ends_still_asks_its_formulas_whether_they_are_a_name(
+    monkeypatch: pytest.MonkeyPatch, sigmas: float, instead: str | None
+) -> None:
+    name, formula, other = "gyro_g_sensitivity", "gyro_y += k * force_x * speed", "gyro_y += k * x"
+    asked, sets = Asked(), list[str]()
+
+    def states(here: Any, selection: Any, chosen: Chosen) -> Any:
+        sets.append(chosen.names[0])
+        return fit_of(chosen.names[0])
+
+    asked.spoken_against, asked.close = [], {"imu_mounting": ("gnss_lever_arm",)}
+    asked.screening = cast(
+        "Screening",
+        SimpleNamespace(
+            effects={},
+            nats=lambda joint, selection, chosen, name: 1000.0,
+            refined=lambda here, selection, chosen: (chosen, []),
+            seed=lambda name: name,
+            states=states,
+            not_borne_out=lambda fitted, selection, chosen: [],
+        ),
+    )
+    # by less than a tenth, so that it must be beyond all doubt
+    asked.judge = cast("Judge", SimpleNamespace(ahead=lambda *about: (-50.0, -sigmas)))
+    selection: Any = SimpleNamespace(
+        candidates={
+            n: SimpleNamespace(terms=() if n == name else (("gyro_y", n),))
+            for n in (name, formula, other)
+        },
+        of_vehicle=lambda chosen, names: False,
+        log_prior=lambda chosen: 0.0,
+    )
+    rivals = [SimpleNamespace(name=n, chosen=only(n)) for n in (other, name)]
+    monkeypatch.setattr(search, "close_rivals", lambda selection, chosen, name: rivals)
+    found = asked._decided(fit_of(formula), selection, only(formula), ending=True)
+    assert (found and found.names[0]) == instead
+    # no formula in its place, and what was found of names before is not forgotten
+    assert sets == [name]
+    assert asked.close["imu_mounting"] == ("gnss_lever_arm",)
+    assert asked._decided(fit_of(name), selection, only(name), ending=True) is None
+    assert sets == [name]
