@@ -79,7 +79,8 @@ class Search:
             if not ending:
                 kept, new = self._kept(here, selection, chosen, select(selection, chosen, limit))
             found = kept
-            if louder is not None and not closing:
+            # not beside what is to be fitted yet: what that leaves beyond the linear looks like more
+            if louder is not None and not closing and selection.keys(found) == fitted:
                 self.log("selecting under other noise")
                 found = self._proposed(here, selection, found, louder, slow)
                 louder = None

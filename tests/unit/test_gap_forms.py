@@ -185,6 +185,9 @@ def test_forms_come_before_courses_of_time_and_what_comes_to_nothing_costs_no_ro
         def _proposed(
             self, here: Any, selection: Any, found: Chosen, louder: Any, slow: Any
         ) -> Any:
+            # what is there is fitted before more is sought beside it under other noise
+            assert found.names == ("formula",)
+            assert "fit" in done
             return found.joined("plateau", (1,), 1.0) if slow else found
 
         def _reconsidered(self, *about: Any) -> None:
