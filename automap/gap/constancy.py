@@ -18,12 +18,13 @@ import numpy as np
 
 from automap.effects import CATALOGUE
 from automap.gap import limits
-from automap.gap.candidates import named_columns
+from automap.gap.columns import named_columns
 from automap.gap.evidence import Evidence, evidence
 from automap.gap.fit import ORIGIN, Fit
 from automap.gap.found import Beside
-from automap.gap.linear import Column, Conditional, Direct, Linear, NodeMotion
+from automap.gap.linear import Column, Conditional, Direct, Linear
 from automap.gap.mixing import Group, Mixing
+from automap.gap.nodes import NodeMotion
 from automap.gap.noise_conditions import Condition, Course, courses_of
 from automap.gap.result import Drift
 from automap.gates import exceeds

@@ -25,16 +25,12 @@ from automap.effects.user import (
     user_effect,
     user_effects,
 )
-from automap.gap.candidates import (
-    Candidate,
-    effect_columns,
-    signal_column,
-    size_of,
-    usual_sds,
-)
+from automap.gap.candidates import Candidate
+from automap.gap.columns import effect_columns, signal_column, size_of, usual_sds
 from automap.gap.fit import Fit
 from automap.gap.limits import SAME_SIGNAL
-from automap.gap.linear import Column, NodeMotion
+from automap.gap.linear import Column
+from automap.gap.nodes import NodeMotion
 from automap.gap.result import coefficient_names, equation
 from automap.records import FloatArray
 
@@ -170,8 +166,6 @@ PREFIX = "formula_"
 """Names of effects that were made of a formula begin with it."""
 LEAST_SPREAD = 1e-9
 """Of a quantity that a drive has at all."""
-COMPARED_S = 0.1
-"""Signals are compared at such times: what a car does hardly changes in between."""
 LEAST_OWN = 1e-6
 """Share of a signal's variance below which the others make it up."""
 
@@ -206,15 +200,10 @@ def _said(at: NodeMotion, on: str, signal: FloatArray, exclude: Collection[str])
     rows = at.said[without].get(on)
     if rows is None:
         return False
-    thin = signal[:: _every(at)]
+    thin = signal[:: at.every]
     # they have no mean
     share = np.sum((rows @ thin / len(thin)) ** 2) / max(float(np.var(thin)), 1e-300)
     return bool(share > SAME_SIGNAL**2)
-
-
-def _every(at: NodeMotion) -> int:
-    """Of so many readings along a drive one is looked at where signals are compared."""
-    return max(round(COMPARED_S / max(float(np.median(np.diff(at.motion.t))), 1e-4)), 1)
 
 
 def left_out_columns(at: NodeMotion, effects: Collection[str]) -> list[Column]:
@@ -283,7 +272,7 @@ def _catalogue_signals(at: NodeMotion, exclude: Collection[str]) -> dict[str, Fl
     speed = np.linalg.norm(motion.vel, axis=1)
     extra = extra_basis(terms, motion.rate, motion.force, temp_c, speed, signals=at.along)
     both, extra = (
-        each[:: _every(at)] for each in (np.concatenate([motion.rate, motion.force], axis=1), extra)
+        each[:: at.every] for each in (np.concatenate([motion.rate, motion.force], axis=1), extra)
     )
     out: dict[str, list[FloatArray]] = {}
     for term in terms:

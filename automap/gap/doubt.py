@@ -12,7 +12,7 @@ where levels are higher than stated, candidates are judged under what was stated
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -34,6 +34,7 @@ from automap.gap.reading_steps import cut_off
 from automap.gap.result import Drift
 from automap.gap.screening import Screening
 from automap.gap.selection import Chosen, Selection
+from automap.gap.stepwise import rivals, told_apart
 from automap.records import FloatArray
 
 SWALLOW = ((tuple(bias_walks()), True), (INERTIAL_LEVELS, True), (RECEIVER_LEVELS, False))
@@ -74,12 +75,12 @@ def formula_in_place(selection: Selection, chosen: Chosen, name: str) -> str:
         if c.terms and not (follows_time(c.terms) and _of_a_constant(c.terms))
     ]
     best, instead = 0.0, ""
-    for rival in selection.rivals(chosen, name, formulas, frozenset()):
+    for rival in rivals(selection, chosen, name, formulas, frozenset()):
         if rival.name in chosen.names:
             continue
         # evidence alone: that formulas are seldom the truth is what is asked here
         ahead = rival.ahead - selection.log_prior(rival.chosen) + selection.log_prior(chosen)
-        if ahead > best and not selection.told_apart(rival, chosen, name):
+        if ahead > best and not told_apart(selection, rival, chosen, name):
             best, instead = ahead, rival.name
     return instead
 
@@ -125,6 +126,20 @@ def in_noise(
         if told:
             return told
     return ()
+
+
+def in_drift(found: Found, told: Collection[str]) -> tuple[Misfit, ...]:
+    """What drift says nearly as well, of drifts that are not ``told``, where it is a hundred to one
+    by the filter: where nothing is there chance makes such odds no more often (Markov)."""
+    known, out = found.selection.given(found.chosen), list[Misfit]()
+    for walk, (name, odds) in found.as_drift.items():
+        candidate = found.selection.candidates[name]
+        surely = odds >= -math.log(limits.SUSPECTED) and not follows_time(candidate.terms)
+        if surely and walk not in told:
+            part = tuple(i for its in candidate.parts for i in its)
+            channel, size = shown_by(known, part)
+            out.append(Misfit(CHANNELS[channel], LIKE, name, size, math.exp(-odds)))
+    return tuple(out)
 
 
 def _likeliest(

@@ -18,11 +18,11 @@ from automap.gap.candidates import library
 from automap.gap.confirm import costs, levels_for_runs
 from automap.gap.constancy import drifts
 from automap.gap.dictionary import forget_formulas
-from automap.gap.doubt import doubt_of_usual, doubts, given_up, in_noise
+from automap.gap.doubt import doubt_of_usual, doubts, given_up, in_drift, in_noise
 from automap.gap.drive import GapDrive, OpenDrive, in_vehicle_axes, open_drive
 from automap.gap.fit import Fit, GapModel, Values, base_model, fit_drive, without
 from automap.gap.found import Beside, Found
-from automap.gap.linear import Column, NodeMotion
+from automap.gap.linear import Column
 from automap.gap.misfit import Misfit, Place, misfits, places, worst_by_channel
 from automap.gap.naming import (
     Identifiability,
@@ -33,6 +33,7 @@ from automap.gap.naming import (
     suspected,
     verdict,
 )
+from automap.gap.nodes import NodeMotion
 from automap.gap.noise import Fitted, Log, open_fits, with_levels
 from automap.gap.noise_conditions import Levels
 from automap.gap.reading_steps import coarse_readings
@@ -48,6 +49,7 @@ from automap.gap.result import (
     NoiseClaim,
     Refused,
     Unexplained,
+    advice,
 )
 from automap.gap.scoring import (
     channel_gaps,
@@ -207,7 +209,11 @@ def _result(
     findings += usual
     with_states = found.fitted.fits
     under = Levels(with_states, found.fitted.curvature)
-    noise = stochastic_findings(under, stated.factors, rest, frozenset(exclude))
+    noise = [
+        replace(f, confusable_with=also, advice=advice(f.effect, also))
+        for f in stochastic_findings(under, stated.factors, rest, frozenset(exclude))
+        for also in (tuple(found.as_drift.get(f.effect, ())[:1]),)
+    ]
     wild = outliers_finding(with_states, rest)
     if wild is not None and wild.effect not in exclude:
         noise.append(wild)
@@ -217,7 +223,8 @@ def _result(
     kept_out = _by_formula(found, stands.kept_out)
     hidden = given_up(found, maxima)
     hidden = hidden or in_noise(found, screening, stated.factors, maxima)
-    likened = {m.where: m for m in (*suspected(refused), *hidden, *later)}
+    swallowed = in_drift(found, [f.effect for f in noise])
+    likened = {m.where: m for m in (*suspected(refused), *hidden, *swallowed, *later)}
     left = (*misfits(with_states), *likened.values())
     noisy = {n: noise_levels(n) for n in (*(f.effect for f in noise), *(c.level for c in claims))}
     paid = costs(held_out, final, values, noisy, stated.factors, stands.without)

@@ -15,17 +15,11 @@ import numpy as np
 from automap.effects.signals import Signals
 from automap.gap import limits
 from automap.gap.evidence import apart, evidence, nats_of_parts
-from automap.gap.linear import (
-    ColumnsOf,
-    Conditional,
-    Given,
-    NodeMotion,
-    Part,
-    conditional,
-    linearised,
-)
+from automap.gap.linear import Conditional, Given, Part, conditional
 from automap.gap.neighbours import AMOUNT, Terms, amounts, as_turn, neighbours
+from automap.gap.nodes import NodeMotion
 from automap.gap.result import equation
+from automap.gap.sensitivity import ColumnsOf, linearised
 
 STEPS = 3
 """So many steps a formula may be away from the one that was found; bounds the time."""

@@ -4,22 +4,16 @@ found as that beside which more is looked for in any drives.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from automap.gap.confirm import Confirmed
 from automap.gap.fit import Fit, Values
-from automap.gap.linear import (
-    Column,
-    Conditional,
-    Linear,
-    NodeMotion,
-    conditional,
-    linearised,
-    motions_of,
-)
+from automap.gap.linear import Column, Conditional, Linear, conditional
+from automap.gap.nodes import NodeMotion, motions_of
 from automap.gap.noise import Fitted, Joint
 from automap.gap.selection import Chosen, Selection
+from automap.gap.sensitivity import ColumnsOf, linearised
 
 
 @dataclass(frozen=True)
@@ -28,7 +22,8 @@ class Found:
     parameters of each effect free, the last selection with what it chose, which effect stands for
     each candidate, which names the drives cannot tell from each, what of it held-out data let
     stand, the fit made linear as it is where nothing else acts, nats of those of which the filter
-    says how many, and which formula some names may be."""
+    says how many, which formula some names may be, and what a drift says nearly as well, with the
+    log odds of that."""
 
     base: Fitted
     fitted: Fitted
@@ -41,6 +36,7 @@ class Found:
     nothing_else: Selection
     nats: Mapping[str, float] = field(default_factory=dict)
     resembling: Mapping[str, str] = field(default_factory=dict)
+    as_drift: Mapping[str, tuple[str, float]] = field(default_factory=dict)
 
 
 def in_layout(chosen: Chosen, old: Sequence[Column], new: Selection) -> Chosen:
@@ -64,9 +60,6 @@ def in_layout(chosen: Chosen, old: Sequence[Column], new: Selection) -> Chosen:
     return Chosen(tuple(parts))
 
 
-ColumnsOf = Callable[[NodeMotion], list[Column]]
-
-
 @dataclass(frozen=True)
 class Beside:
     """A choice of a selection: ``columns_of`` its columns along a drive, ``values`` at which fits
@@ -81,7 +74,7 @@ class Beside:
         """Fits made linear in the choice and ``more`` columns, which may act or not."""
 
         def columns(at: NodeMotion) -> list[Column]:
-            return self.columns_of(at) + more(at)
+            return [*self.columns_of(at), *more(at)]
 
         return linearised(motions_of(fits), columns, self.values, may_act)
 

@@ -1,45 +1,25 @@
-"""A fitted model made linear: how every candidate would show in its innovations.
+"""A fitted model that is linear in the parameters of all candidates.
 
-A candidate's columns say how it acts, on the readings of an axis or on measurements themselves;
-the filter's own gains turn that into what its innovations would show of a unit of each. About a
-fit the innovations w are linear in the parameters of all candidates: w = phi theta + noise.
-Effects that the fit has already count from zero again: what their values explain is given back.
+About a fit the innovations w are linear in them: w = phi theta + noise. So what is known of any is
+a score and its information, with whatever else is in the model marginalised.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from automap.effects.signals import Signals, signals_of
-from automap.effects.user import INERTIAL, towards, turned
-from automap.frames import quat_to_matrix
-from automap.fusion.problem import LateChange
+from automap.effects.user import INERTIAL
 from automap.gap import limits
-from automap.gap.fit import Fit, whitened_innovations
-from automap.gap.kernels import propagate_columns
 from automap.gap.mixing import Mixing
-from automap.gap.motion import (
-    LEANS,
-    Motion,
-    Then,
-    at_times,
-    late_change,
-    leaning,
-    motion_of,
-    swings,
-    then_of,
-)
 from automap.gap.stretches import Frame
-from automap.gap.whitening import LOOSE, Rows, moments, times, whitened_rows
+from automap.gap.whitening import LOOSE, Rows
 from automap.records import BoolArray, FloatArray, IntArray
 
-BATCH = 96
-"""Columns carried through the filter together: their rows stay in the processor's cache."""
 Part = tuple[int, ...]
 """Columns that act together."""
 Side = tuple[BoolArray, Frame]
@@ -92,77 +72,6 @@ class Column:
         loose = self.direct is not None and bool(self.direct.by_channel[:, LOOSE].any())
         sensors = frozenset(acts.sensor for acts in self.inertial)
         return replace(self, inertial=(), direct=None, of_vehicle=loose, sensors=sensors)
-
-
-@dataclass(frozen=True)
-class NodeMotion:
-    """The motion at the nodes of a ``fit``: velocity, acceleration NED, ``dcm`` body to NED, rate
-    in body axes without the noise of single readings; ``signals`` the quantities of formulas there,
-    ``along`` these, and ``motion``, at the epochs of the IMU; ``units`` of effects what a unit of
-    each parameter adds to the channels [k, 15], and what effects of the library but some have
-    ``said`` of readings, where that was asked before."""
-
-    fit: Fit
-    motion: Motion
-    t: FloatArray
-    vel: FloatArray
-    acc: FloatArray
-    dcm: FloatArray
-    rate: FloatArray
-    signals: Signals
-    along: Signals
-    units: dict[str, dict[str, FloatArray]] = field(default_factory=dict)
-    said: dict[frozenset[str], dict[str, FloatArray]] = field(default_factory=dict)
-
-    @cached_property
-    def late(self) -> LateChange | None:
-        """By how much late velocities change otherwise than those at their tag."""
-        swing = swings(self.motion)
-        return late_change(self.motion, self.motion.acc, self.fit.delays, swing)
-
-    @cached_property
-    def then(self) -> Then:
-        """Which instants the velocities with a tag at each epoch are of."""
-        return then_of(self.motion, self.fit.delays)
-
-    @cached_property
-    def late_readings(self) -> dict[str, FloatArray]:
-        """What readings show more [n] for each second that their stamps are late, by the names of
-        what they change by."""
-        ones = np.ones(len(self.along.time))
-        parts = [part.turned for part in towards("imu_time")]
-        return {part: turned(ones, part, self.along) for part in parts}
-
-    def there(self, values: FloatArray) -> FloatArray:
-        """What is known along the drive [n] at the nodes [k], as the filter takes it: a formula may
-        remember what was in between."""
-        return np.interp(self.signals.time, self.along.time, values)
-
-
-def node_motion(fit: Fit, motion: Motion) -> NodeMotion:
-    """The smoothed motion at the nodes of a fit."""
-    nominal = fit.last.smooth.nominal
-    t = fit.last.nodes.t
-    rate = at_times(motion, motion.calm, t)
-    acc = at_times(motion, motion.acc, t)
-    along = motion_signals(fit, motion)
-    signals, dcm = along.at(t + fit.opened.drive.begin_s), quat_to_matrix(nominal[:, 6:10])
-    return NodeMotion(fit, motion, t, nominal[:, 3:6].copy(), acc, dcm, rate, signals, along)
-
-
-def motions_of(fits: Sequence[Fit]) -> list[NodeMotion]:
-    """The smoothed motion of each fit."""
-    return [node_motion(fit, motion_of(fit.last)) for fit in fits]
-
-
-def motion_signals(fit: Fit, motion: Motion) -> Signals:
-    """Quantities [n] at the epochs of the motion."""
-    drive = fit.opened.drive
-    heading = np.unwrap(np.arctan2(motion.dcm[:, 1, 0], motion.dcm[:, 0, 0]))
-    along = np.einsum("ni,ni->n", motion.dcm[:, :, 0], motion.acc)
-    time = motion.t + drive.begin_s
-    temp = drive.imu.temp_c
-    return signals_of(time, motion.vel, heading, along, motion.rate, motion.force, temp)
 
 
 @dataclass(frozen=True)
@@ -236,121 +145,6 @@ class Linear:
         if self.mixing is None:
             return np.asarray(self.info[parts[:, :, None], parts[:, None, :]])
         return self.mixing.pairs(self.info, self._within, parts)
-
-
-ColumnsOf = Callable[[NodeMotion], Sequence[Column]]
-
-
-def linearised(
-    along: Sequence[NodeMotion],
-    columns_of: ColumnsOf,
-    values: Mapping[str, Mapping[str, float]],
-    may_act: bool = True,
-) -> Linear:
-    """Fits ``along`` whose motion to ask, with effects held at ``values``, made linear in all
-    columns, of which more than those ``may_act``."""
-    layout: list[Column] = []
-    place: dict[tuple[str, str], int] = {}
-    raw: list[Rows] = []
-    used: list[list[int]] = []
-    lasts = [at.fit.last for at in along]
-    for at in along:
-        rows_of_drive, columns = _raw(at, columns_of)
-        raw.append(rows_of_drive)
-        for column in columns:
-            key = (column.effect, column.parameter)
-            if key not in place:
-                place[key] = len(layout)
-                layout.append(column)
-        used.append([place[(c.effect, c.parameter)] for c in columns])
-    # a motion is as long as the drive
-    del along, at
-    known = np.array([values.get(c.effect, {}).get(c.parameter, 0.0) for c in layout])
-    sds = np.array([c.prior_sd for c in layout])
-    raw = [_laid_out(r, own, known) for r, own in zip(raw, used, strict=True)]
-    rows = whitened_rows(raw, known, sds, may_act)
-    del raw
-    score, info = (sum(each) for each in zip(*map(moments, rows), strict=True))
-    if LEANS in place:
-        row = place[LEANS]
-        for lean, var in map(leaning, lasts):
-            score[row] += lean / var
-            info[row, row] += 1.0 / var
-    return Linear(tuple(layout), rows, None, score, info, sds, known)
-
-
-def _raw(at: NodeMotion, columns_of: ColumnsOf) -> tuple[Rows, list[Column]]:
-    """Innovations over their sds with their sensitivities to the columns of one drive, and these
-    as a layout has them."""
-    columns = columns_of(at)
-    whitened, t, channel = whitened_innovations(at.fit)
-    phi: FloatArray = np.zeros((len(whitened), len(columns)), np.float32, "F")
-    for start in range(0, len(columns), BATCH):
-        part = slice(start, start + BATCH)
-        phi[:, part] = sensitivities(at.fit, at.motion, columns[part])
-    return Rows(whitened, phi, t, channel), [c.in_layout() for c in columns]
-
-
-def _laid_out(rows: Rows, at: Sequence[int], known: FloatArray) -> Rows:
-    """Rows whose columns stand where a layout has them, ``at``, with all effects left out."""
-    phi = rows.phi
-    if list(at) != list(range(len(known))):
-        phi = np.zeros((len(phi), len(known)), np.float32, "F")
-        phi[:, at] = rows.phi
-    return replace(rows, w=rows.w + times(phi, known), phi=phi)
-
-
-def sensitivities(fit: Fit, motion: Motion, columns: Sequence[Column]) -> FloatArray:
-    """Whitened sensitivity [s, c] of the fit's scalars to the columns' parameters."""
-    inertial = [i for i, c in enumerate(columns) if c.direct is None]
-    direct = [i for i, c in enumerate(columns) if c.direct is not None]
-    order = inertial + direct
-    signals: list[FloatArray | BoolArray] = []
-    index: dict[int, int] = {}
-    terms: list[tuple[int, int, int, int, int]] = []
-    for place, i in enumerate(order):
-        for part in columns[i].inertial:
-            for signal in (part.signal, part.times):
-                if signal is not None and id(signal) not in index:
-                    index[id(signal)] = len(signals)
-                    signals.append(signal)
-            factor = -1 if part.times is None else index[id(part.times)]
-            terms.append((place, part.sensor, part.axis, index[id(part.signal)], factor))
-    last = fit.last
-    store = last.forward.store
-    total = len(store.nu)
-    node, channel = store.info[:, 0], store.info[:, 1]
-    acting = np.zeros((total, len(direct)))
-    for place, i in enumerate(direct):
-        acts = columns[i].direct
-        assert acts is not None
-        acting[:, place] = acts.by_channel[node, channel]
-    n = len(motion.t)
-    table: IntArray = np.array(terms, dtype=np.int64).reshape(-1, 5)
-    out = np.zeros((total, len(order)))
-    propagate_columns(
-        motion.t,
-        motion.force,
-        np.ascontiguousarray(motion.dcm),
-        np.ascontiguousarray(np.stack(signals, axis=1, dtype=np.float64))
-        if signals
-        else np.zeros((n, 1)),
-        table,
-        last.nodes.t,
-        store.trans,
-        last.problem.model.tau,
-        last.nodes.wander_keep,
-        last.problem.model.kept,
-        store.scalars,
-        store.h,
-        store.gain,
-        store.var,
-        acting,
-        out,
-    )
-    back = np.empty(len(order), dtype=np.int64)
-    back[order] = np.arange(len(order))
-    return np.asarray(out[:, back])
 
 
 @dataclass(frozen=True)

@@ -10,14 +10,15 @@ import numpy as np
 from automap.effects import CATALOGUE
 from automap.fusion.layout import CHANNELS
 from automap.gap import limits
-from automap.gap.candidates import named_columns
 from automap.gap.chance import null_maxima, p_value, strongest_by_chance
+from automap.gap.columns import named_columns
 from automap.gap.evidence import between_channels, shown_by
 from automap.gap.fit import ORIGIN, Fit, Values
 from automap.gap.found import Found, in_layout
 from automap.gap.limits import ALIKE, SHOWS
-from automap.gap.linear import Part, linearised, motions_of
+from automap.gap.linear import Part
 from automap.gap.misfit import LIKE, Misfit
+from automap.gap.nodes import motions_of
 from automap.gap.result import (
     Drift,
     Finding,
@@ -30,7 +31,9 @@ from automap.gap.result import (
     advice,
     coefficient_names,
 )
-from automap.gap.selection import Chosen, Rival, Selection, twins_of
+from automap.gap.selection import Chosen, Selection, twins_of
+from automap.gap.sensitivity import linearised
+from automap.gap.stepwise import Rival, rivals, told_apart
 from automap.records import FloatArray, IntArray
 
 
@@ -95,10 +98,9 @@ def _in_place(
     log odds ``odds``, and whether they are told apart. What was tried beside other candidates than
     these and was not needed there may be one of them."""
     room = max(limits.CLOSE_NATS, limits.CLOSE * odds)
-    rivals = selection.rivals(chosen, name, names, frozenset(), part)
     return [
-        (r, r.ahead < -room and selection.told_apart(r, chosen, name, part))
-        for r in rivals
+        (r, r.ahead < -room and told_apart(selection, r, chosen, name, part))
+        for r in rivals(selection, chosen, name, names, frozenset(), part)
         if r.chosen != chosen and r.name not in chosen.names
     ]
 

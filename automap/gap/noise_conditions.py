@@ -32,8 +32,8 @@ from automap.fusion.problem import Problem
 from automap.gap import limits
 from automap.gap.fit import Fit
 from automap.gap.limits import REST_S
-from automap.gap.linear import motion_signals
 from automap.gap.motion import motion_of
+from automap.gap.nodes import motion_signals
 from automap.gap.noise import INERTIAL_LEVELS, fit_noise, noise_score, rooms_of
 from automap.records import BoolArray, FloatArray
 

@@ -19,14 +19,15 @@ from automap.effects.formula_text import parse_formula
 from automap.effects.user import INERTIAL, OF_FIXES
 from automap.fusion.layout import CHANNELS
 from automap.gap import limits
-from automap.gap.candidates import signal_column
 from automap.gap.chance import strongest_by_chance
+from automap.gap.columns import signal_column
 from automap.gap.dictionary import WARM_MOUNT
 from automap.gap.evidence import evidence, shown_by
 from automap.gap.fit import Fit
 from automap.gap.found import Beside
-from automap.gap.linear import Column, Conditional, NodeMotion, Part
+from automap.gap.linear import Column, Conditional, Part
 from automap.gap.misfit import AFTER, Misfit
+from automap.gap.nodes import NodeMotion
 from automap.records import FloatArray
 
 MANOEUVRES = {

@@ -17,14 +17,8 @@ from automap.effects import CATALOGUE
 from automap.fusion.delay_states import LATENCY_STATE
 from automap.fusion.options import FusionOptions
 from automap.gap import limits
-from automap.gap.candidates import (
-    Candidate,
-    candidates_of,
-    follows_time,
-    library,
-    named_columns,
-    term_columns,
-)
+from automap.gap.candidates import Candidate, candidates_of, follows_time, library
+from automap.gap.columns import named_columns, term_columns
 from automap.gap.dictionary import (
     effect_for,
     formula_columns,
@@ -35,20 +29,14 @@ from automap.gap.dictionary import (
 )
 from automap.gap.fit import CONSTANTS, ORIGIN, SKEW, Fit, fit_drive
 from automap.gap.forms import About, nearby, ranked
-from automap.gap.linear import (
-    Column,
-    ColumnsOf,
-    NodeMotion,
-    linearised,
-    motion_signals,
-    motions_of,
-    node_motion,
-)
+from automap.gap.linear import Column
 from automap.gap.motion import motion_of
 from automap.gap.neighbours import Terms
+from automap.gap.nodes import NodeMotion, motion_signals, motions_of, node_motion
 from automap.gap.noise import Fitted, Joint, Log, fitted_about
 from automap.gap.result import equation
 from automap.gap.selection import Chosen, Key, Selection
+from automap.gap.sensitivity import ColumnsOf, linearised
 from automap.gap.slow import box_columns, lasts, switched, variants, with_shapes
 from automap.records import FloatArray
 
@@ -320,8 +308,17 @@ class Screening:
         if below or (not candidate.terms and (np.abs(values) > most * usual).any()):
             # a delay of ten seconds is none, nor a dead zone below nothing: it is something else
             return -np.inf
-        nats = self.nats(joint, selection, chosen, name)
-        return nats + candidate.log_prior + len(rows) * candidate.log_choice
+        scale, choice = chosen.scale_of(name), candidate.log_choice
+
+        def nats(at: list[int]) -> float:
+            own = [rows[i] for i in at]
+            return estimate_nats(joint.values[own], joint.cov[np.ix_(own, own)], scale * usual[at])
+
+        every = list(range(len(rows)))
+        # of a named effect's parameters some may be nothing
+        idle = [i for i in every if not candidate.terms and nats([i]) + choice < 0.0]
+        act = nats(every) - (nats(idle) if idle else 0.0)
+        return act + candidate.log_prior + (len(every) - len(idle)) * choice
 
     def _rows(
         self, joint: Joint, selection: Selection, chosen: Chosen, name: str

@@ -8,35 +8,26 @@ also proposed under the noise that the model was asked with, and judged with the
 
 from __future__ import annotations
 
-import math
 from collections import Counter
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from itertools import count
 
 import numpy as np
 
 from automap.effects import CATALOGUE
-from automap.effects.catalogue import bias_walks, pairs_of_sign
-from automap.effects.imu import imu_terms
+from automap.effects.catalogue import pairs_of_sign
 from automap.gap import limits
-from automap.gap.candidates import FIX_AGE, follows_time, is_course
+from automap.gap.candidates import FIX_AGE, is_course
 from automap.gap.confirm import Confirmed, Judge, confirmed
 from automap.gap.drive import OpenDrive
-from automap.gap.evidence import nats_of_parts
 from automap.gap.found import Found, in_layout
-from automap.gap.neighbours import Terms, complexity
-from automap.gap.noise import Fitted, Log, fitted_about, noise_score, with_levels, with_noise
-from automap.gap.result import equation
+from automap.gap.noise import Fitted, Log, fitted_about, with_levels, with_noise
+from automap.gap.reforming import WALK_OF, WALKS, WHOLE_DELAYS, Forms, log_prior
 from automap.gap.scoring import likelier
 from automap.gap.screening import Screening
-from automap.gap.selection import Chosen, Key, Move, Selection
-from automap.gap.stepwise import pruned, select, swallowed
-
-WALK_OF = {term.sensor: w for w, e in bias_walks().items() for term in imu_terms([e.name])}
-WALKS = tuple(WALK_OF.values())
-"""The drift of each sensor's biases."""
-WHOLE_DELAYS = frozenset(pair for pairs in pairs_of_sign(-1.0) for pair in pairs)
+from automap.gap.selection import Chosen, Key, Selection
+from automap.gap.stepwise import close_rivals, pruned, select
 
 
 class Search:
@@ -54,8 +45,8 @@ class Search:
         self.base, self.held_out, self.stated, self.log = base, held_out, dict(stated), log
         self.judge = Judge(held_out)
         self.screening = Screening(base, exclude, log)
+        self.forms = Forms(self.screening, self.judge, stated, log)
         self.close: dict[str, tuple[str, ...]] = {}
-        self.resembling: dict[tuple[str, frozenset[str]], str] = {}
         self.borne_out: dict[str, float] = {}
         self.swallowed: set[str] = set()
         self.tried: dict[Key, int] = {}
@@ -65,9 +56,9 @@ class Search:
         self.spoken_against: list[Confirmed] = []
         self.stands = Confirmed({}, ())
         self.nats: dict[str, float] = {}
+        self.drifts: dict[str, tuple[str, float, frozenset[str]]] = {}
         self.each_drive: list[str] = []
         self.levels = {(frozenset[Key](), 0): base.model.factors}
-        self.alike: dict[str, tuple[str, ...]] = {}
         self.before: tuple[Fitted, Selection, Chosen] | None = None
 
     def run(self) -> Found:
@@ -88,7 +79,8 @@ class Search:
             if not ending:
                 kept, new = self._kept(here, selection, chosen, select(selection, chosen, limit))
             found = kept
-            if louder is not None and not closing:
+            # not beside what is to be fitted yet: what that leaves beyond the linear looks like more
+            if louder is not None and not closing and selection.keys(found) == fitted:
                 self.log("selecting under other noise")
                 found = self._proposed(here, selection, found, louder, slow)
                 louder = None
@@ -118,7 +110,7 @@ class Search:
                 del new
             else:
                 last = slow or closing
-                ask = self._reconsidered if last else self._formed
+                ask = self._reconsidered if last else self.forms.better
                 other = ask(here, selection, found, ending)
                 if other is not None:
                     found, brief = self.screening.refined(here, selection, other)
@@ -140,12 +132,19 @@ class Search:
         free = replace(here.model, options=self.screening.options)
         full = fitted_about(free, self._with_age(here.estimate), here.fits).joint()
         nothing_else = self.screening.selection(here, slow=False, may_act=False)
+        resembling = self.forms.resembling.items()
+        drifts = {
+            walk: (name, odds)
+            for walk, (name, odds, rest) in self.drifts.items()
+            if name in selection.candidates and rest <= {*chosen.names} - {name}
+        }
         return Found(
             *(self.base, here, full, selection, chosen, self.screening.effects),
-            {**self.alike, **self.close},
+            {**self.forms.alike, **self.close},
             *(self.stands.after(self.spoken_against), nothing_else),
             self.borne_out | self.nats,
-            {n: t for (n, beside), t in self.resembling.items() if {n, *beside} == {*chosen.names}},
+            {n: text for (n, beside), text in resembling if {n, *beside} == {*chosen.names}},
+            {walk: its for walk, its in drifts.items() if its[0] not in chosen.names},
         )
 
     def _with_age(self, estimate: Mapping[str, float]) -> Mapping[str, float]:
@@ -172,17 +171,19 @@ class Search:
         ahead, sigmas = self.judge.ahead(here, fewer, of_vehicle, strictly=True)
         ahead += selection.log_prior(chosen) - selection.log_prior(found)
         if ahead < limits.LEAST_ODDS or sigmas < limits.APART:
+            if len(gone) == 1:
+                self._note_drift(selection, chosen, gone[0], ahead)
             return found, fewer
         self.borne_out |= dict.fromkeys(gone, ahead)
         selection.needed = frozenset(self.borne_out)
         return chosen, None
 
-    def _as_drift(self, here: Fitted, selection: Selection, chosen: Chosen, name: str) -> Fitted:
-        """A set less one candidate, the drift of the sensors that it acts on as suits the drives
-        without it."""
-        self.log(f"checking how much of {name} drift says")
-        walks = [WALK_OF[sensor] for sensor in sorted(selection.sensors(chosen, name))]
-        return with_levels(self.screening.states(here, selection, chosen.without(name)), walks)
+    def _note_drift(self, selection: Selection, chosen: Chosen, name: str, odds: float) -> None:
+        """Note what drift says nearly as well, by log ``odds`` for the candidate of a choice."""
+        if odds > -limits.CLOSE_NATS:
+            rest = frozenset(chosen.names) - {name}
+            sensors = selection.sensors(chosen, name)
+            self.drifts |= {WALK_OF[sensor]: (name, odds, rest) for sensor in sensors}
 
     def _bar(self, keys: Iterable[Key]) -> None:
         """Try parts no more."""
@@ -210,12 +211,11 @@ class Search:
             idle = Chosen(tuple(p for p in found.parts if p not in fewer.parts))
             self._bar(selection.alike(idle))
             return fewer
-        rival = None
         if not ending:
-            formed = self._formed(here, selection, found, ending)
+            formed = self.forms.better(here, selection, found, ending)
             if formed is not None:
                 return formed
-            rival = self._decided(here, selection, found)
+        rival = self._decided(here, selection, found, ending)
         if rival is not None:
             pair = frozenset({frozenset(found.names), frozenset(rival.names)})
             if pair not in self.challenged:
@@ -245,93 +245,31 @@ class Search:
             found = found.without(name)
         return found
 
-    def _formed(
-        self, here: Fitted, selection: Selection, chosen: Chosen, ending: bool
-    ) -> Chosen | None:
-        """The choice with its formulas in other forms, for as long as one is better, or with what
-        is suspected in one that is sure; None where none is."""
-        instead = None
-        room = len(chosen.names) < limits.MAX_FINDINGS and not ending
-        moves = selection.suspected(chosen) if room else []
-        formulas = [m for m in moves if selection.candidates[m.name].terms]
-        unsure = [m for m in formulas if m.odds > formulas[0].odds - limits.CLOSE_NATS]
-        while not ending and (found := self._better_form(here, selection, chosen, unsure)):
-            (chosen, here), unsure = found, []
-            instead = chosen
-        return instead
-
-    def _better_form(
-        self, here: Fitted, selection: Selection, chosen: Chosen, suspects: Sequence[Move]
-    ) -> tuple[Chosen, Fitted] | None:
-        """The choice with a formula in the form near it with which all drives are likeliest by the
-        filter itself: where a linear model says nearly the same of two, it is off by more. Where
-        another of the choice and the formula may be one thing, also in the place of both. One of
-        the ``suspects`` may be sure in another form, for which a thousand to one must speak. Of
-        forms that are not told apart the simplest is taken, and the others are noted."""
-        unsure, joint = {m.name: m for m in suspects}, here.joint()
-        for name in (*chosen.names, *unsure):
-            terms = selection.candidates[name].terms
-            least, begun, entangled = 0.0, chosen, list[str]()
-            if name in unsure:
-                move = unsure[name]
-                least = limits.LEAST_ODDS - limits.CLOSE_NATS
-                begun = chosen.joined(name, move.part, move.evidence.scale)
-            else:
-                entangled = self.screening.entangled(joint, selection, chosen, name)
-            near = [(least, chosen, (terms, 0.0), here)]
-            for gone in ("", *entangled):
-                of_vehicle = selection.of_vehicle(begun, {name, gone})
-                for form, its, fitted in self._in_forms(here, selection, begun, name, gone):
-                    ahead, sigmas = self.judge.ahead(fitted, here, of_vehicle)
-                    ahead += selection.log_prior(its) - selection.log_prior(chosen)
-                    # a few wild stretches are no reason to prefer either
-                    ahead = ahead if sigmas > limits.APART else min(ahead, 0.0)
-                    near.append((ahead, begun.without(gone), form, fitted))
-                    least = max(one[0] for one in near) - limits.CLOSE_NATS
-                    near = [one for one in near if one[0] > least]
-            near.sort(key=lambda one: (len(one[1].parts), complexity(one[2][0])))
-            _, fewer, best, its_fit = near[0]
-            if len(near) > 1:
-                self.alike[equation(best[0])] = tuple(equation(one[2][0]) for one in near[1:])
-            if best[0] != terms:
-                return self.screening.in_form(here, selection, fewer, name, *best), its_fit
-        return None
-
-    def _in_forms(
-        self, here: Fitted, selection: Selection, chosen: Chosen, name: str, gone: str = ""
-    ) -> Iterator[tuple[tuple[Terms, float], Chosen, Fitted]]:
-        """The forms near a formula of a choice, out of how many each, the choice without what is
-        ``gone`` with each in its place, a candidate for so long, and its fit."""
-        known = self.screening.refinements, selection.candidates
-        for form in self.screening.forms(here, selection, chosen, name, gone):
-            self.screening.refinements, selection.candidates = dict(known[0]), dict(known[1])
-            its = self.screening.in_form(here, selection, chosen.without(gone), name, *form)
-            yield form, its, self.screening.states(here, selection, its)
-            self.screening.refinements, selection.candidates = known
-
     def _beyond_drift(self, here: Fitted, selection: Selection, found: Chosen) -> Chosen:
         """The set less what acts on a sensor and is worth less than a name beyond what drift says:
         beside biases that are steady because of it, it always seems needed. So the set is asked
         without it, with the drift fitted anew; what was proposed in the place of drift by held-out
-        drives, too. With it come the nats of what stays."""
+        drives, too. With it come the nats of what stays, and beside drift what it may be."""
         self.nats, worth = {}, dict[str, float]()
         for name in found.names:
             if not selection.sensors(found, name):
                 continue
-            fewer, other = found.without(name), self._as_drift(here, selection, found, name)
+            fewer, other = found.without(name), self.forms.as_drift(here, selection, found, name)
             prior = selection.log_prior(found) - selection.log_prior(fewer)
             self.nats[name], _ = likelier(here.fits, other.fits)
             if name in self.borne_out:
                 continue
+            ahead, sigmas = self.judge.ahead(here, other, selection.of_vehicle(found, {name}))
             if name in self.swallowed:
-                ahead, sigmas = self.judge.ahead(here, other, selection.of_vehicle(found, {name}))
-                if ahead + prior < limits.LEAST_ODDS or sigmas < limits.APART:
-                    return fewer
-                self.borne_out[name] = ahead + prior
-                continue
-            _, moves = selection.odds_of(found, name)
-            self.nats[name] = min(self.nats[name], sum(m.evidence.nats for m in moves))
-            worth[name] = self.nats[name] + prior
+                worth[name] = ahead + prior if sigmas > limits.APART else -np.inf
+                if worth[name] >= limits.LEAST_ODDS:
+                    self.borne_out[name] = worth[name]
+            else:
+                _, moves = selection.odds_of(found, name)
+                self.nats[name] = min(self.nats[name], sum(m.evidence.nats for m in moves))
+                worth[name] = self.nats[name] + prior
+            if worth[name] < limits.LEAST_ODDS:
+                self._note_drift(selection, found, name, ahead + prior)
         selection.needed = frozenset(self.borne_out)
         weakest = min(worth, key=lambda n: worth[n], default="")
         return found.without(weakest) if worth.get(weakest, np.inf) < limits.LEAST_ODDS else found
@@ -395,26 +333,33 @@ class Search:
                 break
         return here, chosen
 
-    def _decided(self, here: Fitted, selection: Selection, chosen: Chosen) -> Chosen | None:
+    def _decided(
+        self, here: Fitted, selection: Selection, chosen: Chosen, ending: bool = False
+    ) -> Chosen | None:
         """The choice with a rival in a candidate's place where the filter itself, which knows what
         is not linear, finds all drives likelier with it; None where no rival is.
 
         A formula is told only where it is told apart from every name and explains a tenth more: one
         that follows a name so closely is that name, and something else is a little off. What is
-        not told apart from a name that stays is noted.
+        not told apart from a name that stays is noted. A search that is ``ending`` asks for that
+        alone.
         """
-        self.close = {}
+        self.close = self.close if ending else {}
         against = {out.effect for one in self.spoken_against for out in one.kept_out}
         joint = here.joint()
         for name in chosen.names:
             formula = bool(selection.candidates[name].terms)
+            if ending and not formula:
+                continue
             best, instead, winner = 0.0, None, ""
             nats = self.screening.nats(joint, selection, chosen, name)
-            for rival in selection.close_rivals(chosen, name):
+            for rival in close_rivals(selection, chosen, name):
                 other = rival.name
                 its, brief = self.screening.refined(here, selection, rival.chosen)
                 same = frozenset(its.names) == frozenset(chosen.names)
                 own = self.screening.seed(other) == self.screening.seed(name)
+                if ending and selection.candidates[other].terms:
+                    continue
                 if same or own or brief or self.screening.effects.get(other, other) in against:
                     continue
                 other = its.names[-1]
@@ -427,7 +372,7 @@ class Search:
                 rival_formula = bool(selection.candidates[other].terms)
                 strictly = formula != rival_formula
                 ahead, sigmas = self.judge.ahead(fitted, here, of_vehicle, strictly)
-                ahead += self._log_prior(selection, its) - self._log_prior(selection, chosen)
+                ahead += log_prior(selection, its) - log_prior(selection, chosen)
                 if abs(sigmas) < limits.APART and not rival_formula:
                     self.close[name] = (*self.close.get(name, ()), other)
                 clear = abs(sigmas) > limits.APART and abs(ahead) > limits.CHALLENGE * nats
@@ -439,7 +384,7 @@ class Search:
                     wins &= clear
                 if wins and (instead is None or ahead > best):
                     best, instead, winner = ahead, its, other
-            formed = None if formula else self._form_instead(here, selection, chosen, name, nats)
+            formed = None if formula else self.forms.in_place(here, selection, chosen, name, nats)
             if formed is not None and formed[0] > best:
                 best, instead, winner = formed[0], formed[1], formed[1].names[-1]
             if instead is not None:
@@ -449,71 +394,6 @@ class Search:
                     self.swallowed.add(winner)
                 return instead
         return None
-
-    def _form_instead(
-        self, here: Fitted, selection: Selection, chosen: Chosen, name: str, nats: float
-    ) -> tuple[float, Chosen] | None:
-        """The choice with a formula in the place of a named effect of so many ``nats``, and by how
-        much its log odds are ahead, where it is told apart from that; None where none is.
-
-        The dictionary has one form of each family, and which of it a drive shows may explain twice
-        as much: so it is sought from the formula that explains most in the effect's place, and the
-        likeliest is asked with the noise that suits it. What is likelier than the effect, all forms
-        that were tried paid for, but not told apart from it, or less likely beforehand by as much,
-        is noted as what it may be.
-        """
-        if CATALOGUE[name].resembles == "a delay":
-            # every receiver has some, and what is one instead has a name
-            return None
-        rest = chosen.without(name)
-        formulas = [
-            c
-            for c in selection.candidates.values()
-            if len(c.terms) == 1 and c.name not in chosen.names and not follows_time(c.terms)
-        ]
-        if not formulas:
-            return None
-        its_nats = nats_of_parts(selection.given(rest), [c.parts[0] for c in formulas])
-        if its_nats.max() < limits.WEAK_SHARE * nats:
-            return None
-        first = formulas[int(np.argmax(its_nats))]
-        begun = rest.joined(first.name, first.parts[0], 1.0)
-        vehicle = selection.of_vehicle(chosen, {name}) | selection.of_vehicle(begun, {first.name})
-        best: tuple[float, tuple[Terms, float], Fitted] | None = None
-        for form, _, fitted in self._in_forms(here, selection, begun, first.name):
-            ahead = self.judge.ahead(fitted, here, vehicle)[0] - math.log(form[1])
-            if best is None or ahead > best[0]:
-                best = ahead, form, fitted
-        if best is None or best[0] < -limits.CLOSE_NATS:
-            return None
-        _, form, fitted = best
-        fitted = with_noise(fitted, self.stated)
-        ahead, sigmas = self.judge.ahead(fitted, here, vehicle, strictly=True)
-        known = self.screening.refinements, selection.candidates
-        self.screening.refinements, selection.candidates = dict(known[0]), dict(known[1])
-        its = self.screening.in_form(here, selection, begun, first.name, *form)
-        odds = ahead + self._log_prior(selection, its) - self._log_prior(selection, chosen)
-        clear = sigmas > limits.APART and ahead > limits.CHALLENGE * nats
-        if odds > 0.0 and (clear or sigmas > limits.ONE_IN_A_THOUSAND):
-            if not selection.sensors(its, formula := its.names[-1]):
-                return odds, its
-            # what drift says as well would go, and the name with it
-            drift = self._as_drift(fitted, selection, its, formula)
-            worth = likelier(fitted.fits, drift.fits)[0] + selection.log_prior(its)
-            if worth >= limits.LEAST_ODDS + selection.log_prior(rest):
-                return odds, its
-        self.screening.refinements, selection.candidates = known
-        if ahead > math.log(form[1]):
-            text = f"{equation(form[0])}, with which the drives are {ahead:.2g} nats likelier"
-            self.resembling[name, frozenset(rest.names)] = text
-        return None
-
-    @staticmethod
-    def _log_prior(selection: Selection, chosen: Chosen) -> float:
-        """Log prior probability of a set; whole fixes are late more often than parts of them."""
-        known = {n: CATALOGUE[n] for n in chosen.names if n in CATALOGUE and n not in WHOLE_DELAYS}
-        parts = sum(effect.resembles == "a delay" for effect in known.values())
-        return selection.log_prior(chosen) - limits.CLOSE_NATS * parts
 
     def _proposed(
         self,
@@ -528,32 +408,10 @@ class Search:
         loud = self.screening.selection(fitted_about(model, here.estimate, here.fits), slow)
         loud.refused, loud.outdone = selection.refused, selection.outdone
         known = in_layout(found, selection.linear.layout, loud)
-        if slow:
-            known = self._swallowed(here, loud, known)
         more = select(loud, known, limits.MAX_FINDINGS)
         new = Chosen(tuple(p for p in more.parts if p[0] not in found.names))
-        new = in_layout(new, loud.linear.layout, selection)
+        # drift is one level of all axes: one that is left to it keeps it up
+        new = selection.whole(in_layout(new, loud.linear.layout, selection))
         if slow:
             self.swallowed |= {n for n in new.names if selection.sensors(new, n)}
         return Chosen((*found.parts, *new.parts))
-
-    def _swallowed(self, here: Fitted, loud: Selection, known: Chosen) -> Chosen:
-        """What is known with what drift has taken: an effect with which drives are likelier, the
-        biases of its sensor steadier, by the filter too, than without it and drift as fitted."""
-        factors = here.model.factors
-        as_fitted = noise_score(here.fits, factors)
-        steady = {s: {**factors, w: limits.STEADY * factors[w]} for s, w in WALK_OF.items()}
-        least = {s: as_fitted - noise_score(here.fits, its) for s, its in steady.items()}
-        more = swallowed(loud, known, least)
-        new = more.parts[len(known.parts) :]
-        if not new:
-            return known
-        (sensor,) = loud.linear.layout[new[0][1][0]].sensors
-        best = -np.inf
-        # drift that ends in between is told by none of the ends
-        for share in (1.0, limits.STEADY**0.5, limits.STEADY):
-            its = {**factors, WALK_OF[sensor]: share * factors[WALK_OF[sensor]]}
-            begin = replace(here, model=replace(here.model, factors=its))
-            best = max(best, noise_score(self.screening.states(begin, loud, more).fits, its))
-        odds = best - as_fitted + loud.log_prior(more) - loud.log_prior(known)
-        return more if odds > 0.0 else known

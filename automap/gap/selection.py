@@ -13,7 +13,7 @@ import numpy as np
 from automap.effects.catalogue import alike_to_first_order
 from automap.gap import limits
 from automap.gap.candidates import Candidate, follows_time
-from automap.gap.evidence import Evidence, apart, evidence, inflation, nats_of_parts
+from automap.gap.evidence import Evidence, evidence, inflation, nats_of_parts
 from automap.gap.linear import Conditional, Given, Linear, Part, conditional
 from automap.gates import exceeds
 
@@ -153,6 +153,17 @@ class Selection:
             for sensor in (layout[i].sensors if n == name else ())
         )
 
+    def whole(self, chosen: Chosen) -> Chosen:
+        """A choice with all parts of what acts on sensors in it."""
+        its = {n: self.candidates[n].parts for n in chosen.names if self.sensors(chosen, n)}
+        more = [
+            (name, part, chosen.scale_of(name))
+            for name, parts in its.items()
+            for part in parts
+            if all(part != own for _, own, _ in chosen.parts)
+        ]
+        return Chosen((*chosen.parts, *more))
+
     def key(self, name: str, part: Part) -> Key:
         """A part of a candidate by its parameters' names, which hold in other layouts too."""
         return name, tuple(self.linear.layout[i].parameter for i in part)
@@ -287,96 +298,10 @@ class Selection:
             rest = rest.joined(name, part, found.scale)
         return sum(m.odds for m in moves), moves
 
-    def rivals(
-        self,
-        chosen: Chosen,
-        name: str,
-        names: Sequence[str] | None = None,
-        refused: frozenset[Key] | None = None,
-        part: Part | None = None,
-    ) -> list[Rival]:
-        """What may stand in a candidate's place, or in that of a ``part`` of it, best first, of the
-        candidates ``names``, but for parts that are ``refused``.
-
-        Both explain much the same of the same data under the same noise. So the scatter of both
-        scores is taken for the smaller of the two: what one of them has more is its own misfit, and
-        shows in what it explains.
-        """
-        # what is free beside a candidate is nobody's to explain in its place
-        beside = self.always.joined(self.candidates[name].beside, self.linear, 1.0)
-        free = replace(self, always=beside)
-        rest = chosen.without(name, part)
-        own = free.odds_of(chosen, name)[1] if part is None else [free._alone(rest, name, part)]
-        mine = max((m.evidence.overdispersion for m in own), default=1.0)
-        out = []
-        found = free.best(rest, names, refused=refused)
-        for other in dict.fromkeys(m.name for m in found if m.name != name):
-            candidate, instead = self.candidates[other], rest
-            moves: list[Move] = []
-            for _ in candidate.parts:
-                more = free.best(instead, (other,), refused=refused)
-                if not more or (moves and more[0].odds <= 0.0):
-                    break
-                moves.append(more[0])
-                instead = instead.joined(other, more[0].part, more[0].evidence.scale)
-            if not moves:
-                continue
-            common = min(mine, max(m.evidence.overdispersion for m in moves))
-            odds = [
-                sum(m.odds - m.evidence.nats + m.evidence.corrected(common) for m in side)
-                for side in (moves, own)
-            ]
-            out.append(Rival(other, odds[0] - odds[1], instead))
-        return sorted(out, key=lambda r: -r.ahead)
-
-    def _alone(self, rest: Chosen, name: str, part: Part) -> Move:
+    def alone(self, rest: Chosen, name: str, part: Part) -> Move:
         """One part of a candidate beside a choice that has others of it."""
         found = self.evidence(self.given(rest), name, part)
         return Move(name, part, found, found.nats + self.candidates[name].log_choice)
-
-    def told_apart(self, rival: Rival, chosen: Chosen, name: str, part: Part | None = None) -> bool:
-        """Whether a chosen candidate, or a ``part`` of it, is needed even beside a rival of it, as
-        any name is, or what it explains more than the rival in its place is beyond its scatter from
-        stretch to stretch: two that do nearly the same leave little to each other, and noise that
-        is not as modelled decides between them."""
-        rest = chosen.without(name, part)
-        mine = tuple(p for p in chosen.parts if p not in rest.parts)
-        known = self.given(rival.chosen)
-        if any(known.shows(p) for _, p, _ in mine):
-            if part is not None:
-                odds = self._alone(rival.chosen, name, part).odds
-            else:
-                odds = self.odds_of(Chosen((*rival.chosen.parts, *mine)), name)[0]
-            if odds >= limits.LEAST_ODDS:
-                return True
-        its = tuple(i for p in rival.chosen.parts if p not in rest.parts for i in p[1])
-        own = tuple(i for _, p, _ in mine for i in p)
-        return apart(self.given(rest), own, its) > limits.APART
-
-    def close_rivals(
-        self, chosen: Chosen, name: str, barred: frozenset[Key] = frozenset()
-    ) -> list[Rival]:
-        """Rivals that a linear model cannot rule out: those nearly as likely, and beside a formula
-        the likeliest names, however far behind; also what was tried beside others and not needed
-        there, but nothing that is ``barred``."""
-        own, _ = self.odds_of(chosen, name)
-        close = max(limits.CLOSE_NATS, limits.CHALLENGE * own)
-        every = self.rivals(chosen, name, refused=barred)
-        formula = bool(self.candidates[name].terms)
-        names = [r for r in every if not self.candidates[r.name].terms]
-        near = [r for r in every if r not in names and -r.ahead <= close]
-        names = [r for r in names if formula or -r.ahead <= close]
-        return [*names[: limits.RIVALS], *near[: limits.RIVALS]]
-
-
-@dataclass(frozen=True)
-class Rival:
-    """A candidate in the place of another: by how much its log odds are ahead of that one's, and
-    the choice with it."""
-
-    name: str
-    ahead: float
-    chosen: Chosen
 
 
 def twins_of(names: Sequence[str]) -> frozenset[str]:

@@ -19,10 +19,12 @@ from automap.effects.formula_text import parse_formula
 from automap.effects.signals import FIELDS, Signals
 from automap.effects.user import INERTIAL
 from automap.gap import limits
-from automap.gap.candidates import follows_time, is_course, signal_column, size_of, usual_sds
+from automap.gap.candidates import follows_time, is_course
+from automap.gap.columns import signal_column, size_of, usual_sds
 from automap.gap.limits import LEAST_BOXES, PLATEAUS
-from automap.gap.linear import Column, Inertial, Linear, NodeMotion
+from automap.gap.linear import Column, Inertial, Linear
 from automap.gap.mixing import Group, Mixing
+from automap.gap.nodes import NodeMotion
 from automap.gap.result import coefficient_names, equation
 from automap.records import FloatArray
 

@@ -1,17 +1,16 @@
 """Stepwise selection: which set of candidates a linear model is missing, by adding, swapping and
-dropping while the posterior odds rise.
+dropping while the posterior odds rise; and what may stand in the place of one that was chosen.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import replace
-
-import numpy as np
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 from automap.gap import limits
-from automap.gap.evidence import nats_of_parts, plain_nats
-from automap.gap.selection import Chosen, Selection, twins_of
+from automap.gap.evidence import apart
+from automap.gap.linear import Part
+from automap.gap.selection import Chosen, Key, Move, Selection
 
 TRIES = 40
 """Moves of one selection at most: each raises the odds, so this bounds the time only."""
@@ -45,7 +44,7 @@ def _swapped(selection: Selection, chosen: Chosen, limit: int) -> Chosen:
     for name in names:
         own, _ = selection.odds_of(chosen, name)
         best, instead = alone, chosen
-        for rival in selection.rivals(chosen, name)[: limits.RIVALS]:
+        for rival in rivals(selection, chosen, name)[: limits.RIVALS]:
             if rival.ahead < -0.5 * own or (name, rival.name) in selection.outdone:
                 continue
             more, with_more = _extended(selection, rival.chosen)
@@ -81,42 +80,92 @@ def pruned(selection: Selection, chosen: Chosen) -> Chosen:
     return chosen
 
 
-def swallowed(selection: Selection, chosen: Chosen, least: Mapping[int, float]) -> Chosen:
-    """The choice with the effect on one sensor whose axes together have the highest odds under
-    steadier biases beyond ``least``, sensor -> by how many nats drives are less likely where its
-    biases are so steady; none where there is no such.
+@dataclass(frozen=True)
+class Rival:
+    """A candidate in the place of another: by how much its log odds are ahead of that one's, and
+    the choice with it."""
 
-    Each axis alone scatters there with what the others do, so no part need hold by itself.
+    name: str
+    ahead: float
+    chosen: Chosen
+
+
+def rivals(
+    selection: Selection,
+    chosen: Chosen,
+    name: str,
+    names: Sequence[str] | None = None,
+    refused: frozenset[Key] | None = None,
+    part: Part | None = None,
+) -> list[Rival]:
+    """What may stand in a candidate's place, or in that of a ``part`` of it, best first, of the
+    candidates ``names``, but for parts that are ``refused``.
+
+    Both explain much the same of the same data under the same noise. So the scatter of both
+    scores is taken for the smaller of the two: what one of them has more is its own misfit, and
+    shows in what it explains.
     """
-    known, barred = selection.given(chosen), twins_of(chosen.names)
-    open_to, prior = [], []
-    for c in selection.candidates.values():
-        sensors = {s for part in c.parts for i in part for s in selection.linear.layout[i].sensors}
-        # what must be alike on all axes is no drift
-        if c.name in chosen.names or c.name in barred or c.isotropic or len(sensors) != 1:
+    # what is free beside a candidate is nobody's to explain in its place
+    beside = selection.always.joined(selection.candidates[name].beside, selection.linear, 1.0)
+    free = replace(selection, always=beside)
+    rest = chosen.without(name, part)
+    own = free.odds_of(chosen, name)[1] if part is None else [free.alone(rest, name, part)]
+    mine = max((m.evidence.overdispersion for m in own), default=1.0)
+    out = []
+    found = free.best(rest, names, refused=refused)
+    for other in dict.fromkeys(m.name for m in found if m.name != name):
+        candidate, instead = selection.candidates[other], rest
+        moves: list[Move] = []
+        for _ in candidate.parts:
+            more = free.best(instead, (other,), refused=refused)
+            if not more or (moves and more[0].odds <= 0.0):
+                break
+            moves.append(more[0])
+            instead = instead.joined(other, more[0].part, more[0].evidence.scale)
+        if not moves:
             continue
-        parts = [
-            part
-            for part in c.parts
-            if known.shows(part) and selection.key(c.name, part) not in selection.refused
+        common = min(mine, max(m.evidence.overdispersion for m in moves))
+        odds = [
+            sum(m.odds - m.evidence.nats + m.evidence.corrected(common) for m in side)
+            for side in (moves, own)
         ]
-        if len(parts) > 1:
-            open_to.append((c.name, parts))
-            prior.append(c.log_prior + len(parts) * c.log_choice - least[sensors.pop()])
-    if not open_to:
-        return chosen
-    wholes = [tuple(i for part in parts for i in part) for _, parts in open_to]
-    odds = nats_of_parts(known, wholes) + prior
-    at = int(np.argmax(odds))
-    if odds[at] <= 0.0:
-        return chosen
-    name, parts = open_to[at]
-    scale = plain_nats(known, wholes[at])[1]
-    more = chosen
-    for part in parts:
-        more = more.joined(name, part, scale)
-    # less the axes that are not needed beside the others
-    own = replace(selection, needed=frozenset(chosen.names))
-    while (fewer := pruned(own, more)) != more:
-        more = fewer
-    return more
+        out.append(Rival(other, odds[0] - odds[1], instead))
+    return sorted(out, key=lambda r: -r.ahead)
+
+
+def told_apart(
+    selection: Selection, rival: Rival, chosen: Chosen, name: str, part: Part | None = None
+) -> bool:
+    """Whether a chosen candidate, or a ``part`` of it, is needed even beside a rival of it, as
+    any name is, or what it explains more than the rival in its place is beyond its scatter from
+    stretch to stretch: two that do nearly the same leave little to each other, and noise that
+    is not as modelled decides between them."""
+    rest = chosen.without(name, part)
+    mine = tuple(p for p in chosen.parts if p not in rest.parts)
+    known = selection.given(rival.chosen)
+    if any(known.shows(p) for _, p, _ in mine):
+        if part is not None:
+            odds = selection.alone(rival.chosen, name, part).odds
+        else:
+            odds = selection.odds_of(Chosen((*rival.chosen.parts, *mine)), name)[0]
+        if odds >= limits.LEAST_ODDS:
+            return True
+    its = tuple(i for p in rival.chosen.parts if p not in rest.parts for i in p[1])
+    own = tuple(i for _, p, _ in mine for i in p)
+    return apart(selection.given(rest), own, its) > limits.APART
+
+
+def close_rivals(
+    selection: Selection, chosen: Chosen, name: str, barred: frozenset[Key] = frozenset()
+) -> list[Rival]:
+    """Rivals that a linear model cannot rule out: those nearly as likely, and beside a formula
+    the likeliest names, however far behind; also what was tried beside others and not needed
+    there, but nothing that is ``barred``."""
+    own, _ = selection.odds_of(chosen, name)
+    close = max(limits.CLOSE_NATS, limits.CHALLENGE * own)
+    every = rivals(selection, chosen, name, refused=barred)
+    formula = bool(selection.candidates[name].terms)
+    names = [r for r in every if not selection.candidates[r.name].terms]
+    near = [r for r in every if r not in names and -r.ahead <= close]
+    names = [r for r in names if formula or -r.ahead <= close]
+    return [*names[: limits.RIVALS], *near[: limits.RIVALS]]

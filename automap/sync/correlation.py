@@ -102,12 +102,16 @@ class Channel:
         self.start, self.end, self.speed, self.target = start, end, speed, target
         self.is_turn = is_turn
         self.weight = np.ones(len(start))
-        self._designs: dict[float, FloatArray] = {}
+        self._known: tuple[bytes, FloatArray] = (b"", np.zeros(0))
         self.noise = 0.1  # m/s of the target, better known after the first pass
 
     def scores(self, lags: FloatArray) -> FloatArray:
         """-2 log likelihood [lags] up to a constant."""
-        squares = [float(self.weight @ self.fit(lag)[0] ** 2) for lag in lags.tolist()]
+        if self._known[0] != lags.tobytes():
+            self._known = lags.tobytes(), self._designs(lags)
+        designs = self._known[1]
+        left = self.target - (designs @ self._solve(designs, self.target)[..., None])[..., 0]
+        squares = [float(self.weight @ each**2) for each in left]
         return float(self.weight.sum()) * np.log(np.maximum(squares, 1e-12))
 
     def reweight(self, lag: float) -> None:
@@ -149,30 +153,33 @@ class Channel:
         return self.target - design @ beta, design, beta
 
     def _design(self, lag: float) -> FloatArray:
-        """Regressors [n, k] at a lag; kept, for every pass needs the same ones."""
-        design = self._designs.get(lag)
-        if design is None:
-            design = self._designs[lag] = self._regressors(lag)
-        return design
+        """Regressors [n, k] at a lag."""
+        return np.asarray(self._designs(np.array([lag]))[0])
 
-    def _regressors(self, lag: float) -> FloatArray:
-        seen = np.nan_to_num(self.imu.between(self.start + lag, self.end + lag))
-        ones = np.ones(len(seen))
+    def _designs(self, lags: FloatArray) -> FloatArray:
+        """Regressors [l, n, k] at lags [l]."""
+        start, end = self.start + lags[:, None], self.end + lags[:, None]
+        seen = np.nan_to_num(self.imu.between(start, end))
+        level, ones = (seen[..., 1], seen[..., 2]), np.ones(start.shape)
         if self.is_turn:
-            turned = self.speed * seen[:, 0]
+            turned = self.speed * seen[..., 0]
             # the course leads the heading by arm * rate / speed ahead of the rear axle, and
             # trails it by the slip of the tyres, in proportion to rate * speed
-            swing = self.imu.rate(self.end + lag) - self.imu.rate(self.start + lag)
+            swing = self.imu.rate(end) - self.imu.rate(start)
             slip = self.speed**2 * swing
-            return np.column_stack([swing, slip, turned, self.speed, seen[:, 1], seen[:, 2], ones])
-        return np.column_stack([seen[:, 1], seen[:, 2], ones])
+            speed = np.broadcast_to(self.speed, start.shape)
+            return np.stack([swing, slip, turned, speed, *level, ones], axis=-1)
+        return np.stack([*level, ones], axis=-1)
 
     def _solve(self, design: FloatArray, target: FloatArray) -> FloatArray:
+        """Coefficients [..., k] of designs [..., n, k] that fit a target [n] best."""
         weighted = design * self.weight[:, None]
-        normal = design.T @ weighted
-        normal[np.diag_indices_from(normal)] *= 1.0 + 1e-9
-        normal[np.diag_indices_from(normal)] += 1e-9
+        normal = np.swapaxes(design, -1, -2) @ weighted
+        at = np.arange(normal.shape[-1])
+        normal[..., at, at] *= 1.0 + 1e-9
+        normal[..., at, at] += 1e-9
         if self.is_turn:
-            normal[0, 0] += (self.noise / limits.ARM_SD_M) ** 2
-            normal[1, 1] += (self.noise / limits.SLIP_SD) ** 2
-        return np.asarray(np.linalg.solve(normal, weighted.T @ target))
+            normal[..., 0, 0] += (self.noise / limits.ARM_SD_M) ** 2
+            normal[..., 1, 1] += (self.noise / limits.SLIP_SD) ** 2
+        right = np.swapaxes(weighted, -1, -2) @ target
+        return np.asarray(np.linalg.solve(normal, right[..., None])[..., 0])

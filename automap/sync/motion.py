@@ -31,13 +31,13 @@ class ImuMotion:
     integral: FloatArray
 
     def at(self, t_s: FloatArray) -> FloatArray:
-        """The integrals [m, 4] at times [m]; those at the ends beyond them."""
+        """The integrals [..., 4] at times [...]; those at the ends beyond them."""
         right, part = self._place(t_s)
         before = self.integral[right - 1]
-        return np.asarray(before + part[:, None] * (self.integral[right] - before))
+        return np.asarray(before + part[..., None] * (self.integral[right] - before))
 
     def rate(self, t_s: FloatArray) -> FloatArray:
-        """Rate of heading at times [m], rad/s, the mean over a tenth of a second."""
+        """Rate of heading at times [...], rad/s, the mean over a tenth of a second."""
         return (self._heading(t_s + 0.05) - self._heading(t_s - 0.05)) / 0.1
 
     def turn_noise(self) -> float:
@@ -54,17 +54,17 @@ class ImuMotion:
         return np.asarray(before + part * (self.integral[right, 0] - before))
 
     def _place(self, t_s: FloatArray) -> tuple[IntArray, FloatArray]:
-        """The sample after each time [m] and how far towards it, 0 to 1."""
+        """The sample after each time [...] and how far towards it, 0 to 1."""
         right = np.clip(np.searchsorted(self.t_s, t_s), 1, len(self.t_s) - 1)
         before, after = self.t_s[right - 1], self.t_s[right]
         return right, np.clip((t_s - before) / (after - before), 0.0, 1.0)
 
     def between(self, start: FloatArray, end: FloatArray) -> FloatArray:
-        """Increments [m, 3] over intervals [m]; NaN outside the recording and across gaps."""
+        """Increments [..., 3] over intervals [...]; NaN outside the recording and across gaps."""
         steps = self.at(end) - self.at(start)
-        lost = (start < self.t_s[0]) | (end > self.t_s[-1]) | (steps[:, 3] > 1e-9)
+        lost = (start < self.t_s[0]) | (end > self.t_s[-1]) | (steps[..., 3] > 1e-9)
         steps[lost] = np.nan
-        return steps[:, :3]
+        return steps[..., :3]
 
     def filtered(self, time_s: float) -> ImuMotion:
         """The integrals behind a first-order low-pass of the time constant ``time_s``; the seconds

@@ -7,6 +7,7 @@ from types import SimpleNamespace
 from typing import Any, cast
 
 from automap.gap.confirm import Judge
+from automap.gap.reforming import Forms
 from automap.gap.search import Search
 from automap.gap.selection import Chosen, Selection
 
@@ -21,6 +22,7 @@ SELECTION = cast(
         },
         log_prior=lambda chosen: 0.0,
         of_vehicle=lambda chosen, names: False,
+        sensors=lambda chosen, name: frozenset(),
         keys=lambda chosen: frozenset((name, part) for name, part, _ in chosen.parts),
     ),
 )
@@ -41,8 +43,11 @@ class Asked(Search):
         self.log, self.outdone, self.borne_out = print, set(), {}
         self.compared = Counter()
         self.judge, self.swallowed, self.tried = Heard(cast("Any", ["a drive"])), set(), {}
+        self.screening = cast("Any", None)
         self.sets: list[tuple[str, ...]] = []
-        self.alike, self.resembling = {}, {}
+        self.drifts = {}
+        self.forms = Forms(self.screening, self.judge, {}, print)
+        self.forms.as_drift = self._as_drift  # type: ignore[method-assign]
 
     def _fit(self, here: Any, selection: Selection, chosen: Chosen) -> Any:
         self.sets.append(chosen.names)

@@ -7,10 +7,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from automap.fusion.layout import CH_ZUPT
-from automap.gap.candidates import candidates_of, named_columns
+from automap.gap.candidates import candidates_of
+from automap.gap.columns import named_columns
 from automap.gap.fit import Fit, whitened_innovations
-from automap.gap.linear import Column, Linear, linearised, motions_of
+from automap.gap.linear import Column, Linear
+from automap.gap.nodes import motions_of
 from automap.gap.selection import Selection
+from automap.gap.sensitivity import linearised
 from automap.gap.whitening import Rows
 from automap.records import BoolArray, FloatArray
 

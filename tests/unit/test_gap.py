@@ -13,13 +13,15 @@ from automap.effects import CATALOGUE
 from automap.effects.user import set_user_effects
 from automap.errors import InputError
 from automap.gap import GapDrive, base_model, find_gaps
-from automap.gap.candidates import effect_columns, library
+from automap.gap.candidates import library
+from automap.gap.columns import effect_columns
 from automap.gap.drive import open_drive
 from automap.gap.fit import Fit, fit_drive, without
-from automap.gap.linear import node_motion, sensitivities
 from automap.gap.motion import motion_of
+from automap.gap.nodes import node_motion
 from automap.gap.result import advice
 from automap.gap.selection import Chosen
+from automap.gap.sensitivity import sensitivities
 from automap.gap.whitening import fit_whitener, white_rows
 from automap.simulation.scenario import Gnss, Imu, Leg, Route, Scenario, Start, Stop, Vehicle
 from automap.simulation.sensors import random_streams, simulate_sensors

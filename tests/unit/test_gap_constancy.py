@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 
 from automap.gap import base_model
-from automap.gap.candidates import named_columns
+from automap.gap.columns import named_columns
 from automap.gap.constancy import drifts
 from automap.gap.drive import GapDrive, open_drive
 from automap.gap.fit import ORIGIN, SKEW, Values, fit_drive
 from automap.gap.found import Beside
-from automap.gap.linear import Column, NodeMotion
+from automap.gap.linear import Column
+from automap.gap.nodes import NodeMotion
 from automap.gap.result import Drift
 from automap.gap.selection import Chosen
 from automap.records import FloatArray

@@ -12,10 +12,10 @@ from automap.earth import metres_per_radian
 from automap.effects.measured_kernels import course_changes
 from automap.fusion.layout import CH_VEL
 from automap.gap import base_model
-from automap.gap.candidates import named_columns
+from automap.gap.columns import named_columns
 from automap.gap.drive import open_drive
 from automap.gap.fit import Fit, fit_drive
-from automap.gap.linear import Given, conditional, linearised, motions_of
+from automap.gap.linear import Given, conditional
 from automap.gap.motion import (
     Delays,
     Motion,
@@ -26,7 +26,9 @@ from automap.gap.motion import (
     linear_in_delays,
     motion_of,
 )
+from automap.gap.nodes import motions_of
 from automap.gap.noise import Fitted, fitted_about
+from automap.gap.sensitivity import linearised
 from automap.records import FloatArray
 from tests.unit.gap_values import estimates, value_of
 from tests.unit.test_gap import simulated

@@ -5,15 +5,16 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from types import SimpleNamespace
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 import pytest
 
 from automap.gap import base_model, limits
+from automap.gap import doubt as module
 from automap.gap.candidates import Candidate
 from automap.gap.chance import p_value
-from automap.gap.doubt import doubt, formula_in_place, given_up, in_noise
+from automap.gap.doubt import doubt, formula_in_place, given_up, in_drift, in_noise
 from automap.gap.linear import Column
 from automap.gap.naming import chance
 from automap.gap.noise import Fitted
@@ -121,3 +122,39 @@ def test_what_raised_noise_took_is_told_under_the_noise_as_stated(
     screening = SimpleNamespace(selection=lambda here, slow: missing.selection)
     found = in_noise(nothing, cast(Screening, screening), stated, chance(missing))
     assert [one.where for one in found] == ["gyro_scale"] * told
+
+
+@pytest.mark.parametrize(
+    ("odds", "terms", "already", "told"),
+    [
+        (9.0, (), (), True),
+        # not a hundred to one
+        (4.0, (), (), False),
+        # the drift itself is told, with the name beside it
+        (9.0, (), ("gyro_bias_walk",), False),
+        # courses of time follow any sway
+        (9.0, (("gyro_z", "step(time - 20.5)"),), (), False),
+    ],
+)
+def test_what_drift_says_nearly_as_well_is_missing(
+    monkeypatch: pytest.MonkeyPatch,
+    odds: float,
+    terms: tuple[tuple[str, str], ...],
+    already: tuple[str, ...],
+    told: bool,
+) -> None:
+    asked: list[tuple[int, ...]] = []
+
+    def shown(known: Any, part: tuple[int, ...]) -> tuple[int, float]:
+        asked.append(part)
+        return 2, 1.5
+
+    monkeypatch.setattr(module, "shown_by", shown)
+    warm = Candidate("gyro_temperature", ((3,), (4,), (5,)), -4.0, terms=terms)
+    selection = SimpleNamespace(given=lambda chosen: None, candidates={warm.name: warm})
+    as_drift = {"gyro_bias_walk": (warm.name, odds)}
+    found: Any = SimpleNamespace(selection=selection, chosen=None, as_drift=as_drift)
+    missing = in_drift(found, already)
+    assert [m.where for m in missing] == ([warm.name] if told else [])
+    assert asked == ([(3, 4, 5)] if told else [])
+    assert all(m.p_value < limits.SUSPECTED for m in missing)

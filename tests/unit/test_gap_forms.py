@@ -9,11 +9,12 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from automap.gap import base_model, confirm, limits, search
+from automap.gap import base_model, confirm, limits, reforming, search
 from automap.gap.candidates import Candidate
 from automap.gap.confirm import Judge
 from automap.gap.linear import Column
 from automap.gap.noise import Fitted, Joint
+from automap.gap.reforming import Forms, Screened
 from automap.gap.screening import Screening
 from automap.gap.search import Search
 from automap.gap.selection import Chosen, Move
@@ -74,11 +75,11 @@ def test_of_forms_that_say_much_the_same_the_filter_tells_one_step_by_step(
     told: str | None,
     alike: tuple[str, ...],
 ) -> None:
-    asked = Asked()
+    asked = Forms(None, None, {}, print)  # type: ignore[arg-type]
     # the linear model has the first two the other way round
     near = {"rate_z": first, SQUARED: (BENT,)}
     asked.screening = cast(
-        "Screening",
+        "Screened",
         SimpleNamespace(
             refinements={},
             entangled=lambda joint, selection, chosen, name: [],
@@ -102,7 +103,7 @@ def test_of_forms_that_say_much_the_same_the_filter_tells_one_step_by_step(
         of_vehicle=lambda chosen, names: False,
         suspected=lambda chosen: [],
     )
-    formed = asked._formed(fit_of("rate_z"), formulas, only("rate_z"), ending=False)
+    formed = asked.better(fit_of("rate_z"), formulas, only("rate_z"), ending=False)
     assert (formed and formed.names[0]) == told
     assert asked.alike.get(f"gyro_z += k * {told or 'rate_z'}", ()) == tuple(
         f"gyro_z += k * {f}" for f in alike
@@ -138,9 +139,9 @@ def test_what_is_suspected_is_told_in_the_form_that_is_sure(
     ending: bool,
     told: str | None,
 ) -> None:
-    asked = Asked()
+    asked = Forms(None, None, {}, print)  # type: ignore[arg-type]
     asked.screening = cast(
-        "Screening",
+        "Screened",
         SimpleNamespace(
             refinements={},
             entangled=lambda joint, selection, chosen, name: [],
@@ -167,7 +168,7 @@ def test_what_is_suspected_is_told_in_the_form_that_is_sure(
         suspected=lambda chosen: [move_of(n, odds) for n, odds in suspects.items()],
     )
     chosen = Chosen(tuple((name, (0,), 1.0) for name in names))
-    formed = asked._formed(fit_of("nothing"), formulas, chosen, ending)
+    formed = asked.better(fit_of("nothing"), formulas, chosen, ending)
     assert (formed and formed.names[0]) == told
 
 
@@ -184,10 +185,10 @@ def test_forms_come_before_courses_of_time_and_what_comes_to_nothing_costs_no_ro
         def _proposed(
             self, here: Any, selection: Any, found: Chosen, louder: Any, slow: Any
         ) -> Any:
+            # what is there is fitted before more is sought beside it under other noise
+            assert found.names == ("formula",)
+            assert "fit" in done
             return found.joined("plateau", (1,), 1.0) if slow else found
-
-        def _formed(self, *about: Any) -> None:
-            done.append("forms")
 
         def _reconsidered(self, *about: Any) -> None:
             done.append("rivals")
@@ -224,6 +225,7 @@ def test_forms_come_before_courses_of_time_and_what_comes_to_nothing_costs_no_ro
     told: dict[str, Any] = dict(names=(), effects={}, options=model.options)
     told |= dict(selection=selected, refined=refined, not_borne_out=not_borne_out)
     asked.screening = cast("Screening", SimpleNamespace(**told))
+    monkeypatch.setattr(asked.forms, "better", lambda *about: done.append("forms"))
     asked.run()
     # what the filter does not bear out was fitted to tell, and nothing is made anew for it
     tried = [] if brief else ["fit"]
@@ -286,11 +288,10 @@ def test_a_formula_in_its_own_form_stands_beside_the_name_that_it_resembles(
     instead: bool,
     noted: bool,
 ) -> None:
-    monkeypatch.setattr(search, "nats_of_parts", lambda known, parts: np.array([share * 100.0]))
-    monkeypatch.setattr(search, "with_noise", lambda fitted, stated: fitted)
-    asked = Asked()
-    asked.stated = {}
-    monkeypatch.setattr(search, "likelier", lambda one, other: (beyond_drift, 9.0))
+    monkeypatch.setattr(reforming, "nats_of_parts", lambda known, parts: np.array([share * 100.0]))
+    monkeypatch.setattr(reforming, "with_noise", lambda fitted, stated: fitted)
+    asked = Forms(None, None, {}, print)  # type: ignore[arg-type]
+    monkeypatch.setattr(reforming, "likelier", lambda one, other: (beyond_drift, 9.0))
     asked.judge = cast(
         "Judge",
         SimpleNamespace(
@@ -310,7 +311,7 @@ def test_a_formula_in_its_own_form_stands_beside_the_name_that_it_resembles(
         sensors=lambda chosen, name: {1},
     )
     asked.screening = cast(
-        "Screening",
+        "Screened",
         SimpleNamespace(
             refinements={},
             forms=lambda here, selection, chosen, name, gone: [
@@ -320,7 +321,8 @@ def test_a_formula_in_its_own_form_stands_beside_the_name_that_it_resembles(
             states=lambda here, selection, chosen: fit_of(chosen.names[0]),
         ),
     )
-    found = asked._form_instead(fit_of(WARM), selection, only(WARM), WARM, 100.0)
+    monkeypatch.setattr(asked, "as_drift", lambda *about: fit_of("drift"))
+    found = asked.in_place(fit_of(WARM), selection, only(WARM), WARM, 100.0)
     assert (found is not None) == instead
     assert found is None or found[1].names == (SHADE,)
     told = asked.resembling.get((WARM, frozenset()), "")

@@ -27,8 +27,8 @@ from automap.gap.dictionary import (
 from automap.gap.drive import open_drive
 from automap.gap.fit import Fit, fit_drive
 from automap.gap.found import in_layout
-from automap.gap.linear import node_motion
 from automap.gap.motion import motion_of
+from automap.gap.nodes import node_motion
 from automap.gap.noise import Fitted
 from automap.gap.result import equation
 from automap.gap.screening import Screening

@@ -8,13 +8,16 @@ import pytest
 from automap.effects import CATALOGUE
 from automap.fusion.layout import CH_POS, MAX_SCALARS
 from automap.gap import base_model
-from automap.gap.candidates import library, named_columns, term_columns
+from automap.gap.candidates import library
+from automap.gap.columns import named_columns, term_columns
 from automap.gap.drive import open_drive
 from automap.gap.fit import Fit, fit_drive
-from automap.gap.linear import Column, Direct, NodeMotion, linearised, motions_of
+from automap.gap.linear import Column, Direct
 from automap.gap.naming import identifiability
 from automap.gap.neighbours import Terms
+from automap.gap.nodes import NodeMotion, motions_of
 from automap.gap.result import BODY, MOUNT, STRETCHED, TURNED, elsewhere
+from automap.gap.sensitivity import linearised
 from automap.records import FloatArray, IntArray
 from tests.unit.test_gap import simulated
 

@@ -13,9 +13,9 @@ from automap.gap import base_model, limits
 from automap.gap.drive import GapDrive, open_drive
 from automap.gap.fit import Fit, fit_drive
 from automap.gap.found import Beside
-from automap.gap.linear import node_motion
 from automap.gap.misfit import AFTER
 from automap.gap.motion import motion_of
+from automap.gap.nodes import node_motion
 from automap.gap.responses import MANOEUVRES, STEPS_S, Response, response_columns, responses
 from automap.gap.selection import Chosen
 from automap.records import FloatArray

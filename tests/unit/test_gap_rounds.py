@@ -110,12 +110,26 @@ def test_what_drift_would_say_is_no_evidence(
     monkeypatch: pytest.MonkeyPatch, by_filter: float, told: float | None
 ) -> None:
     asked = Asked()
+    monkeypatch.setattr(asked.judge, "ahead", lambda *about, **more: (by_filter, 9.0))
     monkeypatch.setattr(search, "likelier", lambda one, other: (by_filter, 9.0))
     both = Chosen((*only(LATE).parts, (LOW_PASSED, (1,), 1.0)))
     kept = asked._beyond_drift(HERE, on_sensor(), both)
     assert asked.sets == [(LATE,)]
     assert kept == (only(LATE) if told is None else both)
     assert told is None or asked.nats == {LOW_PASSED: told}
+
+
+@pytest.mark.parametrize(("by_all", "may_be"), [(5.0, True), (-5.0, False)])
+def test_what_drift_says_nearly_as_well_is_told_beside_the_drift(
+    monkeypatch: pytest.MonkeyPatch, by_all: float, may_be: bool
+) -> None:
+    asked = Asked()
+    monkeypatch.setattr(asked.judge, "ahead", lambda *about, **more: (by_all, 1.0))
+    monkeypatch.setattr(search, "likelier", lambda one, other: (5.0, 1.0))
+    both = Chosen((*only(LATE).parts, (LOW_PASSED, (1,), 1.0)))
+    assert asked._beyond_drift(HERE, on_sensor(), both) == only(LATE)
+    told = {"gyro_bias_walk": (LOW_PASSED, 2.0, {LATE})}
+    assert asked.drifts == (told if may_be else {})
 
 
 @pytest.mark.parametrize("of_vehicle", [False, True])
@@ -150,6 +164,27 @@ def test_of_two_that_do_the_same_one_is_borne_out_where_either_would_do(strength
     out = asked.not_borne_out(cast("Fitted", here), selection, chosen)
     assert len(out) == (1 if strength > 4.0 else 2)
     assert "formula_accel_z" in out
+
+
+@pytest.mark.parametrize(("sigmas", "stays"), [(6.0, True), (3.0, False)])
+def test_axes_that_are_nothing_cost_those_that_act_nothing(sigmas: float, stays: bool) -> None:
+    warm = "gyro_temperature"
+    names = tuple((warm, axis) for axis in "xyz")
+    # in units of the priors, known to a twentieth
+    values, cov = 0.05 * np.array([0.3, sigmas, 0.2]), 0.05**2 * np.eye(3)
+    here = SimpleNamespace(joint=lambda: Joint(names, values, cov, 0.0))
+    columns = [Column(effect, parameter, 1.0) for effect, parameter in names]
+    candidate = Candidate(warm, ((0,), (1,), (2,)), math.log(0.05), -math.log(3.0))
+    linear = SimpleNamespace(layout=columns, prior_sd=np.ones(3))
+    selection: Any = SimpleNamespace(linear=linear, candidates={warm: candidate})
+    chosen = Chosen(tuple((warm, (i,), 1.0) for i in range(3)))
+    asked = object.__new__(Screening)
+    asked.effects, asked.refinements = {warm: warm}, {}
+    assert asked.not_borne_out(cast("Fitted", here), selection, chosen) == ([] if stays else [warm])
+    # as well as alone: 18 nats, less ln 20 of the prior's width, of the name and one axis
+    worth = asked._worth(here.joint(), selection, chosen, warm)
+    alone = asked._worth(here.joint(), selection, Chosen(((warm, (1,), 1.0),)), warm)
+    assert worth == pytest.approx(alone)
 
 
 def test_the_noise_of_a_set_that_was_fitted_before_is_not_sought_from_everywhere_again(
@@ -278,7 +313,7 @@ def test_velocities_are_as_much_older_than_positions_as_the_age_of_these_lets_be
 
 @pytest.mark.parametrize("steady", [True, False])
 def test_what_takes_the_place_of_one_from_swallowed_biases_is_asked_as_that(
-    steady: bool,
+    monkeypatch: pytest.MonkeyPatch, steady: bool
 ) -> None:
     warm, warms_up = "gyro_temperature", "gyro_warm_up"
     asked = Asked()
@@ -298,11 +333,58 @@ def test_what_takes_the_place_of_one_from_swallowed_biases_is_asked_as_that(
     asked.judge = cast("Judge", SimpleNamespace(ahead=lambda *about: (2.0, 1.0)))
     selection: Any = SimpleNamespace(
         candidates={name: SimpleNamespace(terms=()) for name in (warm, warms_up)},
-        close_rivals=lambda chosen, name: [SimpleNamespace(name=warms_up, chosen=only(warms_up))],
         of_vehicle=lambda chosen, names: False,
         log_prior=lambda chosen: 0.0,
     )
+    rival = SimpleNamespace(name=warms_up, chosen=only(warms_up))
+    monkeypatch.setattr(search, "close_rivals", lambda selection, chosen, name: [rival])
     instead = asked._decided(fit_of(warm), selection, only(warm))
     assert instead is not None
     assert instead.names == (warms_up,)
     assert (warms_up in asked.swallowed) == steady
+
+
+@pytest.mark.parametrize(
+    ("sigmas", "instead"), [(2.0, "gyro_g_sensitivity"), (4.0, None)], ids=["close", "clear"]
+)
+def test_a_search_that_ends_still_asks_its_formulas_whether_they_are_a_name(
+    monkeypatch: pytest.MonkeyPatch, sigmas: float, instead: str | None
+) -> None:
+    name, formula, other = "gyro_g_sensitivity", "gyro_y += k * force_x * speed", "gyro_y += k * x"
+    asked, sets = Asked(), list[str]()
+
+    def states(here: Any, selection: Any, chosen: Chosen) -> Any:
+        sets.append(chosen.names[0])
+        return fit_of(chosen.names[0])
+
+    asked.spoken_against, asked.close = [], {"imu_mounting": ("gnss_lever_arm",)}
+    asked.screening = cast(
+        "Screening",
+        SimpleNamespace(
+            effects={},
+            nats=lambda joint, selection, chosen, name: 1000.0,
+            refined=lambda here, selection, chosen: (chosen, []),
+            seed=lambda name: name,
+            states=states,
+            not_borne_out=lambda fitted, selection, chosen: [],
+        ),
+    )
+    # by less than a tenth, so that it must be beyond all doubt
+    asked.judge = cast("Judge", SimpleNamespace(ahead=lambda *about: (-50.0, -sigmas)))
+    selection: Any = SimpleNamespace(
+        candidates={
+            n: SimpleNamespace(terms=() if n == name else (("gyro_y", n),))
+            for n in (name, formula, other)
+        },
+        of_vehicle=lambda chosen, names: False,
+        log_prior=lambda chosen: 0.0,
+    )
+    rivals = [SimpleNamespace(name=n, chosen=only(n)) for n in (other, name)]
+    monkeypatch.setattr(search, "close_rivals", lambda selection, chosen, name: rivals)
+    found = asked._decided(fit_of(formula), selection, only(formula), ending=True)
+    assert (found and found.names[0]) == instead
+    # no formula in its place, and what was found of names before is not forgotten
+    assert sets == [name]
+    assert asked.close["imu_mounting"] == ("gnss_lever_arm",)
+    assert asked._decided(fit_of(name), selection, only(name), ending=True) is None
+    assert sets == [name]

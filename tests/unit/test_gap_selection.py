@@ -12,9 +12,9 @@ import pytest
 from automap.gap import limits
 from automap.gap.candidates import Candidate
 from automap.gap.linear import Given, Linear
-from automap.gap.search import Search
+from automap.gap.reforming import log_prior
 from automap.gap.selection import Chosen, Selection, twins_of
-from automap.gap.stepwise import select, swallowed
+from automap.gap.stepwise import close_rivals, rivals, select, told_apart
 from automap.records import FloatArray
 from tests.unit.gap_linear import columns_named, linear_of
 
@@ -68,31 +68,21 @@ def test_noise_has_nothing_selected() -> None:
         assert selected(alone(linear_with(phi, w))) == set()
 
 
-@pytest.mark.parametrize(
-    ("least", "refused", "beyond", "axes"),
-    [(5.0, (), 0, 3), (5.0, ("p5",), 0, 2), (60.0, (), 0, 0), (5.0, (), 1, 0)],
-)
-def test_axes_that_are_weak_alone_are_proposed_together(
-    least: float, refused: tuple[str, ...], beyond: int, axes: int
-) -> None:
-    """``beyond``: the third axis is another sensor's, which does not drift with the first."""
+def test_what_acts_on_a_sensor_is_asked_with_all_its_axes() -> None:
     phi, w = noise(1)
-    # each axis speaks for itself by some nats, less than a name takes
-    linear = linear_with(
-        phi, w - phi @ np.linalg.lstsq(phi, w)[0] + phi[:, 4:7] @ np.full(3, 0.105)
-    )
+    linear = linear_with(phi, w)
     layout = tuple(
-        replace(c, sensors=frozenset((int(i == 6) * beyond,))) for i, c in enumerate(linear.layout)
+        replace(c, sensors=frozenset({0} if 4 <= i <= 6 else ()))
+        for i, c in enumerate(linear.layout)
     )
     selection = alone(replace(linear, layout=layout))
-    for i in (4, 5, 6):
-        del selection.candidates[f"e{i}"]
-    selection.candidates["warm"] = Candidate("warm", ((4,), (5,), (6,)), math.log(1e-2), -1.1)
-    selection.refused = frozenset(("warm", (p,)) for p in refused)
-    assert select(selection, Chosen(), limits.MAX_FINDINGS).names == ()
-    proposed = swallowed(selection, Chosen(), {0: least, 1: 0.0})
-    assert proposed.names == (("warm",) if axes else ())
-    assert len(proposed.parts) == axes
+    selection.candidates["warm"] = Candidate("warm", ((4,), (5,), (6,)), -4.0)
+    selection.candidates["late"] = Candidate("late", ((7,), (8,)), -4.0)
+    chosen = Chosen((("warm", (5,), 5.0), ("late", (7,), 1.0)))
+    whole = selection.whole(chosen)
+    assert whole.parts[:2] == chosen.parts
+    assert whole.parts[2:] == (("warm", (4,), 5.0), ("warm", (6,), 5.0))
+    assert selection.whole(whole) == whole
 
 
 def test_what_is_not_needed_is_dropped() -> None:
@@ -232,10 +222,10 @@ def test_rivals_come_with_how_far_they_are_ahead() -> None:
     phi[:, 1] = phi[:, 0] + 0.5 * phi[:, 1]
     selection = alone(linear_with(phi, w + 0.25 * phi[:, 0]))
     best, behind = (of(selection, name) for name in ("e0", "e1"))
-    (rival, *_) = selection.rivals(best, "e0")
+    (rival, *_) = rivals(selection, best, "e0")
     assert (rival.name, rival.chosen.names) == ("e1", ("e1",))
     assert rival.ahead < -5.0
-    (back, *_) = selection.rivals(behind, "e1")
+    (back, *_) = rivals(selection, behind, "e1")
     assert back.name == "e0"
     assert back.ahead == pytest.approx(-rival.ahead, abs=1e-6)
 
@@ -250,9 +240,9 @@ def test_rivals_are_told_apart_by_what_stretches_say_and_not_by_the_noise_as_mod
     loud = (np.arange(ROWS) // 80) % 6 == 2
     selection = alone(linear_with(phi, np.where(loud, shaken, 1.0) * w + 0.25 * phi[:, 0]))
     chosen = of(selection, "e0")
-    (rival,) = (r for r in selection.rivals(chosen, "e0", ["e1"]))
+    (rival,) = (r for r in rivals(selection, chosen, "e0", ["e1"]))
     assert rival.ahead < -limits.CLOSE_NATS
-    assert selection.told_apart(rival, chosen, "e0") == apart
+    assert told_apart(selection, rival, chosen, "e0") == apart
 
 
 def test_another_may_stand_in_the_place_of_one_axis_alone() -> None:
@@ -263,8 +253,8 @@ def test_another_may_stand_in_the_place_of_one_axis_alone() -> None:
     chosen = Chosen((("both", (0,), 1.0), ("both", (1,), 1.0)))
 
     def apart(part: tuple[int, ...] | None) -> bool:
-        (rival,) = selection.rivals(chosen, "both", ["e2"], part=part)
-        return selection.told_apart(rival, chosen, "both", part)
+        (rival,) = rivals(selection, chosen, "both", ["e2"], part=part)
+        return told_apart(selection, rival, chosen, "both", part)
 
     # it does what the second axis does, and nothing of the first
     assert apart(None)
@@ -276,8 +266,8 @@ def test_what_is_needed_beside_another_is_no_rival_of_it() -> None:
     # both act, and neither stands for the other
     selection = alone(linear_with(phi, w + 0.2 * phi[:, 0] + 0.2 * phi[:, 1]))
     chosen = of(selection, "e0")
-    (rival,) = (r for r in selection.rivals(chosen, "e0", ["e1"]))
-    assert selection.told_apart(rival, chosen, "e0")
+    (rival,) = (r for r in rivals(selection, chosen, "e0", ["e1"]))
+    assert told_apart(selection, rival, chosen, "e0")
 
 
 def test_a_wrong_first_choice_is_swapped_once_what_it_stood_for_is_there() -> None:
@@ -308,11 +298,11 @@ def with_formula(behind: Mapping[str, float]) -> Selection:
 
 def test_a_formula_is_held_against_names_however_far_behind() -> None:
     selection = with_formula({"e1": 0.1, "e2": 1.5})
-    close = {r.name for r in selection.close_rivals(of(selection, "e0"), "e0")}
+    close = {r.name for r in close_rivals(selection, of(selection, "e0"), "e0")}
     assert close == {"e1", "e2"}
     # between names only what comes near counts
     selection.candidates["e0"] = Candidate("e0", ((0,),), -math.log(COLUMNS))
-    close = {r.name for r in selection.close_rivals(of(selection, "e0"), "e0")}
+    close = {r.name for r in close_rivals(selection, of(selection, "e0"), "e0")}
     assert close == {"e1"}
 
 
@@ -323,8 +313,8 @@ def test_what_was_not_needed_beside_others_may_still_stand_in_a_place() -> None:
     chosen = of(selection, "e0")
     # it was tried, say beside e0 itself
     selection.refused = frozenset({selection.key("e1", (1,))})
-    assert not [r for r in selection.rivals(chosen, "e0") if r.name == "e1"]
-    assert [r.name for r in selection.close_rivals(chosen, "e0")] == ["e1"]
+    assert not [r for r in rivals(selection, chosen, "e0") if r.name == "e1"]
+    assert [r.name for r in close_rivals(selection, chosen, "e0")] == ["e1"]
 
 
 def test_courses_of_time_that_show_much_the_same_are_barred_together() -> None:
@@ -346,7 +336,7 @@ def test_of_two_that_do_the_same_the_one_with_fewer_parameters_is_likelier() -> 
     for name, count in (("e0", 3), ("e1", 9)):
         known = selection.candidates[name]
         selection.candidates[name] = replace(known, log_choice=-math.log(count))
-    priors = [Search._log_prior(selection, of(selection, n)) for n in ("e0", "e1")]
+    priors = [log_prior(selection, of(selection, n)) for n in ("e0", "e1")]
     assert priors[0] - priors[1] == pytest.approx(math.log(3.0))
 
 

@@ -13,7 +13,8 @@ import pytest
 from automap.effects.formula_text import parse_formula
 from automap.effects.user import INERTIAL as CHANNELS
 from automap.gap import limits
-from automap.gap.candidates import follows_time, is_course, size_of
+from automap.gap.candidates import follows_time, is_course
+from automap.gap.columns import size_of
 from automap.gap.evidence import plain_nats
 from automap.gap.linear import Column, Given, Linear, conditional
 from automap.gap.result import equation

@@ -19,11 +19,12 @@ from automap.fusion.engine import fuse_imu_gnss
 from automap.fusion.options import FusionOptions
 from automap.fusion.result import Prior
 from automap.gap import base_model
-from automap.gap.candidates import effect_columns, term_columns
+from automap.gap.columns import effect_columns, term_columns
 from automap.gap.drive import open_drive
 from automap.gap.fit import fit_drive
-from automap.gap.linear import node_motion, sensitivities
 from automap.gap.motion import motion_of
+from automap.gap.nodes import node_motion
+from automap.gap.sensitivity import sensitivities
 from automap.simulation.sensors import random_streams, simulate_sensors
 from pipeline.settings.load import load_settings
 from pipeline.settings.user_effects import activate, effects_of_python

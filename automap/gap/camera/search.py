@@ -21,7 +21,7 @@ from automap.gap.chance import null_maxima, p_value
 from automap.gap.limits import LONGEST_SHUTTER_S, MIN_SIGNS, SHUTTER_SLACK_S
 from automap.gap.result import Finding, ParameterValue, advice
 from automap.gap.selection import Chosen, Key
-from automap.gap.stepwise import select
+from automap.gap.stepwise import close_rivals, rivals, select
 from automap.records import FloatArray
 
 FIRST_PX, FIRST_SHARE = 1.5, 0.03
@@ -165,7 +165,7 @@ class _Search:
         for name in self.chosen.names:
             best, instead = 0.0, None
             barred = frozenset(self.barred)
-            for rival in self.selection.close_rivals(self.chosen, name, barred):
+            for rival in close_rivals(self.selection, self.chosen, name, barred):
                 if rival.name in self.chosen.names:
                     continue
                 self.log(f"checking whether {name} is {rival.name}")
@@ -239,7 +239,7 @@ class _Search:
         for number, name in enumerate(names):
             total, moves = odds[name]
             room = max(limits.CLOSE_NATS, limits.CLOSE * total)
-            near = [r.name for r in selection.rivals(chosen, name) if r.ahead > -room]
+            near = [r.name for r in rivals(selection, chosen, name) if r.ahead > -room]
             close = tuple(dict.fromkeys([*near, *self.close.get(name, ())]))
             nats = sum(m.evidence.nats for m in moves)
             wider = float(np.sqrt(max(m.evidence.overdispersion for m in moves)))
