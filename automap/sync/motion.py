@@ -79,6 +79,20 @@ class ImuMotion:
         sampled[:, :3] = first + lfilter([1.0 - keeps], [1.0, -keeps], sampled[:, :3] - first, 0)
         return ImuMotion(t, sampled)
 
+    def averaged(self, length_s: float) -> ImuMotion:
+        """The means of the integrals over ``length_s`` about each time; the seconds lost in gaps
+        stay as they are."""
+        if not length_s:
+            return self
+        steps = 0.5 * (self.integral[1:, :3] + self.integral[:-1, :3])
+        total = np.zeros((len(self.t_s), 3))
+        np.cumsum(steps * np.diff(self.t_s)[:, None], axis=0, out=total[1:])
+        low, high = (self.t_s + side * length_s for side in (-0.5, 0.5))
+        low, high = np.maximum(low, self.t_s[0]), np.minimum(high, self.t_s[-1])
+        mean = [np.interp(high, self.t_s, c) - np.interp(low, self.t_s, c) for c in total.T]
+        mean = np.column_stack(mean) / (high - low)[:, None]
+        return ImuMotion(self.t_s, np.column_stack([mean, self.integral[:, 3]]))
+
     def part(self, first: float, last: float) -> ImuMotion:
         """The integrals at the times from ``first`` to ``last``."""
         rows = slice(*np.searchsorted(self.t_s, (first, last)))
@@ -103,10 +117,14 @@ class GnssMotion:
         """The same motion dated ``seconds`` later."""
         return replace(self, start=self.start + seconds, end=self.end + seconds)
 
-    def thinned(self, most: int) -> GnssMotion:
-        """Every so many intervals that ``most`` remain, evenly over the drive."""
-        step = max(1, -(-len(self.start) // most))
-        return GnssMotion(*(getattr(self, item.name)[::step] for item in fields(self)))
+    def apart(self, most: int) -> GnssMotion:
+        """Intervals of which none begins before the last one ends: ``most`` at most, evenly over
+        the drive."""
+        if len(self.start) < 2:
+            return self
+        step, length = np.median(np.diff(self.start)), np.median(self.end - self.start)
+        every = max(1, round(float(length / step)), -(-len(self.start) // most))
+        return GnssMotion(*(getattr(self, item.name)[::every] for item in fields(self)))
 
     def part(self, first: float, last: float) -> GnssMotion:
         """The intervals that start in ``first`` to ``last``."""

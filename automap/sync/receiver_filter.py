@@ -22,7 +22,6 @@ from automap.records import (
     ReceiverFilter,
 )
 from automap.sync import limits
-from automap.sync.axes_evidence import effective_count
 from automap.sync.between_fixes import nothing_new
 from automap.sync.correlation import channels_between
 from automap.sync.motion import GnssMotion, ImuMotion, imu_motion
@@ -42,27 +41,32 @@ def receiver_filter(
     motion = imu_motion(imu)
     if len(motion.t_s) < 2:
         return None
-    found = {
-        source: _Turns(motion, in_imu_time(gnss, clock, imu)).told()
-        for source, gnss in gnss_motions(fixes)
-    }
-    longest = max(found.values(), default=0.0)
-    if not longest:
+    gains = {}
+    for source, gnss in gnss_motions(fixes):
+        own = in_imu_time(gnss, clock, imu)
+        # differences of positions are means over a step of the log, which no filter made
+        step = float(np.median(np.diff(own.start))) if source == "position" else 0.0
+        gains[source] = _Turns(motion.averaged(step), own, motion.turn_noise()).gains()
+    alike = _likeliest(np.sum(list(gains.values()), axis=0)) if gains else 0.0
+    if abs(late_s) < 0.5 * alike:
+        return ReceiverFilter(*(alike * (name in gains) for name in ("velocity", "position")))
+    found = {source: _likeliest(gain) for source, gain in gains.items()}
+    if not any(found.values()):
         return None
-    both = abs(late_s) < 0.5 * longest
-    return ReceiverFilter(
-        *(found.get(source, 0.0) or both * longest for source in ("velocity", "position"))
-    )
+    return ReceiverFilter(found.get("velocity", 0.0), found.get("position", 0.0))
 
 
-def told_filter(behind: ReceiverFilter) -> str:
-    """The sentence that tells of filters that were taken back."""
-    told = [("velocities", behind.velocity_s), ("positions", behind.position_s)]
-    over = " and its ".join(f"{what} over {s:.1f} s" for what, s in told if s)
-    return (
-        f"the receiver smooths its {over}, as its turns beside those of the IMU show: that was "
-        "taken back; log its own fixes, without a filter"
-    )
+def _likeliest(gains: FloatArray) -> float:
+    """The time constant, s, where the gains [k], nats, of ``FILTERS_S`` have their top; 0 where the
+    best one may be chance among as many."""
+    best = int(np.argmax(gains))
+    if gains[best] < limits.CERTAIN_LEAD_NATS + np.log(len(gains)):
+        return 0.0
+    if best in (0, len(gains) - 1):
+        return limits.FILTERS_S[best]
+    near = slice(best - 1, best + 2)
+    curve = np.polyfit(np.log(limits.FILTERS_S[near]), gains[near], 2)
+    return float(np.exp(-0.5 * curve[1] / curve[0]))
 
 
 def taken_back(fixes: Fixes, behind: ReceiverFilter | None) -> Fixes:
@@ -70,7 +74,8 @@ def taken_back(fixes: Fixes, behind: ReceiverFilter | None) -> Fixes:
     others said already.
 
     A road's slope hardly changes within a filter's time: heights are taken from as much later as
-    they are late, which does not raise their noise.
+    they are late, which does not raise their noise, and one in two of its times, whose errors are
+    each other's no more.
     """
     if behind is None:
         return fixes
@@ -106,47 +111,42 @@ def _input(gps_s: FloatArray, output: FloatArray, time_s: float, again: BoolArra
 
 
 def _later(gps_s: FloatArray, values: FloatArray, late_s: float, again: BoolArray) -> FloatArray:
-    """Values [n] of times [n] as they are told when a filter of ``late_s`` s shows them; unknown
-    behind the last."""
+    """Values [n] of times [n] as they are told when a filter of ``late_s`` s shows them, one in
+    twice as long; unknown behind the last."""
     rows = _rows(gps_s, values, again)
     if not late_s or not len(rows):
         return values
     step = float(np.median(np.diff(gps_s[rows]))) if len(rows) > 1 else late_s
     # a filter is late by its time less half a step of the log, as far as it is one of steps
     t = gps_s[rows] + step / np.expm1(step / late_s)
+    new = np.diff(np.floor(gps_s[rows] / (2.0 * late_s)), prepend=-1.0) > 0.0
     found = np.full_like(values, np.nan)
-    found[rows] = np.interp(t, gps_s[rows], values[rows], right=np.nan)
+    found[rows[new]] = np.interp(t[new], gps_s[rows], values[rows], right=np.nan)
     return found
 
 
 class _Turns:
-    """Turns that a receiver saw, beside those that an IMU felt behind filters."""
+    """Turns that a receiver saw, beside those that an IMU felt behind filters, whose rate has white
+    ``noise``, rad^2/s."""
 
-    def __init__(self, motion: ImuMotion, gnss: GnssMotion) -> None:
-        self.motion, self.gnss = motion, gnss.thinned(limits.FILTER_INTERVALS)
+    def __init__(self, motion: ImuMotion, gnss: GnssMotion, noise: float) -> None:
+        self.motion, self.gnss = motion, gnss.apart(limits.FILTER_INTERVALS)
         speed = gnss.speed[np.isfinite(gnss.turn)]
-        self.noise = motion.turn_noise() * (float(np.median(speed)) if len(speed) else 0.0) ** 2
+        self.noise = noise * (float(np.median(speed)) if len(speed) else 0.0) ** 2
         longest = limits.FILTERS_S[-1]
         plain = self._rest(0.0, -longest - limits.LAG_REACH_S, longest)
         self.lag_s, self.plain = (0.0, np.zeros(0)) if plain is None else plain
 
-    def told(self) -> float:
-        """The time constant of the likeliest filter, s; 0 where none is."""
+    def gains(self) -> FloatArray:
+        """By how many nats each of ``FILTERS_S`` makes the turns likelier; 0 of all where none of
+        the first ones does."""
         if not len(self.plain) or max(map(self.gain, limits.SCREENED_FILTERS_S)) <= 0.0:
-            return 0.0
-        gains = np.array([self.gain(time_s) for time_s in limits.FILTERS_S])
-        best = int(np.argmax(gains))
-        if gains[best] < limits.CERTAIN_LEAD_NATS + np.log(len(gains)):
-            return 0.0
-        if best in (0, len(gains) - 1):
-            return limits.FILTERS_S[best]
-        near = slice(best - 1, best + 2)
-        curve = np.polyfit(np.log(limits.FILTERS_S[near]), gains[near], 2)
-        return float(np.exp(-0.5 * curve[1] / curve[0]))
+            return np.zeros(len(limits.FILTERS_S))
+        return np.array([self.gain(time_s) for time_s in limits.FILTERS_S])
 
     def gain(self, time_s: float) -> float:
-        """By how many nats a filter makes the turns likelier: of as many independent ones as what
-        is left without it is worth, and but for what it takes off the gyro's own noise.
+        """By how many nats a filter makes the turns likelier, but for what it takes off the gyro's
+        own noise.
 
         White noise of a rate, rad^2/s, turns by its spectrum times a window; behind a filter by
         less, as long as ``time_s`` (1 - exp(-window / ``time_s``)) would have shown.
@@ -159,7 +159,7 @@ class _Turns:
             return 0.0
         window = float(np.median(self.gnss.end - self.gnss.start))
         less = -self.noise * time_s * float(np.expm1(-window / time_s))
-        return effective_count(self.plain) * (_misfit(self.plain) - _misfit(behind[1], less))
+        return len(self.plain) * (_misfit(self.plain) - _misfit(behind[1], less))
 
     def _rest(self, time_s: float, low: float, high: float) -> tuple[float, FloatArray] | None:
         """The best lag from ``low`` to ``high`` s, and what is left of the turns [n] there."""

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from automap.records import BoolArray, Fixes
+from automap.records import BoolArray, Fixes, ReceiverFilter
 from automap.sync import limits
 from automap.sync.between_fixes import nothing_new
 from automap.sync.climb_match import Vertical, match_climbs
@@ -100,7 +100,7 @@ class VelocityConsistency:
     so many positions lie on the lines between others and were not measured; ``straight_m``: they
     go straight through bends, and lie as far aside of the velocities' path there. ``course_step``
     rad: courses come in such steps, too coarse to compare with anything; ``course_held``: they stay
-    the same in bends.
+    the same in bends. ``behind``: filters that were taken back beforehand.
     """
 
     compared_s: float
@@ -122,6 +122,7 @@ class VelocityConsistency:
     straight_m: float = 0.0
     course_step: float = 0.0
     course_held: bool = False
+    behind: ReceiverFilter | None = None
 
     @property
     def can_tell(self) -> bool:

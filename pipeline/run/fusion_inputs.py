@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import IO
 
@@ -130,8 +130,9 @@ def read_usable_fixes(out: Path) -> tuple[Fixes, VelocityConsistency]:
 
 
 def _right_fixes(out: Path) -> tuple[Fixes, VelocityConsistency]:
-    fixes = taken_back(read_fixes(out / names.FIXES), read_clocks(out / names.SYNC).receiver_filter)
-    receiver = velocity_consistency(fixes)
+    behind = read_clocks(out / names.SYNC).receiver_filter
+    fixes = taken_back(read_fixes(out / names.FIXES), behind)
+    receiver = replace(velocity_consistency(fixes), behind=behind)
     return usable_fixes(fixes, receiver), receiver
 
 

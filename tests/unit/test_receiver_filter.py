@@ -11,9 +11,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from automap.fusion.doubts.receiver import receiver_doubts
 from automap.io.clock_json import read_clocks, write_clocks
 from automap.records import DriveClocks, Fixes, FloatArray, ImuData, ReceiverFilter
-from automap.sync.receiver_filter import receiver_filter, taken_back, told_filter
+from automap.sync.receiver_filter import receiver_filter, taken_back
+from automap.sync.velocity_consistency import velocity_consistency
 from tests.unit.fusion_drive import CLOCK, Sensor, record
 from tests.unit.fusion_motion import city_drive
 from tests.unit.fusion_receiver import Receiver, receive
@@ -65,8 +67,10 @@ def test_heights_are_dated_and_no_noisier() -> None:
     climbing = replace(fixes, height_m=100.0 + 0.5 * fixes.gps_s - 0.5 * fixes.gps_s[0])
     back = taken_back(smoothed(climbing, 0.0, 1.0), ReceiverFilter(0.0, 1.0))
     # the filter begins at rest, and the log ends
-    assert np.abs(back.height_m - climbing.height_m)[20:-3].max() < 0.02
-    assert np.isnan(back.height_m[-1])
+    assert np.nanmax(np.abs(back.height_m - climbing.height_m)[20:-3]) < 0.02
+    apart = np.diff(fixes.gps_s[np.isfinite(back.height_m)])
+    assert apart.min() > 1.4
+    assert np.median(apart) == pytest.approx(2.0)
 
 
 @pytest.mark.parametrize("time_s", [0.5, 1.5])
@@ -95,8 +99,11 @@ def test_a_delay_is_no_filter(late_s: float) -> None:
 
 def test_it_is_told_and_kept(tmp_path: Path) -> None:
     behind = ReceiverFilter(1.5, 0.0)
-    assert "velocities over 1.5 s, as its" in told_filter(behind)
-    assert "over 1.5 s and its positions over 0.7 s" in told_filter(replace(behind, position_s=0.7))
+    _, fixes = recorded()
+    told = replace(velocity_consistency(fixes), behind=replace(behind, position_s=0.7))
+    (reason,) = receiver_doubts(told, 0.0)
+    assert (reason.code, reason.state) == ("fixes_smoothed", "good")
+    assert "its velocities over 1.5 s and its positions over 0.7 s, as" in reason.text
     path = tmp_path / "sync.json"
     write_clocks(path, DriveClocks(CLOCK, "boot_ns", receiver_filter=behind), {})
     assert read_clocks(path).receiver_filter == behind

@@ -16,7 +16,7 @@ from automap.fusion.limits import LEAST_JUDGED
 from automap.fusion.measurements.position import has_position, states_accuracy
 from automap.fusion.options import FusionOptions
 from automap.gates import sd_by_median
-from automap.records import BoolArray, Fixes, FixType, FloatArray
+from automap.records import BoolArray, Fixes, FixType, FloatArray, ReceiverFilter
 from automap.sync.between_fixes import nothing_new
 from automap.sync.limits import DELAY_SD_S
 from automap.sync.path_match import Estimate
@@ -225,6 +225,8 @@ def _doubts(found: VelocityConsistency, start: float, felt: bool) -> Iterator[Re
     if found.means is not None:
         text = f"{found.means.text}: the path is made without it"
         yield Reason("velocity_of_positions", text, state="good", handled=True)
+    if found.behind is not None:
+        yield _smoothed(found.behind)
     if found.between:
         text = (
             f"{found.between} of the log's positions lie on the straight lines between the others, "
@@ -251,6 +253,16 @@ def _doubts(found: VelocityConsistency, start: float, felt: bool) -> Iterator[Re
             _spans(found.aside, start),
             error_m=worst,
         )
+
+
+def _smoothed(behind: ReceiverFilter) -> Reason:
+    told = [("velocities", behind.velocity_s), ("positions", behind.position_s)]
+    over = " and its ".join(f"{what} over {seconds:.1f} s" for what, seconds in told if seconds)
+    text = (
+        f"the receiver smooths its {over}, as its turns beside those of the IMU show: that was "
+        "taken back; log its own fixes, without a filter"
+    )
+    return Reason("fixes_smoothed", text, state="good", handled=True)
 
 
 def _spans(intervals: Sequence[Interval], start: float) -> tuple[Span, ...]:

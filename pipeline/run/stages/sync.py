@@ -20,7 +20,7 @@ def run(context: StageContext) -> None:
     from automap.io.clock_json import write_clocks
     from automap.io.tables import read_fixes, read_imu
     from automap.records import DriveClocks
-    from automap.sync.receiver_filter import receiver_filter, taken_back, told_filter
+    from automap.sync.receiver_filter import receiver_filter, taken_back
 
     imu_path, fixes_path = context.out / names.IMU, context.out / names.FIXES
     imu = read_imu(imu_path) if imu_path.exists() else None
@@ -33,7 +33,6 @@ def run(context: StageContext) -> None:
     if told is not None and behind is not None:
         fixes, _ = _usable(taken_back(told, behind))
         base, result = _find_clock(context, imu, fixes)
-        context.warn(told_filter(behind))
     for text in result.warnings:
         context.warn(text)
     arrival = _arrival_clock(context, base, fixes)

@@ -49,6 +49,28 @@ def _late(recording: Recording, _: np.random.Generator) -> Stretch:
     return whole(recording)
 
 
+def _filtered(seconds: float) -> Put:
+    """Positions and velocities behind a low-pass of the first order, epoch after epoch."""
+
+    def put(recording: Recording, _: np.random.Generator) -> Stretch:
+        now = recording.log.now
+        course = np.radians(now.course)
+        columns = [now.lat, now.lon, now.height, now.speed * np.cos(course)]
+        columns += [now.speed * np.sin(course), now.climb]
+        keeps = np.exp(-np.diff(now.time) / seconds)
+        for values in columns:
+            for k, kept in enumerate(keeps, 1):
+                if np.isfinite(values[k - 1 : k + 1]).all():
+                    values[k] = kept * values[k - 1] + (1.0 - kept) * values[k]
+        north, east = columns[3:5]
+        known = np.isfinite(north)
+        now.speed[known] = np.hypot(north, east)[known]
+        now.course[known] = np.degrees(np.arctan2(east, north))[known] % 360.0
+        return whole(recording)
+
+    return put
+
+
 def _half(recording: Recording, rng: np.random.Generator) -> Stretch:
     rows = np.flatnonzero(rng.random(len(recording.log)) < 0.5)
     stretch = whole(recording)
@@ -102,6 +124,12 @@ FAULTS = [
         TIME,
     ),
     Fault("fixes-late", "every fix says what was so one second before", _late, TIME),
+    Fault(
+        "fixes-filtered",
+        "fixes smoothed by a filter with a time constant of 1 s",
+        _filtered(1.0),
+        (*TIME, "smooth"),
+    ),
     Fault("half-missing", "half of the fixes are missing", _half, ("missing", "gap", "few")),
     Fault(
         "two-receivers",
