@@ -178,6 +178,9 @@ class Forms:
         known = self.screening.refinements, selection.candidates
         self.screening.refinements, selection.candidates = dict(known[0]), dict(known[1])
         its = self.screening.in_form(here, selection, begun, first.name, *form)
+        if ahead > math.log(form[1]):
+            text = f"{equation(form[0])}, with which the drives are {ahead:.2g} nats likelier"
+            self.resembling[name, frozenset(rest.names)] = text
         odds = ahead + log_prior(selection, its) - log_prior(selection, chosen)
         clear = sigmas > limits.APART and ahead > limits.CHALLENGE * nats
         if odds > 0.0 and (clear or sigmas > limits.ONE_IN_A_THOUSAND):
@@ -189,9 +192,6 @@ class Forms:
             if worth >= limits.LEAST_ODDS + selection.log_prior(rest):
                 return odds, its
         self.screening.refinements, selection.candidates = known
-        if ahead > math.log(form[1]):
-            text = f"{equation(form[0])}, with which the drives are {ahead:.2g} nats likelier"
-            self.resembling[name, frozenset(rest.names)] = text
         return None
 
     def as_drift(self, here: Fitted, selection: Selection, chosen: Chosen, name: str) -> Fitted:

@@ -50,7 +50,7 @@ class Search:
         self.borne_out: dict[str, float] = {}
         self.swallowed: set[str] = set()
         self.tried: dict[Key, int] = {}
-        self.challenged: set[frozenset[frozenset[str]]] = set()
+        self.challenged: set[tuple[frozenset[frozenset[str]], bool]] = set()
         self.outdone: set[tuple[str, str]] = set()
         self.compared: Counter[tuple[str, str]] = Counter()
         self.spoken_against: list[Confirmed] = []
@@ -79,7 +79,7 @@ class Search:
             if not ending:
                 kept, new = self._kept(here, selection, chosen, select(selection, chosen, limit))
             found = kept
-            # not beside what is to be fitted yet: what that leaves beyond the linear looks like more
+            # not beside what is not fitted yet: what that leaves beyond the linear looks like more
             if louder is not None and not closing and selection.keys(found) == fitted:
                 self.log("selecting under other noise")
                 found = self._proposed(here, selection, found, louder, slow)
@@ -218,9 +218,12 @@ class Search:
         rival = self._decided(here, selection, found, ending)
         if rival is not None:
             pair = frozenset({frozenset(found.names), frozenset(rival.names)})
-            if pair not in self.challenged:
-                # decided once; either may be asked again beside a third that came in between
-                self.challenged.add(pair)
+            new = set(rival.names) - set(found.names)
+            to_names = not any(selection.candidates[name].terms for name in new)
+            if (pair, to_names) not in self.challenged:
+                # decided once, or once to a formula and once back to the name that it took the
+                # place of; either may be asked again beside a third that came in between
+                self.challenged.add((pair, to_names))
                 return rival
         fewer = self._beyond_drift(here, selection, found)
         if fewer != found:
@@ -379,7 +382,8 @@ class Search:
                 clear |= abs(sigmas) > limits.ONE_IN_A_THOUSAND
                 wins = ahead > (limits.CLOSE_NATS if formula and rival_formula else 0.0)
                 if formula and not rival_formula and not clear:
-                    wins, ahead = True, max(ahead, 1e-9)
+                    # of several names the likeliest
+                    wins = True
                 elif rival_formula and not formula:
                     wins &= clear
                 if wins and (instead is None or ahead > best):

@@ -270,7 +270,7 @@ WARM, SUN, SHADE = "accel_temperature", "lag(speed, 20.0)", "lag(speed, 52.0)"
     [
         # hardly anything of what the name explains
         (0.1, 40.0, 5.0, 40.0, False, False),
-        (0.6, 40.0, 5.0, 40.0, True, False),
+        (0.6, 40.0, 5.0, 40.0, True, True),
         # drift says it as well: it would go, and the name with it
         (0.6, 40.0, 5.0, 4.0, False, True),
         # not told apart, but likelier than all that were tried make it by chance

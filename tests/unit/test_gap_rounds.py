@@ -344,47 +344,68 @@ def test_what_takes_the_place_of_one_from_swallowed_biases_is_asked_as_that(
     assert (warms_up in asked.swallowed) == steady
 
 
-@pytest.mark.parametrize(
-    ("sigmas", "instead"), [(2.0, "gyro_g_sensitivity"), (4.0, None)], ids=["close", "clear"]
-)
-def test_a_search_that_ends_still_asks_its_formulas_whether_they_are_a_name(
-    monkeypatch: pytest.MonkeyPatch, sigmas: float, instead: str | None
-) -> None:
-    name, formula, other = "gyro_g_sensitivity", "gyro_y += k * force_x * speed", "gyro_y += k * x"
+def deciding(chosen: str, ahead: dict[str, tuple[float, float]]) -> tuple[Asked, Any, list[str]]:
+    """A search that decides between what is chosen and others, by how far each is ahead, nats and
+    sigmas; its selection, and which sets it fits."""
     asked, sets = Asked(), list[str]()
 
     def states(here: Any, selection: Any, chosen: Chosen) -> Any:
         sets.append(chosen.names[0])
         return fit_of(chosen.names[0])
 
-    asked.spoken_against, asked.close = [], {"imu_mounting": ("gnss_lever_arm",)}
-    asked.screening = cast(
-        "Screening",
-        SimpleNamespace(
-            effects={},
-            nats=lambda joint, selection, chosen, name: 1000.0,
-            refined=lambda here, selection, chosen: (chosen, []),
-            seed=lambda name: name,
-            states=states,
-            not_borne_out=lambda fitted, selection, chosen: [],
-        ),
+    asked.spoken_against, asked.close = [], {}
+    told: dict[str, Any] = dict(
+        effects={},
+        nats=lambda joint, selection, chosen, name: 1000.0,
+        refined=lambda here, selection, chosen: (chosen, []),
+        seed=lambda name: name,
+        states=states,
+        not_borne_out=lambda fitted, selection, chosen: [],
     )
-    # by less than a tenth, so that it must be beyond all doubt
-    asked.judge = cast("Judge", SimpleNamespace(ahead=lambda *about: (-50.0, -sigmas)))
+    asked.screening = cast("Screening", SimpleNamespace(**told))
+    asked.judge = cast("Judge", SimpleNamespace(ahead=lambda one, *about: ahead[one.name]))
     selection: Any = SimpleNamespace(
         candidates={
-            n: SimpleNamespace(terms=() if n == name else (("gyro_y", n),))
-            for n in (name, formula, other)
+            n: SimpleNamespace(terms=(("gyro_y", n),) if "+=" in n else ())
+            for n in (chosen, *ahead)
         },
         of_vehicle=lambda chosen, names: False,
         log_prior=lambda chosen: 0.0,
     )
+    return asked, selection, sets
+
+
+FORMULA = "gyro_y += k * force_x * speed"
+
+
+@pytest.mark.parametrize(
+    ("sigmas", "instead"), [(2.0, "gyro_g_sensitivity"), (4.0, None)], ids=["close", "clear"]
+)
+def test_a_search_that_ends_still_asks_its_formulas_whether_they_are_a_name(
+    monkeypatch: pytest.MonkeyPatch, sigmas: float, instead: str | None
+) -> None:
+    name, other = "gyro_g_sensitivity", "gyro_y += k * x"
+    # by less than a tenth, so that it must be beyond all doubt
+    asked, selection, sets = deciding(FORMULA, {name: (-50.0, -sigmas), other: (9.0, 4.0)})
+    asked.close = {"imu_mounting": ("gnss_lever_arm",)}
     rivals = [SimpleNamespace(name=n, chosen=only(n)) for n in (other, name)]
     monkeypatch.setattr(search, "close_rivals", lambda selection, chosen, name: rivals)
-    found = asked._decided(fit_of(formula), selection, only(formula), ending=True)
+    found = asked._decided(fit_of(FORMULA), selection, only(FORMULA), ending=True)
     assert (found and found.names[0]) == instead
     # no formula in its place, and what was found of names before is not forgotten
     assert sets == [name]
     assert asked.close["imu_mounting"] == ("gnss_lever_arm",)
     assert asked._decided(fit_of(name), selection, only(name), ending=True) is None
     assert sets == [name]
+
+
+def test_of_names_that_a_formula_is_not_told_apart_from_the_likeliest_takes_its_place(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    ahead = {"gnss_lever_arm": (-90.0, -1.5), "gyro_scale": (-50.0, -1.4)}
+    asked, selection, _ = deciding(FORMULA, ahead)
+    rivals = [SimpleNamespace(name=n, chosen=only(n)) for n in ahead]
+    monkeypatch.setattr(search, "close_rivals", lambda selection, chosen, name: rivals)
+    found = asked._decided(fit_of(FORMULA), selection, only(FORMULA))
+    assert found is not None
+    assert found.names == ("gyro_scale",)
