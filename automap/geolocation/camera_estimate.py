@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from automap.effects.lens import focal_length
-from automap.geolocation import limits, time_minima
+from automap.geolocation import limits
 from automap.geolocation.boresight import prior_covariance, refine_correction
 from automap.geolocation.landmark import Landmark, fit_landmark
 from automap.geolocation.rules import GeolocationRules
+from automap.geolocation.time_minima import apart, likely_times
 from automap.geolocation.views import CameraCorrection, Views, build_views, map_origin
 from automap.records import Camera, Detections, IntArray, Trajectory
 
@@ -56,91 +57,49 @@ def estimate_cameras(
 ) -> dict[str, CameraCorrection]:
     """Turn and time offset of every camera, from landmarks found with the start values.
 
-    A time offset is looked for from several starts, by some of the signs; where several explain
-    the boxes alike it keeps its prior, and the others are named in ``time_minima``.
+    Where the tracks of signs fit another time offset best than the one that is nearest, it is
+    taken for a start; where several explain the boxes alike the offset keeps its prior, and they
+    are named in ``time_minima``.
     """
     boxes = [views.row[mark.rows] for mark in landmarks]
-
-    def fitted(
-        corrections: Mapping[str, CameraCorrection], boxes: Sequence[IntArray]
-    ) -> tuple[Views, list[Landmark]]:
-        """The signs of some boxes, and their views: of a long drive all are large."""
-        shown, members = _alone(detections, boxes)
-        seen = build_views(trajectory, shown, cameras, rules.noise, corrections)
-        return seen, refit(seen, members, rules)
+    # the signs' own: of a long drive all are large
+    shown, members = _alone(detections, boxes)
 
     def descend(
-        known: Mapping[str, Camera],
-        start: Mapping[str, CameraCorrection],
-        rounds: int,
-        boxes: Sequence[IntArray] = boxes,
-    ) -> _End:
+        known: Mapping[str, Camera], start: Mapping[str, CameraCorrection], rounds: int
+    ) -> dict[str, CameraCorrection]:
         """Gauss-Newton steps until they are small, with the priors of the cameras ``known``."""
         corrections = dict(start)
         for _ in range(rounds):
             before = corrections
-            seen, marks = fitted(before, boxes)
+            seen = build_views(trajectory, shown, cameras, rules.noise, before)
+            marks = refit(seen, members, rules)
             corrections = {
                 name: refine_correction(seen, marks, index, known[name], before.get(name), rules)
                 for index, name in enumerate(seen.camera_names)
             }
             if all(n in before and _settled(before[n], corrections[n]) for n in known):
-                return _End(corrections, boxes, True)
-        return _End(corrections, boxes, False)
-
-    def least(ends: Sequence[_End], name: str) -> tuple[_End, tuple[float, ...]]:
-        """Where a camera explains the boxes best, and the time offsets that do so as well."""
-        minima = []
-        for one in ends:
-            found = one.corrections[name]
-            at = *fitted(one.corrections, one.boxes), cameras[name], found
-            minima.append((found, time_minima.cost_of(*at, rules)))
-        best, times = time_minima.alike(minima)
-        return ends[best], times
+                break
+        return corrections
 
     used = {name: cameras[name] for name in views.camera_names}
-    end = descend(used, start, _BORESIGHT_ROUNDS)
-    telling = sorted((rows for rows in boxes if len(rows) >= limits.CAMERA_VIEWS), key=np.min)
-    few = len(telling) <= limits.MOST_SIGNS_TRIED
-    evenly = np.linspace(0, len(telling) - 1, limits.MOST_SIGNS_TRIED).astype(np.int64)
-    some = boxes if few else [telling[k] for k in evenly]
-    for name, camera in used.items() if telling else ():
-        first = end if few else descend(used, end.corrections, _SEARCH_ROUNDS, some)
-        ends = [first]
-        for side in time_minima.starts(camera.time_offset_sd):
-            for time_s in side:
-                starting = _at_time(first.corrections, name, time_s)
-                other = descend(used, starting, _SEARCH_ROUNDS, some)
-                if not other.settled:
-                    continue
-                if not time_minima.apart(other.corrections[name], first.corrections[name]):
-                    # nearer starts end there too
-                    break
-                ends.append(other)
-        if len(ends) == 1:
-            continue
-        best, times = least(ends, name)
-        if not few:
-            # what some signs tell is held against all of them
-            found = times or (best.corrections[name].time_s,)
-            others = [_at_time(end.corrections, name, time_s) for time_s in found]
-            ends = [end, *(descend(used, other, _SEARCH_ROUNDS) for other in others)]
-            best, times = least(ends, name)
-        end = best
-        if times:
-            held = {**used, name: replace(camera, time_offset_sd=limits.HELD_TIME_S)}
-            end = descend(held, _at_time(end.corrections, name, 0.0), _SEARCH_ROUNDS)
-            end.corrections[name] = _time_as_given(end.corrections[name], camera, times, rules)
-    return end.corrections
-
-
-@dataclass(frozen=True)
-class _End:
-    """Where a descent by the ``boxes`` of some signs ended, and whether it settled."""
-
-    corrections: dict[str, CameraCorrection]
-    boxes: Sequence[IntArray]
-    settled: bool
+    found, open_ = descend(used, start, _BORESIGHT_ROUNDS), {}
+    tracks = np.full(sum(map(len, shown)), -1, np.int64)
+    for number, rows in enumerate(members):
+        tracks[rows] = number
+    ends = np.cumsum([len(record) for record in shown])[:-1]
+    for record, track in zip(shown, np.split(tracks, ends), strict=True):
+        name, camera = record.camera, cameras[record.camera]
+        tracked, sd = replace(record, track=track), np.sqrt(found[name].covariance[3, 3])
+        times = likely_times(trajectory, tracked, camera, found[name], rules)
+        if len(times) > 1:
+            open_[name] = tuple(sorted(times))
+            used[name] = replace(camera, time_offset_sd=limits.HELD_TIME_S)
+            times = (0.0,)
+        if name in open_ or apart(times[0], found[name].time_s, float(sd)):
+            starting = {**found, name: replace(found[name], time_s=times[0])}
+            found = descend(used, starting, _SEARCH_ROUNDS)
+    return found | {n: _time_as_given(found[n], cameras[n], t, rules) for n, t in open_.items()}
 
 
 def _alone(
@@ -152,13 +111,6 @@ def _alone(
     parts = np.split(rows, np.searchsorted(rows, ends[1:-1]))
     shown = [found.at(part - a) for found, part, a in zip(detections, parts, ends, strict=False)]
     return shown, [np.searchsorted(rows, each) for each in boxes]
-
-
-def _at_time(
-    corrections: Mapping[str, CameraCorrection], name: str, time_s: float
-) -> dict[str, CameraCorrection]:
-    """The same with another time offset of one camera."""
-    return {**corrections, name: replace(corrections[name], time_s=float(time_s))}
 
 
 def _time_as_given(

@@ -143,8 +143,8 @@ CAMERA_VIEWS = 4
 SETTLED_SIGMAS = 0.02
 """A step of the camera's values that is smaller than this part of their sigmas was the last."""
 MOST_SIGNS_TRIED = 30
-"""So many signs, spread over the drive, tell where other time offsets may lie; all of them decide.
-Chosen: more take longer."""
+"""The tracks of so many signs, spread over the drive, are laid over the path. Chosen: more take
+longer."""
 ALIKE_PROBABILITY = 2.7e-3
 """The right one of two time offsets explains the boxes that much worse so rarely, and offsets that
 are nearer to one another are one: three sigmas of one coordinate."""

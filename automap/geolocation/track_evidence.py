@@ -156,11 +156,15 @@ class _Tracks:
         return rest, np.asarray(known_tracks)
 
     def losses(
-        self, offset_s: FloatArray, information: FloatArray, rate: FloatArray | None = None
+        self,
+        offset_s: FloatArray,
+        information: FloatArray,
+        rate: FloatArray | None = None,
+        least: float = limits.SCATTER_LIMITS[0],
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Negative log likelihood of each track [k, t] at offsets [k] that grow by a ``rate`` [k],
         NaN where it has no path; of what is common [k], by its ``information`` [5] before; and the
-        log focal length [k]."""
+        log focal length [k]. Boxes scatter by ``least`` of their sigmas and more."""
         each, common, focal = [], [], []
         rate = np.zeros(len(offset_s)) if rate is None else rate
         for a in range(0, len(offset_s), _AT_ONCE):
@@ -172,7 +176,7 @@ class _Tracks:
                 x = np.linalg.solve(total[:, :_SHARED, :_SHARED], total[:, :_SHARED, _SHARED:])
                 full = np.concatenate([x[..., 0], -np.ones((len(x), 1))], axis=1)
                 chi2 = np.einsum("ki,ktij,kj->kt", full, square, full)
-                mean = limits.SCATTER_LIMITS[0] ** 2 + np.maximum(chi2, 0.0) / self.freedom
+                mean = least**2 + np.maximum(chi2, 0.0) / self.freedom
                 weight = 1.0 / mean
             loss = 0.5 * self.freedom / np.mean(limits.COUNT_AS_ONE) * np.log(mean)
             each.append(np.where(known, loss, np.nan))
@@ -192,9 +196,7 @@ def evidence_of(
     tracks = _tracks(trajectory, found, camera, rules)
     if tracks is None:
         return NOTHING_TOLD
-    f = focal_length(camera)
-    sd = [limits.DOUBTED_TURN_RAD] * 3 + [max(limits.STATED_FOCAL_SD, camera.focal_sd)]
-    information = np.array([*sd, rules.camera_margin_sd_px / f]) ** -2.0
+    information = _information(camera, rules)
     near = limits.LATE_STEP_S * np.arange(
         -round(limits.LATE_S / limits.LATE_STEP_S), round(limits.LATE_S / limits.LATE_STEP_S) + 1.0
     )
@@ -227,6 +229,30 @@ def evidence_of(
         focal=focal,
         factor=factor,
     )
+
+
+def offset_losses(
+    trajectory: Trajectory,
+    found: Detections,
+    camera: Camera,
+    rules: GeolocationRules,
+    offset_s: FloatArray,
+) -> FloatArray:
+    """Negative log likelihood [k] of the tracks of a ``camera`` if all its frames are ``offset_s``
+    [k] from their stamps, its turn, focal length and margin open, and boxes scatter as measured;
+    NaN where nothing is known."""
+    tracks = _tracks(trajectory, found, camera, rules)
+    if tracks is None:
+        return np.full(len(offset_s), np.nan)
+    scatter = float(np.sqrt(np.mean(np.square(rules.noise.scales))))
+    each, common, _ = tracks.losses(offset_s, _information(camera, rules), least=scatter)
+    return _total(each, common, tracks.freedom)
+
+
+def _information(camera: Camera, rules: GeolocationRules) -> FloatArray:
+    """What is known before [5] of what all tracks of a ``camera`` have in common."""
+    sd = [limits.DOUBTED_TURN_RAD] * 3 + [max(limits.STATED_FOCAL_SD, camera.focal_sd)]
+    return np.array([*sd, rules.camera_margin_sd_px / focal_length(camera)]) ** -2.0
 
 
 def _least_at_middle(each: FloatArray, rate: FloatArray, since: FloatArray) -> FloatArray:

@@ -115,6 +115,7 @@ def geolocation_passes() -> Any:
     from automap.geolocation.box_noise import margin_scatter, measured_noise, scatter
     from automap.geolocation.pass_errors import pass_sd
     from automap.geolocation.rules import GeolocationRules
+    from automap.geolocation.track_evidence import offset_losses
     from automap.signs.classes import load_classes
 
     drive, rng = rich_drive(), np.random.default_rng(3)
@@ -124,10 +125,8 @@ def geolocation_passes() -> Any:
     priors = GeolocationRules(size=PRIOR, focal_sd=0.007, camera_margin_sd_px=1.4)
     current = CORRECTIONS["front"]
     corrected = boresight.refine_correction(views, marks, 0, camera, current, priors)
-    minima = [
-        (replace(corrected, time_s=t), cost)
-        for t, cost in ((0.3, 41.0), (0.02, 40.0), (-0.4, 42.5), (0.021, 40.5), (0.8, 90.0))
-    ]
+    offset = np.linspace(-0.4, 0.4, 9)
+    found = replace(drive.detections[0], track=drive.owner[0])
     walk = [np.cumsum(rng.normal(size=n)) * 0.4 + rng.normal(size=n) for n in (9, 14, 11, 30)]
     walk[2][3] = 40.0
     each = [np.ones(len(w)) for w in walk]
@@ -141,14 +140,8 @@ def geolocation_passes() -> Any:
                 views, marks, 1, drive.cameras["left"], None, priors
             ),
             "corrected": corrected,
-            "cost": time_minima.cost_of(views, marks[:9], camera, current, priors),
-            "starts": time_minima.starts(0.03),
-            "alike": [time_minima.alike(minima[k:]) for k in (0, 2, 4)],
-            "apart": [
-                time_minima.apart(minima[1][0], replace(other, covariance=cov))
-                for other, _ in minima
-                for cov in (1e-6 * np.eye(10), 0.01 * np.eye(10))
-            ],
+            "losses": offset_losses(drive.path, found, camera, priors, offset),
+            "likely": time_minima.likely_times(drive.path, found, camera, current, priors),
             "usual": class_sizes.usual_sizes([*load_classes(), *CLASSES, "other", "white--circle"]),
             "sizes": class_sizes.sizes_of_others(views, marks, PRIOR),
             "noise": measured_noise(views, _landmarks(views), PRIOR, NOISE),

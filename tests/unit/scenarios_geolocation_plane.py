@@ -239,7 +239,6 @@ def geolocation_start() -> Any:
             "first": of.first_corrections(drive.path, late, loose, rules),
             "sure": of.first_corrections(drive.path, late, drive.cameras, rules).keys(),
             "estimated": of.estimate_cameras(drive.path, late, loose, {}, marks, views, rules),
-            "time": of._at_time({"a": correction, "b": correction}, "b", 0.31),
             "given": of._time_as_given(correction, loose["front"], (0.1, 0.4), rules),
             "settled": [
                 of._settled(correction, replace(correction, time_s=0.004 + step))

@@ -12,7 +12,7 @@ from scipy.optimize import minimize
 
 from automap.earth import from_local_ned, local_ned
 from automap.frames import rpy_to_matrix
-from automap.gates import gate, sigmas
+from automap.gates import gate
 from automap.geolocation import control, limits, tracking
 from automap.geolocation.bearing_rays import (
     BearingRules,
@@ -27,7 +27,6 @@ from automap.geolocation.due_frames import Searched, _aspect, apparent_heights
 from automap.geolocation.epipolar import PairGeometry
 from automap.geolocation.existence import expected_log_odds
 from automap.geolocation.path_relation import make_path, roads_at, side_of_path
-from automap.geolocation.time_minima import alike, apart, starts
 from automap.geolocation.trajectory_adjustment import Placed
 from automap.mapping.looks import probability
 from automap.records import Bearings, FloatArray, SignPoints, Trajectory
@@ -225,28 +224,6 @@ def test_a_face_is_looked_at_as_before_within_the_angle_it_was_seen_under() -> N
     angle = np.array([0.0, widest - 0.01, -widest + 0.01, widest + 0.01, -widest - 0.01, np.pi])
     centre = -12.0 * np.column_stack([np.cos(angle), np.sin(angle), np.zeros(6)])
     assert _aspect(sign, seen, centre).tolist() == [True, True, True, False, False, False]
-
-
-def test_offsets_to_start_from_lie_on_either_side_within_the_reach() -> None:
-    below, above = starts(0.02)
-    assert below == pytest.approx(-above)
-    assert above[0] == pytest.approx(limits.REACH_SIGMAS * 0.02)
-    assert np.diff(above) == pytest.approx(-above[-1])
-
-
-def test_offsets_are_apart_by_their_own_sigmas_and_alike_by_their_costs() -> None:
-    def minimum(time_s: float, cost: float, sd: float = 0.01) -> Any:
-        covariance = np.diag([1.0, 1.0, 1.0, sd**2])
-        return SimpleNamespace(time_s=time_s, covariance=covariance), cost
-
-    far, chance = 1.01 * sigmas(limits.ALIKE_PROBABILITY), gate(limits.ALIKE_PROBABILITY, 1)
-    one = minimum(0.0, 10.0)
-    for factor, sd, wanted in ((1.0, 0.01, True), (0.98, 0.01, False), (-2.0, 0.02, True)):
-        offset = 0.01 * far * factor
-        assert apart(one[0], minimum(offset, 0.0, sd)[0]) == wanted
-    second, third = minimum(0.05, 10.0 + 0.99 * chance), minimum(-0.05, 10.0 + 1.01 * chance)
-    assert alike([second, one, third]) == (1, (0.0, 0.05))
-    assert alike([third, one]) == (1, ())
 
 
 def test_a_surveyed_sign_is_the_one_within_both_sigmas() -> None:

@@ -8,30 +8,40 @@ import numpy as np
 import pytest
 from geolocation_scene import boxes, camera, drive_path, roadside
 
+from automap.gates import gate, sigmas
+from automap.geolocation import limits
 from automap.geolocation.locate import locate_signs
 from automap.geolocation.result import GeolocationResult
-from automap.geolocation.time_minima import alike
-from automap.geolocation.views import CameraCorrection
+from automap.geolocation.time_minima import alike, apart
 from automap.records import FloatArray
 from tests.benchmarks.geolocation_world import Difficulty, make_world
 
 SWING_S = 0.66
 
 
-def minimum(time_s: float, cost: float, sd_s: float = 0.03) -> tuple[CameraCorrection, float]:
-    covariance = np.diag([1e-6] * 3 + [sd_s**2] + [1e-6] * 5)
-    return CameraCorrection(np.zeros(3), time_s, covariance), cost
-
-
 def test_minima_that_chance_does_not_tell_apart_are_all_named() -> None:
-    best, times = alike([minimum(0.3, 44.0), minimum(-0.34, 39.0), minimum(0.0, 60.0)])
-    assert best == 1
-    assert times == (-0.34, 0.3)
+    time = np.array([-0.34, -0.1, 0.0, 0.1, 0.3, 0.4])
+    loss = np.array([39.0, 60.0, 50.0, 55.0, 41.5, np.nan])
+    assert alike(time, loss, 0.03) == (-0.34, 0.3)
+    # what is next to the least is none, nor what lies within its sigmas
+    assert alike(time, np.sort(loss), 0.03) == (-0.34,)
+    assert alike(time, loss, 0.3) == (-0.34,)
+    assert alike(time, np.full(6, np.nan), 0.03) == ()
 
 
-def test_a_minimum_that_stands_alone_or_was_found_twice_leaves_nothing_open() -> None:
-    assert alike([minimum(0.3, 49.0), minimum(-0.34, 39.0)]) == (1, ())
-    assert alike([minimum(0.02, 39.1), minimum(0.0, 39.0)]) == (1, ())
+def test_a_minimum_that_stands_alone_leaves_nothing_open() -> None:
+    chance = 0.5 * gate(limits.ALIKE_PROBABILITY, 1)
+    for over, number in ((0.99, 2), (1.01, 1)):
+        assert len(alike(np.arange(3.0), np.array([over * chance, 9.0, 0.0]), 0.1)) == number
+
+
+def test_offsets_are_apart_by_their_sigmas() -> None:
+    far = sigmas(limits.ALIKE_PROBABILITY) * 0.01
+    assert [apart(0.2, 0.2 + part * far, 0.01) for part in (0.98, 1.02, -1.02)] == [
+        False,
+        True,
+        True,
+    ]
 
 
 def pitching(pitch_deg: FloatArray, time_offset_s: float = 0.0) -> GeolocationResult:

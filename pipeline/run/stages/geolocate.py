@@ -351,9 +351,8 @@ STAGE = Stage(
     # 44: passes of a drive are associated as drives of a map are
     # 45: k1 of lenses; a focal length that nobody states
     # 49: tracks are held against all of the path
-    # 50: whether the signs may be relied on, stamps at another pace by tracks; what was assumed
-    # leaves the rest of a camera as stated
-    version=50,
+    # 51: time offsets that explain the boxes alike are told by tracks along the path
+    version=51,
     run=run,
     inputs=_inputs,
     needs=(
