@@ -85,11 +85,13 @@ def taken_back(fixes: Fixes, behind: ReceiverFilter | None) -> Fixes:
         return _input(fixes.gps_s, values, time_s, again) if time_s else values
 
     late_s = behind.position_s
+    lon, known = fixes.lon_rad.copy(), np.isfinite(fixes.lon_rad)
+    lon[known] = np.unwrap(lon[known])
     return replace(
         fixes,
         vel_ned=np.column_stack([before(v, behind.velocity_s) for v in fixes.vel_ned.T]),
         lat_rad=before(fixes.lat_rad, late_s),
-        lon_rad=before(fixes.lon_rad, late_s),
+        lon_rad=np.asarray((before(lon, late_s) + np.pi) % (2.0 * np.pi) - np.pi),
         height_m=_later(fixes.gps_s, fixes.height_m, late_s, again),
     )
 

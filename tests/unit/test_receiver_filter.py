@@ -62,6 +62,17 @@ def test_what_is_taken_back_is_what_was_measured(time_s: float, seed: int) -> No
     assert np.allclose(back.lat_rad[1:], few.lat_rad[1:], rtol=1e-14 * worse, atol=0.0)
 
 
+def test_a_filter_over_the_date_line() -> None:
+    _, fixes = recorded()
+    over = replace(fixes, lon_rad=fixes.lon_rad - float(np.median(fixes.lon_rad)) + np.pi)
+    behind = smoothed(over, 0.0, 1.0)
+    wrapped = replace(behind, lon_rad=(behind.lon_rad + np.pi) % (2.0 * np.pi) - np.pi)
+    assert np.ptp(wrapped.lon_rad) > 6.0
+    back = taken_back(wrapped, ReceiverFilter(0.0, 1.0))
+    off = np.exp(1j * (back.lon_rad - over.lon_rad))[1:]
+    assert np.abs(np.angle(off)).max() < 1e-12
+
+
 def test_heights_are_dated_and_no_noisier() -> None:
     _, fixes = recorded()
     climbing = replace(fixes, height_m=100.0 + 0.5 * fixes.gps_s - 0.5 * fixes.gps_s[0])
