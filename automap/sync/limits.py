@@ -160,10 +160,11 @@ that show the motion so late are no wrong clock, and the drive need not be lost.
 # a receiver's own filter
 
 FILTER_STEP_S = 0.02
-"""Motions are filtered in such steps: a tenth of the shortest filter that is looked for."""
+"""Motions are filtered in such steps: a twelfth of the shortest filter that is looked for."""
 FILTERS_S = (0.25, 0.35, 0.5, 0.7, 1.0, 1.4, 2.0, 2.8)
 """Time constants that are tried, a factor of the root of two apart: from a quarter of the second
-over which motions are compared to twice ``SMOOTHED_S``, beyond which bends are gone."""
+over which motions are compared to half as much again as ``SMOOTHED_S``, which rounds a bend of a
+street to nothing."""
 SCREENED_FILTERS_S = (0.5, 1.0, 2.0)
 """Those tried first: with the right one between two of them either explains most of it."""
 FILTER_INTERVALS = 1500

@@ -142,9 +142,12 @@ class _Turns:
     def gains(self) -> FloatArray:
         """By how many nats each of ``FILTERS_S`` makes the turns likelier; 0 of all where none of
         the first ones does."""
-        if not len(self.plain) or max(map(self.gain, limits.SCREENED_FILTERS_S)) <= 0.0:
+        known = {time_s: self.gain(time_s) for time_s in limits.SCREENED_FILTERS_S}
+        if max(known.values()) <= 0.0:
             return np.zeros(len(limits.FILTERS_S))
-        return np.array([self.gain(time_s) for time_s in limits.FILTERS_S])
+        missing = set(limits.FILTERS_S) - known.keys()
+        known |= {time_s: self.gain(time_s) for time_s in missing}
+        return np.array([known[time_s] for time_s in limits.FILTERS_S])
 
     def gain(self, time_s: float) -> float:
         """By how many nats a filter makes the turns likelier, but for what it takes off the gyro's
