@@ -1,33 +1,37 @@
 """Velocities that are the way between two positions over the time between them.
 
-Tables that were made without Doppler have such velocities, and carrier-phase receivers whose
-filters smooth over an epoch. They belong to an interval and not to the instant of their row, and
-tell no more of it than the positions at its ends do.
+Tables that were made without Doppler have such velocities, apps that take the way of the last
+second or two, and carrier-phase receivers whose filters smooth over an epoch. They belong to an
+interval and not to the instant of their row, and tell no more of it than the positions at its ends
+do.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from automap.gates import sd_by_median
-from automap.records import BoolArray
+from automap.records import BoolArray, FloatArray
 from automap.sync import limits
 from automap.sync.receiver_path import ComplexArray, ReceiverPath
 
 BEFORE, AFTER, AROUND = "before", "after", "around"
-"""The interval: to the row from the one before, from it to the next, from the one before to the
-next."""
+"""The interval: to the row from one before, from it to one after, from one before to one as far
+after."""
 
 
 @dataclass(frozen=True)
 class EpochMeans:
-    """Velocities are the means over the ``interval`` of their rows, which is ``seconds`` long, to
-    ``sd`` m/s, and by ``nats`` likelier than those of instants."""
+    """Velocities are the means over the ``interval`` of their rows, whose ends are ``rows`` from
+    these and which is ``seconds`` long, to ``sd`` m/s, and by ``nats`` likelier than those of
+    instants."""
 
     interval: str
+    rows: int
     seconds: float
     sd: float
     nats: float
@@ -35,10 +39,13 @@ class EpochMeans:
     @property
     def text(self) -> str:
         """What they are, in words."""
+        before, after = ("the row before", "the next row")
+        if self.rows > 1:
+            before, after = f"{self.rows} rows before", f"{self.rows} rows after"
         told = {
-            BEFORE: "from the row before to it",
-            AFTER: "from it to the next row",
-            AROUND: "from the row before to the next",
+            BEFORE: f"from {before} to it",
+            AFTER: f"from it to {after}",
+            AROUND: f"from {before} to {after}",
         }[self.interval]
         return (
             f"the velocity of a row is the way between positions, {told}, over its "
@@ -48,47 +55,57 @@ class EpochMeans:
 
 
 def epoch_means(path: ReceiverPath, use: BoolArray) -> EpochMeans | None:
-    """Whether the velocities of the rows ``use`` [n] of ``path`` are means between positions; None
-    where they are not, or where the drive moves too little to say.
+    """Whether the velocities of the rows ``use`` [n] of ``path`` are means between positions, a row
+    to ``WINDOW_S`` apart; None where they are not, or where the drive moves too little to say.
 
     Two explanations are weighed: the way between two positions over the time is the velocity of one
-    row, or it is the mean of the velocities at both ends (or, around a row, Simpson's). The
-    positions' noise is in both. What is near enough to a mean to be one errs by no more than the
-    best receiver's velocity: then the way itself tells as much, whatever the receiver did.
+    row, at an end or in the middle, or it is the mean of the velocities of all rows from one to the
+    other, by the trapezoidal rule, as told or, where a row is long past the middle, as late as
+    that. The positions' noise is in both. What is near enough to a mean to be one errs by no more
+    than the best receiver's velocity: then the way itself tells as much, whatever the receiver did.
     """
-    weighed = (_between(path, use), _around(path, use))
-    found = [means for few in weighed for means in few if means is not None]
-    return max(found, key=lambda means: means.nats, default=None)
+    return max(_found(path, use), key=lambda means: means.nats, default=None)
 
 
-def _between(path: ReceiverPath, use: BoolArray) -> list[EpochMeans | None]:
+def _found(path: ReceiverPath, use: BoolArray) -> Iterator[EpochMeans]:
+    if len(path) < limits.LEAST_INTERVALS:
+        return
     step = np.diff(path.t)
-    near = use[1:] & use[:-1] & (step < limits.LONG_WINDOW * _usual(step))
-    way = np.diff(path.place)[near] / step[near]
-    first, last = path.velocity[:-1][near], path.velocity[1:][near]
-    at_ends = 0.5 * (first + last) - way
-    return [
-        _weighed(interval, step[near], way, told - way, at_ends)
-        for interval, told in ((BEFORE, last), (AFTER, first))
-    ]
-
-
-def _around(path: ReceiverPath, use: BoolArray) -> list[EpochMeans | None]:
-    step = path.t[2:] - path.t[:-2]
-    near = use[2:] & use[1:-1] & use[:-2] & (step < limits.LONG_WINDOW * _usual(step))
-    way = (path.place[2:] - path.place[:-2])[near] / step[near]
-    before, at, after = (path.velocity[part][near] for part in (np.s_[:-2], np.s_[1:-1], np.s_[2:]))
-    return [_weighed(AROUND, step[near], way, at - way, (before + 4.0 * at + after) / 6.0 - way)]
-
-
-def _usual(step: np.ndarray) -> float:
-    return float(np.median(step)) if len(step) else 0.0
+    usual = float(np.median(step))
+    broken = ~(use[1:] & use[:-1] & (step < limits.LONG_WINDOW * usual))
+    gaps = np.concatenate([[0], np.cumsum(broken)])
+    told = np.where(broken, 0.0, 0.5 * (path.velocity[1:] + path.velocity[:-1])) * step
+    ways = np.concatenate([[0.0], np.cumsum(told)])
+    for count in range(1, max(round(limits.WINDOW_S / usual), 2) + 1):
+        first = np.flatnonzero(gaps[count:] == gaps[:-count])
+        first = first[:: max(len(first) // limits.MOST_INTERVALS, 1)]
+        last = first + count
+        span = path.t[last] - path.t[first]
+        way = (path.place[last] - path.place[first]) / span
+        ends = [(BEFORE, count, last, 0.5), (AFTER, count, first, -0.5)]
+        if count % 2 == 0:
+            ends.append((AROUND, count // 2, first + count // 2, 0.0))
+        for interval, rows, of, late in ends:
+            lates = (0.0, late) if count > 1 else (0.0,)
+            at = [
+                [np.interp(path.t[k] + x * span, path.t, ways) for k in (first, last)]
+                for x in lates
+            ]
+            instants = [(b - a) / span - way for a, b in at]
+            means = _weighed(interval, rows, span, way, path.velocity[of] - way, instants=instants)
+            if means is not None:
+                yield means
 
 
 def _weighed(
-    interval: str, step: np.ndarray, way: ComplexArray, mean: ComplexArray, instant: ComplexArray
+    interval: str,
+    rows: int,
+    span: FloatArray,
+    way: ComplexArray,
+    mean: ComplexArray,
+    instants: Sequence[ComplexArray],
 ) -> EpochMeans | None:
-    """Means by the residuals [m] of both explanations where the vehicle moves."""
+    """Means by the residuals [m] of ``mean`` and of ``instants`` where the vehicle moves."""
     speed = np.abs(way)
     fast = float(np.quantile(speed, limits.FAST_QUANTILE)) if len(speed) else 0.0
     moves = speed > limits.COURSE_SHARE * fast
@@ -96,11 +113,14 @@ def _weighed(
         return None
     sizes = [
         max(sd_by_median(np.concatenate([r[moves].real, r[moves].imag])), limits.LEAST_DIGIT)
-        for r in (mean, instant)
+        for r in (mean, *instants)
     ]
-    # what a residual has of the motion lasts as long as a change of speed
-    apart = min(float(np.count_nonzero(moves)), float(step[moves].sum()) / limits.MOTION_LASTS_S)
-    nats = 2.0 * apart * math.log(sizes[1] / sizes[0])
-    if sizes[0] > limits.BEST_VELOCITY_SD or nats <= limits.CERTAIN_LEAD_NATS:
+    if sizes[0] > limits.BEST_VELOCITY_SD:
         return None
-    return EpochMeans(interval, float(np.median(step)), sizes[0], nats)
+    # what a residual has of the motion lasts as long as a change of speed, or as its interval
+    each = span[moves] / (rows * (1 + (interval == AROUND)))
+    apart = float(each.sum()) / max(limits.MOTION_LASTS_S, float(np.median(span)))
+    nats = 2.0 * min(float(np.count_nonzero(moves)), apart) * math.log(min(sizes[1:]) / sizes[0])
+    if nats <= limits.CERTAIN_LEAD_NATS:
+        return None
+    return EpochMeans(interval, rows, float(np.median(span)), sizes[0], nats)

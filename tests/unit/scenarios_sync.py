@@ -279,7 +279,7 @@ def sync_words() -> Any:
         "down": replace(plain, vertical=Vertical(Estimate(-1.0, 0.1), True, 44.0, False)),
     }
     for interval in (BEFORE, AFTER, AROUND):
-        cases[interval] = replace(plain, means=EpochMeans(interval, 0.25, 0.013, 55.0))
+        cases[interval] = replace(plain, means=EpochMeans(interval, 1, 0.25, 0.013, 55.0))
     names = (
         "can_tell",
         "turned",

@@ -65,7 +65,7 @@ def test_a_receiver_that_follows_the_ways_closely_tells_no_more_than_they() -> N
     receiver = replace(GOOD, speed_lag_s=0.125, course_lag_s=0.125)
     found = velocity_consistency(simulated_fixes(1, receiver, seconds=240.0))
     assert found.means is not None
-    assert found.means.interval == BEFORE
+    assert (found.means.interval, found.means.rows) == (BEFORE, 1)
     assert 0.01 < found.means.sd < limits.BEST_VELOCITY_SD
     worse = replace(receiver, velocity_error=2.0 * limits.BEST_VELOCITY_SD)
     assert velocity_consistency(simulated_fixes(1, worse, seconds=240.0)).means is None
@@ -85,15 +85,36 @@ def by_carrier(fixes: Fixes, sd_m: float, rows: slice = slice(None)) -> Fixes:
     return replace(fixes, fix_type=kind, sd_pos_ned=sd)
 
 
+def ways_of(fixes: Fixes, rows_back: int, error: float = 0.0) -> Fixes:
+    """Fixes whose velocities are the ways from so many rows before, to an ``error`` m/s."""
+    path = receiver_path(fixes)
+    way = (path.place[rows_back:] - path.place[:-rows_back]) / (
+        path.t[rows_back:] - path.t[:-rows_back]
+    )
+    velocity = np.full((len(fixes), 3), np.nan)
+    velocity[path.row[rows_back:], :2] = np.column_stack([way.real, way.imag])
+    noise = error * np.random.default_rng(5).normal(size=velocity.shape)
+    return replace(fixes, vel_ned=velocity + noise)
+
+
+@pytest.mark.parametrize(("rate_hz", "rows_back"), [(5.0, 5), (1.0, 2), (10.0, 20)])
+def test_ways_of_the_last_second_or_two_are_told(rate_hz: float, rows_back: int) -> None:
+    for seed in range(3):
+        receiver = replace(any_receiver(np.random.default_rng(seed)), rate_hz=rate_hz)
+        fixes = ways_of(simulated_fixes(seed, receiver, seconds=240.0), rows_back)
+        found = velocity_consistency(fixes)
+        assert found.means is not None, f"seed {seed}"
+        assert (found.means.interval, found.means.rows) == (BEFORE, rows_back)
+        assert f"from {rows_back} rows before to it" in found.means.text
+        assert np.isnan(own_velocities(fixes, found).vel_ned).all()
+
+
 @pytest.mark.parametrize("rows_back", others_slow([4, 8, 16]))
 def test_means_over_seconds_tell_less_than_carrier_phases(rows_back: int) -> None:
     """As those of an instant they drew a motorway's antenna by 0.3 m."""
     sound = simulated_fixes(10005, GOOD, seconds=240.0, fast=30.0)
-    path = receiver_path(sound)
-    way = path.place[rows_back:] - path.place[:-rows_back]
-    velocity = np.full((len(sound), 3), np.nan)
-    velocity[path.row[rows_back:], :2] = 4.0 * np.column_stack([way.real, way.imag]) / rows_back
-    means = replace(sound, vel_ned=velocity)
+    means = ways_of(sound, rows_back, 2.0 * limits.BEST_VELOCITY_SD)
+    velocity = means.vel_ned
     found = velocity_consistency(means)
     assert found.means is None
     half = slice(0, len(sound) // 2)
@@ -125,43 +146,48 @@ def test_velocities_that_are_wrong_are_not_called_ways() -> None:
     assert velocity_consistency(upside_down(fixes)).means is not None
 
 
-def test_only_rows_whose_neighbours_are_used_and_near_are_weighed(
+def test_only_intervals_whose_rows_are_used_and_near_are_weighed(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Against a walk along the rows: who is used at random, and some steps are long."""
     rng = np.random.default_rng(6)
     n = 60
-    step = np.where(rng.random(n) < 0.15, 3.0, rng.uniform(0.9, 1.1, n))
+    step = np.where(rng.random(n) < 0.1, 3.0, rng.uniform(0.9, 1.1, n))
     t = np.cumsum(step)
     place, velocity = (rng.normal(size=n) + 1j * rng.normal(size=n) for _ in range(2))
-    use = rng.random(n) < 0.8
+    use = rng.random(n) < 0.9
+    velocity[~use] = np.nan
     path = ReceiverPath(
         np.arange(n), t, 0.0, place, velocity, *(np.full(n, np.nan) for _ in range(3))
     )
-    given: dict[str, list[np.ndarray]] = {}
+    given: dict[tuple[str, int], list[np.ndarray]] = {}
     monkeypatch.setattr(
-        module, "_weighed", lambda interval, *values: given.update({interval: list(values)})
+        module,
+        "_weighed",
+        lambda interval, rows, *values, instants: given.update(
+            {(interval, rows): [*values, instants[0]]}
+        ),
     )
     assert epoch_means(path, use) is None
-    one, two = np.median(t[1:] - t[:-1]), np.median(t[2:] - t[:-2])
-    wanted: dict[str, list[list[complex]]] = {BEFORE: [], AFTER: [], AROUND: []}
-    for k in range(n - 1):
-        span = t[k + 1] - t[k]
-        if use[k] and use[k + 1] and span < 1.6 * one:
-            way = (place[k + 1] - place[k]) / span
-            ends = (velocity[k] + velocity[k + 1]) / 2 - way
-            wanted[BEFORE].append([span, way, velocity[k + 1] - way, ends])
-            wanted[AFTER].append([span, way, velocity[k] - way, ends])
-    for k in range(1, n - 1):
-        span = t[k + 1] - t[k - 1]
-        if use[k - 1] and use[k] and use[k + 1] and span < 1.6 * two:
-            way = (place[k + 1] - place[k - 1]) / span
-            mean = (velocity[k - 1] + 4 * velocity[k] + velocity[k + 1]) / 6
-            wanted[AROUND].append([span, way, velocity[k] - way, mean - way])
+    usual = np.median(np.diff(t))
+    wanted: dict[tuple[str, int], list[list[complex]]] = {}
+    for count in range(1, 5):
+        for k in range(n - count):
+            rows = range(k, k + count + 1)
+            if not use[rows].all() or max(np.diff(t[rows])) > 1.6 * usual:
+                continue
+            span = t[k + count] - t[k]
+            way = (place[k + count] - place[k]) / span
+            told = np.trapezoid(velocity[rows], t[rows]) / span - way
+            of = {(BEFORE, count): k + count, (AFTER, count): k}
+            if count % 2 == 0:
+                of[AROUND, count // 2] = k + count // 2
+            for key, row in of.items():
+                wanted.setdefault(key, []).append([span, way, velocity[row] - way, told])
     assert given.keys() == wanted.keys()
-    for interval, rows in wanted.items():
-        assert len(rows) < n - 10
-        np.testing.assert_allclose(np.array(given[interval]).T, np.array(rows))
+    for key, values in wanted.items():
+        assert 5 < len(values) < n - 8
+        np.testing.assert_allclose(np.array(given[key]).T, np.array(values))
 
 
 def test_the_best_receiver_is_the_same_to_sync_and_fusion() -> None:
