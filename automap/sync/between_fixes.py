@@ -1,5 +1,5 @@
 """Rows that a log or a receiver put between what it measured: on the straight lines from one fix to
-the next, or on the way on from the last one."""
+the next, on the way on from the last one, or reckoned without satellites."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from automap.gates import exceeds_ratio
-from automap.records import BoolArray, Fixes, FloatArray
+from automap.records import BoolArray, Fixes, FixType, FloatArray
 from automap.sync import limits
 from automap.sync.held_values import repeated, told_again
 from automap.sync.receiver_path import ReceiverPath, receiver_path
@@ -136,9 +136,22 @@ def _even_heights(path: ReceiverPath, rows: slice, share: FloatArray) -> bool:
     return not np.isfinite(off).all() or bool(off.max() < 2.0 * digit)
 
 
+def reckoned(fixes: Fixes) -> BoolArray:
+    """Rows [n] whose positions the receiver says to have reckoned on without satellites, of a log
+    most of whose positions it measured; else none.
+
+    A tenth of a degree a second or a hundredth of the way is in none of its figures, and all rows
+    err by it alike.
+    """
+    rows = (fixes.fix_type == FixType.DEAD_RECKONING) & np.isfinite(fixes.lat_rad)
+    measured = (fixes.fix_type > FixType.DEAD_RECKONING) & np.isfinite(fixes.lat_rad)
+    return np.asarray(rows & (np.count_nonzero(measured) > np.count_nonzero(rows)))
+
+
 def nothing_new(fixes: Fixes) -> BoolArray:
-    """Rows [n] that say what others said already: again, between them or on from them."""
-    again = told_again(fixes)
+    """Rows [n] that measured nothing: that say what others said already, again, between them or on
+    from them, or that the receiver reckoned."""
+    again = told_again(fixes) | reckoned(fixes)
     own = replace(fixes, lat_rad=np.where(again, np.nan, fixes.lat_rad))
     between = told_between(own)
     return again | (between if between.any() else carried_on(own)) | coasted(own)

@@ -158,19 +158,25 @@ def _moving_part(rows: IntArray, step: ComplexArray, sd: FloatArray) -> tuple[in
 
 
 def told_again(fixes: Fixes) -> BoolArray:
-    """Rows [n] that say again, to the digit, what a row before said while the vehicle drove on,
-    where a log is written faster than its receiver measures; else none."""
+    """Rows [n] that say again, to the digit, what a row before said, where a log is written faster
+    than its receiver measures, as rows that repeat while the vehicle drives on show; else none.
+
+    At rest a receiver may find the same anew, once in the time from one of its rows to the next."""
     said = np.column_stack([fixes.lat_rad, fixes.lon_rad, fixes.vel_ned[:, :2]])
     same = np.zeros(len(fixes), np.bool_)
     same[1:] = np.all(said[1:] == said[:-1], axis=1)
     if not same.any():
         return same
     first = np.maximum.accumulate(np.where(same, 0, np.arange(len(fixes))))
-    way = (fixes.gps_s - fixes.gps_s[first]) * np.hypot(said[:, 2], said[:, 3])
+    late = fixes.gps_s - fixes.gps_s[first]
+    way = late * np.hypot(said[:, 2], said[:, 3])
     # the whole of a run, once its last row has left the place
     longest = np.zeros(len(fixes))
     np.maximum.at(longest, first, np.abs(np.nan_to_num(way)))
     moves = longest[first] > limits.TOLD_AGAIN_M
     again = same & moves
-    most = np.count_nonzero(again) > limits.TOLD_AGAIN_SHARE * np.count_nonzero(moves | ~same)
-    return np.asarray(again & most)
+    if np.count_nonzero(again) <= limits.TOLD_AGAIN_SHARE * np.count_nonzero(moves | ~same):
+        return np.zeros_like(same)
+    step_s, own_s = (float(np.median(np.diff(t))) for t in (fixes.gps_s, fixes.gps_s[~same]))
+    measured = np.diff(np.floor((late + 0.5 * step_s) / own_s), prepend=0.0) > 0.0
+    return np.asarray(same & (moves | ~measured))

@@ -9,7 +9,7 @@ import pytest
 
 from automap.earth import metres_per_radian
 from automap.fusion.doubts.receiver import receiver_doubts, usable_fixes
-from automap.records import Fixes, FloatArray
+from automap.records import Fixes, FixType, FloatArray
 from automap.sync.between_fixes import carried_on, coasted, nothing_new, told_between
 from automap.sync.velocity_consistency import velocity_consistency
 from tests.unit.fusion_motion import city_drive
@@ -151,3 +151,34 @@ def test_a_receiver_that_goes_straight_on_measures_nothing(rate: float) -> None:
     for name in place:
         getattr(held, name)[inside] = getattr(held, name)[first]
     assert not coasted(held).any()
+
+
+def test_a_faster_log_repeats_a_receiver_at_rest_too() -> None:
+    """Ten rows of each fix: what is left of them is one a second, while driving and at rest."""
+    fixes = _logged(receive(MOTION, Receiver(rate=1.0), 4))
+    still = np.arange(len(fixes)) >= len(fixes) - 30
+    held = np.where(still, len(fixes) - 30, np.arange(len(fixes)))
+    rest = {n: v[held] for n, v in vars(fixes).items()} | {"gps_s": fixes.gps_s}
+    rest["vel_ned"] = np.where(still[:, None], 0.0, fixes.vel_ned)
+    log = Fixes(**{n: np.repeat(v, 10, axis=0) for n, v in rest.items()})
+    log = replace(log, gps_s=log.gps_s + np.tile(np.arange(10) / 10.0, len(fixes)))
+    left = log.gps_s[~nothing_new(log)]
+    assert len(left) == len(fixes)
+    np.testing.assert_allclose(left, fixes.gps_s, atol=1e-3)
+
+
+def test_what_a_receiver_reckons_without_satellites_is_left_out_and_told() -> None:
+    fixes = _logged(receive(MOTION, Receiver(rate=5.0), 4))
+    kind = fixes.fix_type.copy()
+    kind[300:600] = FixType.DEAD_RECKONING
+    log = replace(fixes, fix_type=kind)
+    found = velocity_consistency(log)
+    assert found.between == 300
+    left = usable_fixes(log, found)
+    assert (np.isnan(left.lat_rad) == (kind == FixType.DEAD_RECKONING)).all()
+    assert np.isnan(left.vel_ned[300:600]).all()
+    (reason,) = (r for r in receiver_doubts(found, 0.0) if r.code == "fixes_interpolated")
+    assert "reckoned" in reason.text
+    # a receiver that says so of all measures nothing less
+    all_of_them = replace(fixes, fix_type=np.full_like(kind, FixType.DEAD_RECKONING))
+    assert not nothing_new(all_of_them).any()

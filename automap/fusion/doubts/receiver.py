@@ -230,8 +230,9 @@ def _doubts(found: VelocityConsistency, start: float, felt: bool) -> Iterator[Re
     if found.between:
         text = (
             f"{found.between} of the log's positions lie on the straight lines between the others, "
-            "or on from the last one by its velocity, evenly: nothing was measured there, so they "
-            "were left out; log the receiver's own"
+            "or on from the last one by its velocity, evenly, or the receiver says to have "
+            "reckoned them without satellites: nothing was measured there, so they were left out; "
+            "log the receiver's own"
         )
         yield Reason("fixes_interpolated", text, state="good", handled=True)
     if found.parted:
