@@ -7,6 +7,7 @@ TOML, functions in Python and the formulas that the gap finder reports.
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -75,12 +76,17 @@ class Signals:
     @property
     def travel_n(self) -> FloatArray:
         """North part of the direction of travel, nothing at rest."""
-        return np.asarray(_travel(self.speed, self.heading)[0])
+        return np.asarray(self._travel[0])
 
     @property
     def travel_e(self) -> FloatArray:
         """East part of the direction of travel, nothing at rest."""
-        return np.asarray(_travel(self.speed, self.heading)[1])
+        return np.asarray(self._travel[1])
+
+    @cached_property
+    def _travel(self) -> FloatArray:
+        """Both [2, n]: every problem of a drive asks for them."""
+        return _travel(self.speed, self.heading)
 
     def at(self, time: FloatArray) -> Signals:
         """The quantities at other instants, in s since the first sample, linear in between."""

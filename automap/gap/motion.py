@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from automap.columns_between import interpolate
 from automap.earth import gravity, metres_per_radian
 from automap.effects.gnss import low_pass
 from automap.effects.limits import COURSE_SPEED
@@ -96,17 +97,19 @@ def motion_of(last: Pass) -> Motion:
 def at_times(motion: Motion, signal: FloatArray, t: FloatArray) -> FloatArray:
     """A signal [n, k] of the motion at instants [m], linear between epochs."""
     flat = signal.reshape(len(motion.t), -1)
-    out = np.stack([np.interp(t, motion.t, column) for column in flat.T], axis=1)
-    return np.asarray(out.reshape((len(t), *signal.shape[1:])))
+    out = np.empty((len(t), flat.shape[1]))
+    interpolate(t, motion.t, flat, out)
+    return out.reshape((len(t), *signal.shape[1:]))
 
 
 def lagged(motion: Motion, signal: FloatArray, tau_s: float) -> FloatArray:
     """A ``signal`` [n, 3] of the motion after a first-order low-pass of time constant ``tau_s``."""
     step = max(float(np.median(np.diff(motion.t))), 1e-4)
     grid = np.arange(motion.t[0], motion.t[-1] + step, step)
-    even = np.stack([np.interp(grid, motion.t, v) for v in signal.T], axis=1)
-    passed = low_pass(even, step, tau_s)
-    return np.stack([np.interp(motion.t, grid, v) for v in passed.T], axis=1)
+    even, out = np.empty((len(grid), signal.shape[1])), np.empty(signal.shape)
+    interpolate(grid, motion.t, signal, even)
+    interpolate(motion.t, grid, low_pass(even, step, tau_s), out)
+    return out
 
 
 @dataclass(frozen=True)

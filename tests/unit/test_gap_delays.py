@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import minimum_filter1d
 
+from automap.columns_between import interpolate
 from automap.earth import metres_per_radian
 from automap.effects.measured_kernels import course_changes
 from automap.fusion.layout import CH_VEL
@@ -87,6 +88,25 @@ def test_noise_of_single_turn_rates_does_not_age_velocities(plain: Fit) -> None:
     # two readings of that noise would part them by 0.14 rad/s times the arm
     assert np.linalg.norm(arm) > 0.5
     assert apart < 0.3 * 0.1 * np.linalg.norm(arm)
+
+
+def test_columns_between_are_what_numpy_says_of_each() -> None:
+    rng = np.random.default_rng(3)
+    t = np.cumsum(rng.uniform(0.005, 0.015, 500))
+    values = rng.standard_normal((500, 3))
+    late, anyhow = t - 0.37, rng.uniform(-1.0, 8.0, 300)
+    for x in (
+        late,
+        anyhow,
+        t,
+        t[::40] + 0.2,
+        np.array([t[-1], t[0], np.nextafter(t[5], 9.0)]),
+        t[:0],
+    ):
+        out = np.empty((len(x), 3))
+        interpolate(x, t, values, out)
+        for column, expected in zip(out.T, values.T, strict=True):
+            assert (column == np.interp(x, t, expected)).all()
 
 
 def test_large_delays_are_found_without_bias(monkeypatch: pytest.MonkeyPatch) -> None:

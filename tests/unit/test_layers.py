@@ -21,7 +21,7 @@ ROOT = Path(__file__).resolve().parents[2]
 LAYERS = (
     # what everybody speaks of: plain data, pure functions
     *("errors", "records", "earth", "geoid", "frames", "timebase", "interpolation", "lever_arm"),
-    *("jit", "gates", "assignment", "robust", "sparse_normal"),
+    *("jit", "columns_between", "gates", "assignment", "robust", "sparse_normal"),
     # what signs look like, what sensors do wrong
     *("signs", "effects"),
     # formats: bytes to records and back
