@@ -90,7 +90,7 @@ def compare_with_inventory(
     listed, rows_of = listed_signs(read, country, inventory, warnings, named)
     drives = _drives(folder, warnings)
     at_home = len(country_set(driven)) < len(load_classes())
-    shares, left_out = _class_shares(products, signs), _left_out(folder)
+    shares, left_out = _class_shares(products, signs), _left_out(folder, warnings)
     result = compare_inventory(signs, listed, drives, shares, at_home, left_out)
     doubtful, findings = doubts(result, signs, listed, inventory, placeless(read, country))
     warnings += doubtful
@@ -173,7 +173,7 @@ def _drives(folder: Path, warnings: list[str]) -> list[DriveSigns]:
     ]
 
 
-def _left_out(folder: Path) -> list[Sign]:
+def _left_out(folder: Path, warnings: list[str]) -> list[Sign]:
     """What drives of a merge saw and its map leaves out as unlikely, each drive's by itself, less
     what that drive is off there; without its covariance and facing, which are not kept."""
     from automap.earth import metres_per_radian
@@ -184,8 +184,13 @@ def _left_out(folder: Path) -> list[Sign]:
     if not (folder / names.MERGE).is_file() or not (folder / SIGHTINGS).is_file():
         return []
     numbers = ("lat_deg", "lon_deg", "existence", "offset_e_m", "offset_n_m")
-    table = read_table(folder / SIGHTINGS, ("sign_id", "key", "drive", "class", *numbers), numbers)
-    left_out = []
+    left_out: list[Sign] = []
+    try:
+        columns = ("sign_id", "key", "drive", "class", *numbers)
+        table = read_table(folder / SIGHTINGS, columns, numbers)
+    except InputError as error:
+        warnings.append(f"{error} What drives saw and the map leaves out does not count.")
+        return left_out
     unknown, nan = np.full((3, 3), math.nan), math.nan
     for row in table.filter(table.column("sign_id").is_null()).to_pylist():
         lat, lon, exists, east, north = (nan if row[n] is None else float(row[n]) for n in numbers)

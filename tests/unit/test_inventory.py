@@ -341,7 +341,9 @@ def test_what_a_drive_saw_and_the_map_leaves_out_speaks_for_a_listed_sign(
             "offset_e_m": zero + 5.0, "offset_n_m": zero - 5.0,
         },
     )  # fmt: skip
-    left_out = _left_out(tmp_path)
+    warnings: list[str] = []
+    left_out = _left_out(tmp_path, warnings)
+    assert not warnings
     assert [s.id for s in left_out] == ["one"]
     per_lat, per_lon = (float(v) for v in metres_per_radian(0.6, 0.0))
     assert (left_out[0].lat_rad - 0.6) * per_lat == pytest.approx(5.0)
@@ -357,6 +359,9 @@ def test_what_a_drive_saw_and_the_map_leaves_out_speaks_for_a_listed_sign(
     other = [replace(s, class_name="warning--children--g2") for s in left_out]
     assert left_out_odds(other, listed, known, True)[0] < 0.5 * near[0]
     assert left_out_odds([], listed, known, True).tolist() == [0.0, 0.0, 0.0]
+    (tmp_path / "sightings.parquet").write_bytes(b"cut")
+    assert _left_out(tmp_path, warnings) == []
+    assert len(warnings) == 1
 
 
 def test_a_listed_sign_beside_what_the_map_leaves_out_is_not_held_for_gone() -> None:
