@@ -32,6 +32,7 @@ from automap.inventory.pairs import (
     candidates,
     doubts,
     fit,
+    left_out_odds,
     near_pairs,
     one_to_one,
     rivals,
@@ -64,11 +65,13 @@ def compare_inventory(
     drives: Sequence[DriveSigns],
     shares: Sequence[Mapping[str, float]] = (),
     at_home: bool = True,
+    left_out: Sequence[Sign] = (),
 ) -> InventoryComparison:
     """What of ``inventory`` is on the map, what is not, and what the map has besides.
 
     ``signs`` with positions; ``drives`` tell where cameras looked; ``shares`` what the views of
-    each sign give to each class (empty: not known), read ``at_home`` with a country's own.
+    each sign give to each class (empty: not known), read ``at_home`` with a country's own; what
+    drives saw and the map has ``left_out`` as unlikely speaks for listed signs beside it.
     """
     shares = shares or [{}] * len(signs)
     near, directions = None, Directions()
@@ -105,7 +108,7 @@ def compare_inventory(
         replace(f, probability=f.probability / float(1.0 + by_sign[f.sign]))
         for f in new_signs(signs, unknown)
     ]
-    alone = 1.0 / (1.0 + by_listed)
+    alone = 1.0 / (1.0 + by_listed + left_out_odds(left_out, inventory, known, at_home))
     lost, detection = not_found(inventory, partner, signs, drives, alone, views, rows)
     order = ("matched", "moved", "class", "new", "missing", "unconfirmed", "not_seen")
     findings = mark_sure([_from_where_listed(f, parts) for f in (*findings, *lost)])

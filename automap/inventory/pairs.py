@@ -210,6 +210,30 @@ def fit(pairs: Pairs, inventory: Inventory, doubt: FloatArray, looked: BoolArray
     return Fit(shift, sd, evidence, moved, stays, variance, mean_square)
 
 
+def left_out_odds(
+    signs: Sequence[Sign], inventory: Inventory, known: Fit, at_home: bool
+) -> FloatArray:
+    """Odds [m] that a listed sign is one of ``signs`` that drives saw and the map leaves out as
+    unlikely: that others did not see what is listed there makes it no clutter. The list's shift and
+    error are ``known``; how far the map errs about them is not."""
+    if not len(signs) or not len(inventory):
+        return np.zeros(len(inventory))
+    near = near_pairs(signs, inventory)
+    pairs = candidates(signs, inventory, [{}] * len(signs), near, at_home)
+    stated = inventory.sd_m[pairs.listed]
+    own = np.clip(stated, limits.LEAST_SD_M, limits.LARGEST_SD_M)
+    own = np.where(np.isfinite(stated), own, known.sd_m)
+    total = pairs.cov + own[:, None, None] ** 2 * np.eye(2)
+    residual = pairs.apart - known.shift_m
+    square = np.einsum("ki,kij,kj->k", residual, np.linalg.inv(total), residual)
+    in_place = (1.0 - limits.STALE) * np.exp(-0.5 * square)
+    in_place /= 2.0 * math.pi * np.sqrt(np.linalg.det(total))
+    # what was found not listed, or no sign, which stands anywhere
+    alone = limits.NEW_SHARE * pairs.beside + doubts(signs)[pairs.sign] / AREA_M2
+    odds = np.exp(np.minimum(pairs.told, 500.0)) * (in_place + limits.STALE / AREA_M2) / alone
+    return sum_of(pairs.listed, odds, len(inventory))
+
+
 def without_common_errors(pairs: Pairs, known: Fit, signs: Sequence[Sign]) -> Pairs:
     """The pairs with what signs about them are off in common taken off."""
     chosen = one_to_one(pairs, known.evidence, len(signs))

@@ -90,7 +90,8 @@ def compare_with_inventory(
     listed, rows_of = listed_signs(read, country, inventory, warnings, named)
     drives = _drives(folder, warnings)
     at_home = len(country_set(driven)) < len(load_classes())
-    result = compare_inventory(signs, listed, drives, _class_shares(products, signs), at_home)
+    shares, left_out = _class_shares(products, signs), _left_out(folder, warnings)
+    result = compare_inventory(signs, listed, drives, shares, at_home, left_out)
     doubtful, findings = doubts(result, signs, listed, inventory, placeless(read, country))
     warnings += doubtful
     rows = [_row(finding, signs, listed, read, rows_of) for finding in findings]
@@ -170,6 +171,38 @@ def _drives(folder: Path, warnings: list[str]) -> list[DriveSigns]:
         DriveSigns(**blank | {"name": name, "path": path, "cameras": (COVERAGE_VIEW,)})
         for name, path in paths.items()
     ]
+
+
+def _left_out(folder: Path, warnings: list[str]) -> list[Sign]:
+    """What drives of a merge saw and its map leaves out as unlikely, each drive's by itself, less
+    what that drive is off there; without its covariance and facing, which are not kept."""
+    from automap.earth import metres_per_radian
+    from automap.io.map_tables import SIGHTINGS
+    from automap.io.tables import read_table
+    from automap.records import Sign
+
+    if not (folder / names.MERGE).is_file() or not (folder / SIGHTINGS).is_file():
+        return []
+    numbers = ("lat_deg", "lon_deg", "existence", "offset_e_m", "offset_n_m")
+    left_out: list[Sign] = []
+    try:
+        columns = ("sign_id", "key", "drive", "class", *numbers)
+        table = read_table(folder / SIGHTINGS, columns, numbers)
+    except InputError as error:
+        warnings.append(f"{error} What drives saw and the map leaves out does not count.")
+        return left_out
+    unknown, nan = np.full((3, 3), math.nan), math.nan
+    for row in table.filter(table.column("sign_id").is_null()).to_pylist():
+        lat, lon, exists, east, north = (nan if row[n] is None else float(row[n]) for n in numbers)
+        lat, lon = math.radians(lat), math.radians(lon)
+        per_lat, per_lon = metres_per_radian(lat, 0.0)
+        lat, lon = lat - north / float(per_lat), lon - east / float(per_lon)
+        if math.isfinite(lat) and math.isfinite(lon) and math.isfinite(exists):
+            left_out.append(Sign(
+                row["key"], row["class"] or "", lat, lon, nan, unknown, exists, 0, 0, 0, nan,
+                nan, nan, "", drives=(row["drive"] or "",), existence=exists,
+            ))  # fmt: skip
+    return left_out
 
 
 def _class_shares(products: RunProducts, signs: Sequence[Sign]) -> list[dict[str, float]]:

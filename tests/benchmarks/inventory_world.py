@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
@@ -51,13 +52,15 @@ LORRY_SHARE, LORRY_M, LORRY_RADIUS_M = 0.15, 22.0, 1.25
 @dataclass(frozen=True)
 class Case:
     """A map, the true sign of each of its signs (-1 none), its drives, and the list; ``hidden`` [n]
-    true signs that something hid in every frame of every drive."""
+    true signs that something hid in every frame of every drive; ``left_out`` what drives saw and
+    the merged map left out."""
 
     signs: list[Sign]
     truth: IntArray
     drives: list[DriveSigns]
     faulty: Faulty
     hidden: BoolArray
+    left_out: Sequence[Sign] = ()
 
 
 def case(seed: int, drives: int) -> Case:
@@ -87,7 +90,8 @@ def case(seed: int, drives: int) -> Case:
     kept = np.flatnonzero(merged.existence >= LEAST_EXISTENCE).tolist()
     truth = np.array([_most(own[merged.sign == k]) for k in kept], np.int64)
     signs = [merged.signs[k] for k in kept]
-    return Case(signs, truth, merged.drives, inventory, hidden)
+    left_out = [s for k, s in enumerate(merged.signs) if k not in set(kept)]
+    return Case(signs, truth, merged.drives, inventory, hidden, left_out)
 
 
 def _most(values: IntArray) -> int:
@@ -273,7 +277,9 @@ def main() -> None:
         unseen: list[tuple[float, bool, bool]] = []
         for seed in range(arguments.first, arguments.first + arguments.seeds):
             one = case(seed, drives)
-            result = compare_inventory(one.signs, one.faulty.inventory, one.drives)
+            result = compare_inventory(
+                one.signs, one.faulty.inventory, one.drives, left_out=one.left_out
+            )
             for kind in KINDS:
                 wanted[kind] += due(result, one.faulty, one.truth, kind)
             for finding in result.findings:

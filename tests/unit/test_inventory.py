@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from inventory_case import KINDS, faulty, judged, merged_town, town_and_drive
 from merge_scene import USUAL, to_geodetic
 
+from automap.earth import metres_per_radian
 from automap.inventory.comparison import compare_inventory
 from automap.inventory.findings import (
     Finding,
@@ -18,8 +20,12 @@ from automap.inventory.findings import (
     new_signs,
 )
 from automap.inventory.missing import counts, standing
+from automap.inventory.pairs import Fit, left_out_odds
+from automap.io.atomic import write_json
+from automap.io.map_tables import write_sightings
 from automap.mapping.visibility import Opportunities
 from automap.records import Sign, Trajectory
+from pipeline.compare.command import _left_out
 from pipeline.merge.inputs import even_path
 
 
@@ -313,3 +319,68 @@ def test_a_pair_is_doubted_where_another_pairing_explains_as_much() -> None:
     assert between.probability == pytest.approx(0.5, abs=0.05)
     assert other.probability == pytest.approx(0.5, abs=0.1)
     assert min(f.probability for f in findings if f not in (between, other)) > 0.95
+
+
+def test_what_a_drive_saw_and_the_map_leaves_out_speaks_for_a_listed_sign(
+    tmp_path: Path,
+) -> None:
+    """Of three drives one sees a sign, and the merged map takes it for clutter. The first is off by
+    5 m there, which is taken off; what is on the map is not among these."""
+    name, lat = "regulatory--stop--g1", np.array([0.6, 0.6, 0.7])
+    listed = Inventory([*"abc"], [name] * 3, lat, np.zeros(3), *np.full((2, 3), np.nan))
+    zero = np.zeros(2)
+    write_json(tmp_path / "merge.json", {})
+    write_sightings(
+        tmp_path / "sightings.parquet",
+        {
+            "key": ["one", "two"], "drive": ["x", "x"], "drive_sign": ["1", "2"],
+            "class": [name, name], "sign_id": ["", "on the map"],
+        },
+        {
+            "lat_deg": np.degrees([0.6, 0.7]), "lon_deg": zero, "existence": np.array([0.1, 0.9]),
+            "offset_e_m": zero + 5.0, "offset_n_m": zero - 5.0,
+        },
+    )  # fmt: skip
+    warnings: list[str] = []
+    left_out = _left_out(tmp_path, warnings)
+    assert not warnings
+    assert [s.id for s in left_out] == ["one"]
+    per_lat, per_lon = (float(v) for v in metres_per_radian(0.6, 0.0))
+    assert (left_out[0].lat_rad - 0.6) * per_lat == pytest.approx(5.0)
+    assert left_out[0].lon_rad * per_lon == pytest.approx(-5.0)
+    shift, none = np.array([-5.0, 5.0]), np.zeros(0)
+    known = Fit(shift, 0.3, none, none, none, none, np.nan)
+    near = left_out_odds(left_out, listed, known, True)
+    assert near[0] > 3.0
+    assert near[2] == 0.0
+    # the surer that there was something, the more; of another class hardly
+    surer = [replace(s, existence=0.4) for s in left_out]
+    assert left_out_odds(surer, listed, known, True)[0] > 3.0 * near[0]
+    other = [replace(s, class_name="warning--children--g2") for s in left_out]
+    assert left_out_odds(other, listed, known, True)[0] < 0.5 * near[0]
+    assert left_out_odds([], listed, known, True).tolist() == [0.0, 0.0, 0.0]
+    (tmp_path / "sightings.parquet").write_bytes(b"cut")
+    assert _left_out(tmp_path, warnings) == []
+    assert len(warnings) == 1
+
+
+def test_a_listed_sign_beside_what_the_map_leaves_out_is_not_held_for_gone() -> None:
+    _, town, drives, truth, signs = town_and_drive(7, 600.0)
+    lat, lon, _ = to_geodetic(town.position)
+    inventory = Inventory(
+        [str(k) for k in range(len(lat))], town.class_name.tolist(), lat, lon, town.facing,
+        np.full(len(lat), 0.3),
+    )  # fmt: skip
+    place = int(truth[0])
+
+    def gone(left_out: list[Sign]) -> float:
+        found = compare_inventory(signs[1:], inventory, drives, left_out=left_out).findings
+        assert all(f.sign < len(signs) - 1 for f in found)
+        told = next(f for f in found if f.listed == place)
+        assert told.kind in ("missing", "unconfirmed")
+        return told.probability if told.kind == "missing" else 1.0 - told.probability
+
+    unlikely = replace(signs[0], existence=0.2)
+    far = replace(unlikely, lat_rad=unlikely.lat_rad + 1e-4)
+    assert gone([unlikely]) < 0.3 * gone([])
+    assert gone([far]) == gone([])
