@@ -22,5 +22,6 @@ def contained(shift: Shift) -> tuple[tuple[str, float], ...]:
         (LATENCY_STATE, shift.latency_s),
         (SKEW_STATE, shift.skew),
         (VEL_LAG_STATE, shift.vel_lag_s),
+        (COURSE_STATE, shift.course_s),
         (WHEELS_STATE, shift.wheels_s),
     )

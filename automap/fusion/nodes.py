@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from automap.effects.limits import COURSE_SPEED
 from automap.fusion import limits
 from automap.fusion.layout import (
     CH_POS,
@@ -43,6 +44,7 @@ class Shift:
     skew: float = 0.0
     vel_lag_s: float = 0.0
     wheels_s: float = 0.0
+    course_s: float = 0.0
 
     def host_times(self, t: FloatArray) -> FloatArray:
         """Times on the IMU's axis of instants of the fixes' clock."""
@@ -252,6 +254,8 @@ def _split(model: FixModel, shift: Shift) -> FixModel:
     t, values = shift.position_times(model.t), model.values.copy()
     # metres a second of a clock that runs fast
     values[:, 3:6] /= 1.0 + shift.skew
+    if shift.course_s != 0.0:
+        values[:, 3:5] = _dated_courses(model, values[:, 3:5], shift.course_s)
     model = replace(model, t=t, values=values)
     if shift.velocity_delay_s == 0.0:
         return model
@@ -274,6 +278,21 @@ def _split(model: FixModel, shift: Shift) -> FixModel:
         model.stated_sd[rows],
         model.row[rows],
     )
+
+
+def _dated_courses(model: FixModel, velocity: FloatArray, late_s: float) -> FloatArray:
+    """Velocities [m, 2] with the courses that are told ``late_s`` s after them; at a crawl a course
+    is that before and after."""
+    course = np.arctan2(velocity[:, 1], velocity[:, 0])
+    known = (model.flags & HAS_VEL_H) > 0
+    known &= np.hypot(velocity[:, 0], velocity[:, 1]) > COURSE_SPEED
+    if not known.any():
+        return velocity
+    t, course = model.t[known], np.unwrap(course[known])
+    turn = np.interp(model.t + late_s, t, course) - np.interp(model.t, t, course)
+    c, s = np.cos(turn), np.sin(turn)
+    north, east = velocity.T
+    return np.column_stack([c * north - s * east, s * north + c * east])
 
 
 def hold_reported_sd(sd: FloatArray) -> FloatArray:

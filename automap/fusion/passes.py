@@ -16,6 +16,7 @@ from automap.fusion import limits
 from automap.fusion.adapt import COARSE, adapt_noise, refine_noise, scale_nodes, scale_problem
 from automap.fusion.alignment import Alignment, align
 from automap.fusion.delay_states import (
+    COURSE_STATE,
     DELAY_STATE,
     LATENCY_STATE,
     SKEW_STATE,
@@ -294,6 +295,8 @@ def next_shift(model: StateModel, smooth: SmoothRun, shift: Shift, retime: bool)
         return Shift(found[DELAY_STATE], wheels_s=wheels_s)
     if abs(found[VEL_LATENCY_STATE] + found[VEL_LAG_STATE]) < limits.MIN_SPLIT_S:
         found[VEL_LATENCY_STATE] = found[VEL_LAG_STATE] = 0.0
+    if abs(found[COURSE_STATE]) < limits.MIN_SPLIT_S:
+        found[COURSE_STATE] = 0.0
     return Shift(
         delay_s=found[DELAY_STATE],
         vel_latency_s=float(
@@ -302,6 +305,7 @@ def next_shift(model: StateModel, smooth: SmoothRun, shift: Shift, retime: bool)
         latency_s=float(np.clip(found[LATENCY_STATE], -limits.MAX_DELAY_S, limits.MAX_DELAY_S)),
         skew=float(np.clip(found[SKEW_STATE], -limits.MAX_SKEW, limits.MAX_SKEW)),
         vel_lag_s=float(np.clip(found[VEL_LAG_STATE], 0.0, limits.MAX_DELAY_S)),
+        course_s=float(np.clip(found[COURSE_STATE], -limits.MAX_DELAY_S, limits.MAX_DELAY_S)),
         wheels_s=wheels_s,
     )
 

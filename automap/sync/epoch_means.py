@@ -39,13 +39,13 @@ class EpochMeans:
     @property
     def text(self) -> str:
         """What they are, in words."""
-        before, after = ("the row before", "the next row")
-        if self.rows > 1:
-            before, after = f"{self.rows} rows before", f"{self.rows} rows after"
+        n = self.rows
         told = {
-            BEFORE: f"from {before} to it",
-            AFTER: f"from it to {after}",
-            AROUND: f"from {before} to {after}",
+            BEFORE: "from the row before to it" if n == 1 else f"from {n} rows before to it",
+            AFTER: "from it to the next row" if n == 1 else f"from it to {n} rows after",
+            AROUND: "from the row before to the next"
+            if n == 1
+            else f"from {n} rows before to {n} rows after",
         }[self.interval]
         return (
             f"the velocity of a row is the way between positions, {told}, over its "
