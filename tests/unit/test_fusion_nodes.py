@@ -15,7 +15,14 @@ from automap.fusion.layout import CHANNELS, NHC, ODOMETER, STANDSTILL, UNSIGNED,
 from automap.fusion.limits import FORCE_WINDOW_S
 from automap.fusion.measurements.wheel_speed import Odometer
 from automap.fusion.model import build_state_model
-from automap.fusion.nodes import Nodes, Shift, _node_times, build_nodes, model_fixes
+from automap.fusion.nodes import (
+    Nodes,
+    Shift,
+    _dated_courses,
+    _node_times,
+    build_nodes,
+    model_fixes,
+)
 from automap.fusion.options import FusionOptions
 from automap.fusion.passes import rate_of_turn
 from automap.fusion.problem import make_problem
@@ -231,3 +238,23 @@ def test_the_force_of_a_sample_is_the_mean_about_it() -> None:
     for k in (beside, 70, len(imu.t_ns) - 1 - beside):
         mean = imu.accel[k - beside : k + beside + 1].mean(axis=0)
         assert problem.samples.force[k] == pytest.approx(mean)
+
+
+def test_late_courses_are_put_where_they_belong() -> None:
+    """Of bends and stops those of 0.8 s later; at rest, where a course is anything, none is."""
+    motion = city_drive(120.0, 3)
+    fixes = receive(motion, Receiver(rate=5.0), 1)
+    t = fixes.gps_s - GPS0
+    right, before = motion.velocity(t), motion.velocity(np.maximum(t - 0.8, 0.0))
+    speed, late = np.hypot(right[:, 0], right[:, 1]), right.copy()
+    course = np.arctan2(before[:, 1], before[:, 0])
+    course[speed < 0.3] = np.random.default_rng(2).uniform(-np.pi, np.pi, (speed < 0.3).sum())
+    late[:, 0], late[:, 1] = speed * np.cos(course), speed * np.sin(course)
+    model = model_fixes(replace(fixes, vel_ned=late), t, OPTIONS)
+    dated = _dated_courses(model, model.values[:, 3:5], 0.8)
+    drives = (speed > 2.0) & (t < t[-1] - 1.0)
+    off = np.linalg.norm(dated - right[:, :2], axis=1)[drives]
+    assert np.quantile(off, 0.95) < 0.1
+    told = np.linalg.norm(late[:, :2] - right[:, :2], axis=1)[drives]
+    assert np.quantile(told, 0.95) > 1.0
+    assert np.linalg.norm(dated, axis=1) == pytest.approx(speed, abs=1e-9)
