@@ -177,6 +177,6 @@ def told_again(fixes: Fixes) -> BoolArray:
     again = same & moves
     if np.count_nonzero(again) <= limits.TOLD_AGAIN_SHARE * np.count_nonzero(moves | ~same):
         return np.zeros_like(same)
-    step_s, own_s = (float(np.median(np.diff(t))) for t in (fixes.gps_s, fixes.gps_s[~same]))
+    step_s, own_s = (float(np.nanmedian(np.diff(t))) for t in (fixes.gps_s, fixes.gps_s[~same]))
     measured = np.diff(np.floor((late + 0.5 * step_s) / own_s), prepend=0.0) > 0.0
     return np.asarray(same & (moves | ~measured))
