@@ -119,7 +119,7 @@ def weigh(
     channels = channel_consistency(result.innovations)
     parting = innovation_doubts(channels)
     of_estimates = [
-        *impossible_ages(found, dated_by_arrival=delay_is_clock and clock.method == "arrival"),
+        *impossible_ages(found, delay_is_clock and clock.method == "arrival", delay.mean),
         *impossible_errors(found, bool(parting)),
         *outcome.leaning(path),
     ]

@@ -42,6 +42,8 @@ def write_clocks(path: Path, clocks: DriveClocks, diagnostics: dict[str, Any]) -
         named["arrival_time_base"] = clocks.arrival_time_base
     if clocks.receiver_filter is not None:
         named["receiver_filter"] = asdict(clocks.receiver_filter)
+    if clocks.shown_offset_s is not None:
+        named["shown_offset_s"] = clocks.shown_offset_s
     write_clock(path, clocks.clock, named | diagnostics)
 
 
@@ -91,7 +93,16 @@ def _clocks(content: dict[str, Any]) -> DriveClocks:
         arrival=None if arrival is None else _clock(arrival),
         arrival_time_base=None if arrival is None else str(content["arrival_time_base"]),
         receiver_filter=_filter(content.get("receiver_filter")),
+        shown_offset_s=_offset(content.get("shown_offset_s")),
     )
+
+
+def _offset(content: Any) -> float | None:
+    if content is None:
+        return None
+    if not abs(float(content)) < _MOST_GPS_S:
+        raise ValueError(f"an offset of {content} s")
+    return float(content)
 
 
 def _filter(content: dict[str, Any] | None) -> ReceiverFilter | None:

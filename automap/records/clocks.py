@@ -55,7 +55,8 @@ class DriveClocks:
     ``clock`` leads from the stamps of the trajectory, which are ``time_base`` ("boot_ns",
     "gps_ns" or "unix_ns"), to GPS time; ``arrival`` from the arrival times of the receiver's
     bytes where those are another clock, ``arrival_time_base``. ``receiver_filter`` is what makes
-    fixes late beside their times.
+    fixes late beside their times. ``shown_offset_s`` by how much the stamps are later than
+    ``clock`` says, where motions leave no doubt that it is off.
     """
 
     clock: ClockModel
@@ -63,3 +64,4 @@ class DriveClocks:
     arrival: ClockModel | None = None
     arrival_time_base: str | None = None
     receiver_filter: ReceiverFilter | None = None
+    shown_offset_s: float | None = None

@@ -175,7 +175,7 @@ def _compare_motions(result: SyncResult, imu: ImuData, fixes: Fixes) -> SyncResu
         own = in_imu_time(gnss, result.clock, imu)
         if source == "velocity" or coarse is None:
             coarse = find_offset(motion, own, reach_s=limits.STATED_REACH_S) or coarse
-        seen = refine_lag(motion, own, 0.0, limits.LAG_REACH_S)
+        seen = refine_lag(motion, own, _middle_of_search(coarse), limits.LAG_REACH_S)
         if seen is not None:
             lags[source] = seen
     warnings = list(result.warnings)
@@ -191,7 +191,29 @@ def _compare_motions(result: SyncResult, imu: ImuData, fixes: Fixes) -> SyncResu
         else:
             _refuse(result.clock, coarse, _near_zero(motion, result.clock, imu, fixes), warnings)
     best, lag = _best_lag(lags)
-    return SyncResult(result.clock, result.fit, lag, best, lags, coarse, warnings)
+    shown_s = _off_by_motions(result.clock, coarse)
+    if shown_s is not None:
+        warnings.append(
+            f"the IMU stamps read {shown_s:+.1f} s against the receiver's motion (clock by "
+            f"{result.clock.method}): the motions are believed; set the recorder's clock over the "
+            "network, or log fixes of an instant if it is they that come late"
+        )
+    return SyncResult(result.clock, result.fit, lag, best, lags, coarse, shown_s, warnings)
+
+
+def _off_by_motions(clock: ClockModel, coarse: CoarseOffset | None) -> float | None:
+    """By how much, s, the motions leave no doubt that a computer's clock is off: more than a
+    receiver's velocities are late."""
+    if clock.method != "unix" or coarse is None or not coarse.certain:
+        return None
+    return coarse.offset_s if abs(coarse.offset_s) > limits.DELAY_SD_S else None
+
+
+def _middle_of_search(coarse: CoarseOffset | None) -> float:
+    """About where a lag is searched: at what stands out, where that is near an end else."""
+    if coarse is None or not coarse.certain or abs(coarse.offset_s) < 0.5 * limits.LAG_REACH_S:
+        return 0.0
+    return coarse.offset_s
 
 
 def _near_zero(

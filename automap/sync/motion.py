@@ -8,13 +8,14 @@ velocity, so that neither side is low-pass filtered.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
 import numpy.typing as npt
 
 from automap.earth import MEAN_RADIUS
-from automap.gates import sd_by_median
+from automap.gates import gate, sd_by_median
 from automap.records import Fixes, FixType, FloatArray, ImuData, IntArray
 from automap.sync import limits
 
@@ -199,6 +200,10 @@ def _increments(t: FloatArray, velocity: FloatArray, window_s: float) -> GnssMot
     turned = _wrap(course[stride:] - course[:-stride])
     turn = np.where(np.minimum(speed0, speed1) > limits.SLOW_M_S, turned * speed, np.nan)
     keep = (end - start < 1.6 * window_s + 0.2) & (speed < limits.FASTEST_M_S)
+    # one wild fix is a turn and a speed, and outweighs all others where either explains the other
+    change = v1 - v0
+    chance = math.sqrt(gate(limits.WILD_ODDS, 2)) * sd_by_median(change.ravel())
+    keep &= np.hypot(*change.T) < limits.HARD_BRAKING * (end - start) + chance
     return GnssMotion(
         start=start[keep],
         end=end[keep],

@@ -17,7 +17,8 @@ class SyncResult:
     ``fit`` is there for a clock from arrival times. ``lag`` is the delay of the IMU stamps
     behind the receiver's epochs under that clock, None where it cannot be seen;
     ``lag_source`` says whether it is that of the "position" or of the "velocity".
-    ``lags`` holds both, where found.
+    ``lags`` holds both, where found. ``shown_offset_s`` by how much the stamps are later than the
+    clock says, to some tenths of a second, where the motions leave no doubt that it is off.
     """
 
     clock: ClockModel
@@ -26,4 +27,5 @@ class SyncResult:
     lag_source: str | None = None
     lags: dict[str, Lag] = field(default_factory=dict)
     coarse: CoarseOffset | None = None
+    shown_offset_s: float | None = None
     warnings: list[str] = field(default_factory=list)

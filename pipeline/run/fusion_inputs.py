@@ -21,6 +21,7 @@ from automap.io.clock_json import read_clocks
 from automap.io.drive import Drive
 from automap.io.tables import read_fixes, read_imu, read_odometer
 from automap.records import ClockModel, DriveClocks, Fixes, FloatArray, ImuData, WheelSpeed
+from automap.sync.limits import DELAY_SD_S
 from automap.sync.receiver_filter import taken_back
 from automap.sync.stamps import in_trajectory_time
 from automap.sync.velocity_consistency import VelocityConsistency, velocity_consistency
@@ -28,9 +29,6 @@ from pipeline.shared.progress import Progress
 
 SEPARATE_CLOCK_SD_S = 0.1
 """IMU stamps already in GPS time carry the recorder's own delay, s."""
-VELOCITIES_LATE_SD_S = 0.5
-"""A clock found by the motions is late by as much as the receiver's velocities: the RMS of those of
-recorded phones and receivers (speeds late by 0.13, 0.23, 0.69 s, courses by 0.42, 0.5, 0.65 s)."""
 OUTPUT_DELAY = (0.1, 0.1)
 """Least output delay of a receiver that nobody measured: mean and one sigma, s."""
 
@@ -92,7 +90,7 @@ def read_inputs(drive: Drive, out: Path, shared_clock_sd_s: float) -> FusionInpu
     """
     clocks = read_clocks(out / names.SYNC)
     clock = clocks.clock
-    delay, is_clock = _delay_prior(clock, shared_clock_sd_s)
+    delay, is_clock = _delay_prior(clocks, shared_clock_sd_s)
     arm = stated_arm(drive)
     right, receiver = _right_fixes(out)
     fixes = own_velocities(right, receiver)
@@ -144,8 +142,9 @@ def delay_of_arrivals(clock: ClockModel) -> Prior:
     return Prior(0.0, 0.0)
 
 
-def _delay_prior(clock: ClockModel, shared_sd: float) -> tuple[Prior, bool]:
+def _delay_prior(clocks: DriveClocks, shared_sd: float) -> tuple[Prior, bool]:
     """Prior of the delay between IMU stamps and fixes, and whether it is the clock's error."""
+    clock = clocks.clock
     if clock.method == "identity":
         return Prior(0.0, SEPARATE_CLOCK_SD_S), False
     if clock.method == "arrival" and clock.output_delay_s is None:
@@ -154,4 +153,5 @@ def _delay_prior(clock: ClockModel, shared_sd: float) -> tuple[Prior, bool]:
     if clock.method == "arrival":
         # the clock's own error dates the fixes, and is taken from the clock
         return Prior(0.0, shared_sd), False
-    return Prior(0.0, max(VELOCITIES_LATE_SD_S, sd_offset)), True
+    # what the motions show is late by as much as the receiver's velocities
+    return Prior(clocks.shown_offset_s or 0.0, max(DELAY_SD_S, sd_offset)), True

@@ -122,6 +122,9 @@ def test_fixes_from_the_future_cannot_be() -> None:
 )
 def test_a_delay_that_ran_to_its_bound_is_told(name: str, value: float) -> None:
     (reason,) = impossible_ages({name: (value, 0.01)}, False)
+    # of a clock that is off the delay is looked for about what the motions show
+    of_delay = name == "imu_time_offset_s"
+    assert (impossible_ages({name: (value, 0.01)}, False, expected_s=value) == []) == of_delay
     assert reason.code == "delay_at_bound"
     # what a receiver smooths is nothing against the IMU
     assert reason.inertial != ("velocity" in name)

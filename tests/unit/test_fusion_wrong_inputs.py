@@ -27,7 +27,7 @@ from automap.fusion.weighed import Weighed
 from automap.gates import OUTSIDE_95, gate
 from automap.io.drive import load_drive
 from automap.io.recording import read_recording
-from automap.records import ClockModel, Fixes, ImuData
+from automap.records import ClockModel, DriveClocks, Fixes, ImuData
 from automap.sync.velocity_consistency import velocity_consistency
 from pipeline.check.same_drive import usable_receiver
 from pipeline.run.fusion_inputs import _delay_prior
@@ -84,7 +84,7 @@ def fused(
     """A drive of three minutes, and what is said of its path."""
     motion = city_drive(180.0, 4)
     imu, fixes = read(record(motion, Sensor(), 4)), logged(receive(motion, receiver, 5))
-    delay, is_clock = _delay_prior(clock, 0.05)
+    delay, is_clock = _delay_prior(DriveClocks(clock, "boot_ns"), 0.05)
     arm, options = np.array(lever), FusionOptions()
     result = fuse_imu_gnss(imu, fixes, clock, options, delay, arm, delay_is_clock=is_clock)
     seen = velocity_consistency(fixes)

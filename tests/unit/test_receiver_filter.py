@@ -116,5 +116,6 @@ def test_it_is_told_and_kept(tmp_path: Path) -> None:
     assert (reason.code, reason.state) == ("fixes_smoothed", "good")
     assert "its velocities over 1.5 s and its positions over 0.7 s, as" in reason.text
     path = tmp_path / "sync.json"
-    write_clocks(path, DriveClocks(CLOCK, "boot_ns", receiver_filter=behind), {})
-    assert read_clocks(path).receiver_filter == behind
+    clocks = DriveClocks(CLOCK, "boot_ns", receiver_filter=behind, shown_offset_s=0.8)
+    write_clocks(path, clocks, {})
+    assert read_clocks(path) == clocks

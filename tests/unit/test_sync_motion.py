@@ -10,12 +10,13 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from automap.errors import InputError
-from automap.records import ClockModel, Fixes
+from automap.records import ClockModel, DriveClocks, Fixes
 from automap.sync.clock import check_overlap, gps_clock, synchronise, unix_clock
 from automap.sync.finished import trajectory_clock
 from automap.sync.motion_clock import correlation_clock, imu_gnss_delay
 from automap.sync.receiver_path import integrated, receiver_path
 from automap.timebase import gps_to_unix
+from pipeline.run.fusion_inputs import _delay_prior
 from tests.unit.sync_scene import GPS_START, drive, fixes_of, imu_of
 
 UPSIDE_DOWN = Rotation.from_euler("ZYX", [150.0, 12.0, 178.0], degrees=True)
@@ -45,6 +46,20 @@ def test_velocity_and_position_delays_are_told_apart() -> None:
     lags = imu_gnss_delay(imu_of(t, gyro, accel, 0), true_clock(0), mixed)
     assert lags["position"].lag_s == pytest.approx(0.0, abs=0.04)
     assert lags["velocity"].lag_s == pytest.approx(-0.2, abs=0.04)
+
+
+@pytest.mark.parametrize("rate", [5.0, 10.0])
+def test_wild_fixes_move_no_delay(rate: float) -> None:
+    """One in forty lies tens of metres off: some hundred metres a second from its neighbours."""
+    t, gyro, accel, motion = drive()
+    imu, fixes = imu_of(t, gyro, accel, 0), fixes_of(t, motion, rate)
+    rng = np.random.default_rng(9)
+    wild = rng.choice(len(fixes), len(fixes) // 40, replace=False)
+    lat = fixes.lat_rad.copy()
+    lat[wild] += rng.uniform(10.0, 90.0, len(wild)) * rng.choice([-1.0, 1.0], len(wild)) / 6.371e6
+    lag = imu_gnss_delay(imu, true_clock(0), replace(fixes, lat_rad=lat))["position"]
+    assert lag.lag_s == pytest.approx(0.0, abs=3.5 * lag.sd_s)
+    assert lag.sd_s < 0.06
 
 
 @pytest.mark.slow
@@ -142,6 +157,25 @@ def test_gps_and_unix_stamps_need_no_arrival() -> None:
     result = synchronise(imu_of(t, gyro, accel, start), fixes, imu_time="unix_ns")
     assert result.clock.method == "unix"
     assert result.clock.gps_s(np.array([start]))[0] == pytest.approx(GPS_START, abs=1e-6)
+
+
+@pytest.mark.parametrize("off_s", [-0.95, 0.3, 0.9])
+def test_a_computers_clock_that_is_off_is_what_the_motions_show(off_s: float) -> None:
+    """More than receivers' velocities are late is the clock's, and said; the lag is found there."""
+    t, gyro, accel, motion = drive()
+    start = round((float(gps_to_unix(GPS_START)) + off_s) * 1e9)
+    imu, fixes = imu_of(t, gyro, accel, start), fixes_of(t, motion)
+    result = synchronise(imu, fixes, imu_time="unix_ns")
+    assert result.lag is not None
+    assert result.lag.lag_s == pytest.approx(off_s, abs=3.5 * result.lag.sd_s)
+    off = abs(off_s) > 0.5
+    assert any("the motions are believed" in text for text in result.warnings) == off
+    assert (result.shown_offset_s is not None) == off
+    clocks = DriveClocks(result.clock, "unix_ns", shown_offset_s=result.shown_offset_s)
+    delay, is_clock = _delay_prior(clocks, 0.01)
+    assert is_clock
+    assert delay.mean == pytest.approx(off_s if off else 0.0, abs=0.2)
+    assert delay.sd == 0.5
 
 
 def test_utc_taken_for_gps_time_is_recognised_by_the_leap_seconds() -> None:

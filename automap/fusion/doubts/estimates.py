@@ -55,12 +55,14 @@ def of_axes(found: Estimates, effect: str) -> FloatArray:
     return np.array([found.get(f"{effect}_{axis}", (0.0, 0.0))[0] for axis in "xyz"])
 
 
-def impossible_ages(found: Estimates, dated_by_arrival: bool) -> list[Reason]:
+def impossible_ages(
+    found: Estimates, dated_by_arrival: bool, expected_s: float = 0.0
+) -> list[Reason]:
     """Fixes and velocities from the future, delays and skews that ran to their bounds.
 
     ``dated_by_arrival``: the delay of the IMU's stamps is minus the age of the fixes on arrival. A
     clock that was found by the motions has the age of the receiver's velocities in it, and says
-    nothing of what came first.
+    nothing of what came first. ``expected_s`` the delay about which it was looked for.
     """
     reasons = []
     beyond = sigmas(DOUBT_PROBABILITY)
@@ -91,7 +93,8 @@ def impossible_ages(found: Estimates, dated_by_arrival: bool) -> list[Reason]:
     )
     for name, bound, what in bounds:
         value = found.get(name, (0.0, 0.0))[0]
-        if abs(value) > limits.AT_BOUND * bound:
+        about = expected_s if name == DELAY_STATE else 0.0
+        if abs(value - about) > limits.AT_BOUND * bound:
             unit = "" if name == SKEW_STATE else " s"
             why = "the clocks do not belong together; check the stamps with 'automap check'"
             of_velocities = name in (VEL_LATENCY_STATE, VEL_LAG_STATE)

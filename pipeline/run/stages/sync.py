@@ -37,7 +37,7 @@ def run(context: StageContext) -> None:
         context.warn(text)
     arrival = _arrival_clock(context, base, fixes)
     arrival_base = None if arrival is None else context.drive.gnss.arrival_time
-    clocks = DriveClocks(result.clock, base, arrival, arrival_base, behind)
+    clocks = DriveClocks(result.clock, base, arrival, arrival_base, behind, result.shown_offset_s)
     write_clocks(context.work / names.SYNC, clocks, _diagnostics(result))
     if result.fit is not None and fixes is not None:
         _write_delays(context.work / names.SYNC_DELAYS, result, fixes)
@@ -220,7 +220,7 @@ def _inputs(drive: Drive) -> list[Path]:
 
 STAGE = Stage(
     name="sync",
-    version=9,
+    version=10,
     run=run,
     inputs=_inputs,
     needs=(names.IMU, names.FIXES, names.INGEST),
