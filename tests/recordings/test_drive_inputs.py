@@ -35,8 +35,18 @@ _DRIVES = (
     "reference/white-noise-drive",
 )
 
-_ALIKE = ("0014", "0032", "0059", "0101", "0104", "0930-0033", "0930-0034", "1003-0034")
-"""Drives of the same car and sensors as others; left to the slow tests."""
+_ALIKE = (
+    "0014",
+    "0032",
+    "0059",
+    "0101",
+    "0104",
+    "0930-0033",
+    "0930-0034",
+    "1003-0034",
+    "white-noise-drive",
+)
+"""Drives of the same car and sensors as others, and the longest; left to the slow tests."""
 _MANY = [
     pytest.param(name, marks=pytest.mark.slow) if name.endswith(_ALIKE) else name
     for name in _DRIVES

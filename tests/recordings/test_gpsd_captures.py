@@ -199,6 +199,7 @@ def test_a_receiver_with_its_own_sensors_is_an_imu(shared_data: Path) -> None:
         assert abs(np.median(imu.gps_s) - np.median(result.fixes.gps_s)) < 5.0
 
 
+@pytest.mark.slow
 def test_the_walk_agrees_with_its_rtklib_solution(shared_data: Path) -> None:
     """A log and the .pos that was made of its own NMEA output: same epochs, same positions."""
     folder = shared_data / "gnss_logs/walk-m8-rawx"

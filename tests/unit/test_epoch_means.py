@@ -25,7 +25,7 @@ GOOD = Receiver(4.0, 0.0, 0.0, 0.02, 0.003, 0.01, 1.0, 0.0, 0.0)
 second."""
 
 
-@pytest.mark.parametrize("interval", [BEFORE, AFTER, AROUND])
+@pytest.mark.parametrize("interval", others_slow([AFTER, BEFORE, AROUND]))
 @pytest.mark.parametrize("rate_hz", others_slow([1.0, 4.0, 10.0]))
 def test_ways_between_positions_are_told(interval: str, rate_hz: float) -> None:
     for seed in range(4):
@@ -97,7 +97,7 @@ def ways_of(fixes: Fixes, rows_back: int, error: float = 0.0) -> Fixes:
     return replace(fixes, vel_ned=velocity + noise)
 
 
-@pytest.mark.parametrize(("rate_hz", "rows_back"), [(5.0, 5), (1.0, 2), (10.0, 20)])
+@pytest.mark.parametrize(("rate_hz", "rows_back"), others_slow([(5.0, 5), (1.0, 2), (10.0, 20)]))
 def test_ways_of_the_last_second_or_two_are_told(rate_hz: float, rows_back: int) -> None:
     for seed in range(3):
         receiver = replace(any_receiver(np.random.default_rng(seed)), rate_hz=rate_hz)
