@@ -26,6 +26,9 @@ SIGNED_PERMUTATIONS: FloatArray = np.array(
 """All 48 [48, 3, 3], that which changes nothing first."""
 _NEGATED = int(np.argmin(np.einsum("kii->k", SIGNED_PERMUTATIONS)))
 
+_FURTHEST_RAD = float(np.arccos(np.sqrt(1.0 / 3.0))) + 1e-6
+"""So far a direction lies from the nearest of an IMU's axes at most: along a cube's diagonal."""
+
 
 @dataclass(frozen=True)
 class Hypothesis:
@@ -138,7 +141,8 @@ def scores(seen: AxesEvidence, accel: FloatArray, gyro: FloatArray) -> FloatArra
     """
     down = -np.einsum("mij,j->mi", accel, seen.up)[:, 2]
     tilt = np.arccos(np.clip(down, -1.0, 1.0))
-    of_accel = -0.5 * (tilt / limits.TILT_SD) ** 2
+    # no correlation outweighs gravity: some other way has it nearer to down
+    of_accel = np.where(tilt > _FURTHEST_RAD, -np.inf, -0.5 * (tilt / limits.TILT_SD) ** 2)
     of_accel = of_accel + _followed(seen.surge, accel[:, 0]) + _followed(seen.lateral, accel[:, 1])
     total = of_accel[:, None] + _followed(seen.turn, gyro[:, 2])[None, :]
     for tilts in seen.tilts:

@@ -11,21 +11,22 @@ from automap.sync.held_values import Stretch, repeated
 from automap.sync.receiver_path import ComplexArray, ReceiverPath, plausible_sd, windows
 
 
-def excess(
+def excesses(
     path: ReceiverPath, right: ComplexArray, velocity: BoolArray, position: BoolArray
-) -> float:
-    """How many times what is plausible the two paths usually part by; one at least.
+) -> list[float]:
+    """How many times what is plausible the two paths usually part by, over short windows and longer
+    ones that tell it.
 
     ``right`` [n] is the path of the velocities, ``velocity`` and ``position`` [n] say which rows'
     count. The longest windows do not: most of them may hold one and the same parting.
     """
-    most = 1.0
+    found = []
     for length in limits.PARTING_S[:-1]:
         over = windows(path, velocity, length, position)
         if len(over) >= limits.LEAST_WINDOWS:
             part = over.change(path.place - right) / plausible_sd(path, over)
-            most = max(most, sd_by_median(np.concatenate([part.real, part.imag])))
-    return most
+            found.append(sd_by_median(np.concatenate([part.real, part.imag])))
+    return found
 
 
 def partings(

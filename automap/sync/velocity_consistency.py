@@ -27,7 +27,7 @@ from automap.sync.held_values import (
     stuck_velocities,
     told_again,
 )
-from automap.sync.parting import asides, excess, partings
+from automap.sync.parting import asides, excesses, partings
 from automap.sync.path_match import Estimate, Match, match_paths
 from automap.sync.receiver_path import ReceiverPath, receiver_path
 from automap.sync.straight_bends import straight_in_bends
@@ -87,15 +87,15 @@ class VelocityConsistency:
     """What comparing velocities with positions of ``compared_s`` seconds tells.
 
     ``match`` has scale, turn and lags; ``scale_wrong``: its scale is none that a sound receiver
-    has, and ``unit`` is the mistake that explains it, if one does; ``unrelated``: the two usually
-    part by so much as a sound receiver's do not once. Intervals: velocities that do
-    not change while positions move (``velocity_stuck``), positions that repeat while velocities
-    tell of motion (``position_frozen``), whole rows that do (``rows_frozen``), and those in which
-    positions and velocities contradict each other otherwise (``parted``), whichever is wrong, and
-    those before, between and after them in which positions lie aside of most (``aside``).
-    ``worse`` is how many times what is plausible they usually part by, one at least. ``means``:
-    the velocities are right, and the ways between positions; None where they tell more than that.
-    ``height_stuck``: the height is one number throughout: no receiver measures that.
+    has, and ``unit`` is the mistake that explains it, if one does; ``unrelated``: over
+    longer stretches the two usually part by so much as a sound receiver's do not once. Intervals:
+    velocities that do not change while positions move (``velocity_stuck``), positions that repeat
+    while velocities tell of motion (``position_frozen``), whole rows that do (``rows_frozen``), and
+    those in which positions and velocities contradict each other otherwise (``parted``), whichever
+    is wrong, and those before, between and after them in which positions lie aside of most
+    (``aside``). ``worse`` is how many times what is plausible they usually part by, one at least.
+    ``means``: the velocities are right, and the ways between positions; None where they tell more
+    than that. ``height_stuck``: the height is one number throughout: no receiver measures that.
     ``height_held``: where heights repeat while the vehicle drives far. ``between``:
     so many positions lie on the lines between others and were not measured; ``straight_m``: they
     go straight through bends, and lie as far aside of the velocities' path there. ``course_step``
@@ -243,7 +243,7 @@ def velocity_consistency(fixes: Fixes) -> VelocityConsistency:
     fresh = ~in_long_repeats(path)
     match = match_paths(path, told & fresh, fresh)
     right = match.path(path, told)
-    worse = excess(path, right, told & fresh, fresh)
+    worse = max([1.0, *excesses(path, right, told & fresh, fresh)])
     frozen, whole = frozen_positions(path, right, match.velocity(path), worse)
     position = ~_repeating(path, [*frozen, *whole])
     stuck = stuck_velocities(path, right, ~position, worse)
@@ -252,8 +252,10 @@ def velocity_consistency(fixes: Fixes) -> VelocityConsistency:
     again = match_paths(path, use, position)
     match = match if again.scale is None else again
     right = match.path(path, use)
-    worse = excess(path, right, use, position)
-    unrelated = 0.5 * worse**2 > limits.CERTAIN_LEAD_NATS
+    # paths of no relation part the further the longer, those of noisy positions do not
+    apart = excesses(path, right, use, position)
+    worse = max([1.0, *apart])
+    unrelated = 0.5 * max([0.0, *apart[-1:]]) ** 2 > limits.CERTAIN_LEAD_NATS
     match = Match() if unrelated else match
     parted = [] if unrelated else partings(path, right, use, position, worse)
     unit, wrong = _unit(match.scale)

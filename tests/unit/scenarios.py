@@ -175,7 +175,7 @@ def sync_receiver_path() -> Any:
     """The two paths, their windows and what they may part by."""
     from automap.sync.climb_match import match_climbs
     from automap.sync.held_values import _moving_part, _too_hard
-    from automap.sync.parting import excess, partings
+    from automap.sync.parting import excesses, partings
     from automap.sync.path_match import match_paths
     from automap.sync.receiver_path import (
         integrated,
@@ -204,7 +204,7 @@ def sync_receiver_path() -> Any:
         "sd": plausible_sd(path, over),
         "velocity sd": velocity_sd(path, over),
         "climbs": match_climbs(path, use, 1.3),
-        "excess": excess(path, right, use, use),
+        "excess": max([1.0, *excesses(path, right, use, use)]),
         "partings": partings(path, right, use, use, 1.2),
         "hard": [
             _too_hard(path.t, np.where(path.t > 50.0, v + 0j, 0j), row)

@@ -17,9 +17,10 @@ from automap.sync.axes import (
     AxesJudgement,
     judge_stated,
     judge_unknown,
+    scores,
     slope,
 )
-from automap.sync.axes_evidence import axes_evidence, effective_count
+from automap.sync.axes_evidence import AxesEvidence, Tilts, axes_evidence, effective_count
 from tests.unit.fusion_drive import CLOCK, Sensor, record
 from tests.unit.fusion_motion import city_drive
 from tests.unit.fusion_receiver import Receiver, receive
@@ -122,6 +123,25 @@ def test_any_mounting_with_any_triads_is_found(
     assert np.linalg.det(judged.mounting) > 0.0
     assert _apart(judged.mounting @ judged.best.accel, accel) < 10.0
     assert _apart(judged.mounting @ judged.best.gyro, gyro) < 10.0
+
+
+@given(
+    st.tuples(*[st.floats(-1.0, 1.0)] * 3).filter(lambda v: np.hypot(np.hypot(*v[:2]), v[2]) > 0.1)
+)
+@example((0.0, 0.0, 1.0))
+@example((1.0, 1.0, 1.0))
+def test_no_correlation_outweighs_gravity(down: tuple[float, float, float]) -> None:
+    """A smooth robot's forces showed the roll along the axis of gravity ten times as surely."""
+    up = -np.array(down) / np.linalg.norm(down)
+    sure = np.full((3, 3), 1e6) + np.eye(3)
+    seen = AxesEvidence(up, tilts=(Tilts(np.full(3, 1e4), sure, sure, sure),))
+    found = scores(seen, SIGNED_PERMUTATIONS, SIGNED_PERMUTATIONS)
+    likeliest = SIGNED_PERMUTATIONS[np.unravel_index(int(np.argmax(found)), found.shape)[0]]
+    assert np.isfinite(found.max())
+    assert (-likeliest @ up)[2] > 0.577
+    # of 48 ways eight have a given direction down
+    if max(np.abs(up)) > 0.999:
+        assert np.count_nonzero(np.isfinite(found).any(axis=1)) == 8
 
 
 def test_without_a_receiver_gravity_says_what_it_can() -> None:

@@ -340,6 +340,17 @@ def test_positions_that_drift_off_are_a_parting() -> None:
         assert inside == pytest.approx(sum(interval.seconds for interval in found.parted))
 
 
+@pytest.mark.parametrize(("rate_hz", "noise_m"), [(1.0, 8.0), (5.0, 5.0), (10.0, 3.5)])
+def test_positions_that_are_noisy_are_none_of_another_drive(rate_hz: float, noise_m: float) -> None:
+    """Single point positions of a telephone: by the metres from fix to fix, and no further off."""
+    for seed in range(2):
+        receiver = Receiver(rate_hz=rate_hz, noise_m=noise_m)
+        found = velocity_consistency(simulated_fixes(seed, receiver, seconds=240.0, fast=9.0))
+        assert found.worse > 5.3
+        assert not found.unrelated
+        assert found.reasons == ()
+
+
 def test_velocities_of_another_drive_are_unrelated() -> None:
     for seed in SEEDS:
         fixes = simulated_fixes(seed, Receiver(), seconds=240.0)
