@@ -35,6 +35,7 @@ from automap.fusion.limits import (
     LASTING_ODDS_NATS,
     LEVEL_SPREAD,
     REFINE_S,
+    SHAKEN_SPREAD,
     STANDING_PART,
 )
 from automap.fusion.nodes import Nodes, Shift
@@ -161,7 +162,7 @@ def refine_noise(
     def likelihood(trial: dict[str, float]) -> LevelLikelihood:
         scaled = scale_problem(problem, trial)
         measured = level_likelihood(scaled, scale_nodes(part, trial), start, shift, path, room)
-        return measured + _expected(trial, levels)
+        return measured + _expected(trial, levels, shaken.get("accel", 0.0))
 
     search = COARSE if tuple(levels) == RUN_LEVELS else FINE
 
@@ -204,14 +205,23 @@ def _below_white(nodes: Nodes, problem: Problem, factors: Mapping[str, float]) -
     return bool(0.0 < lasting < 0.5 * white * factors["velocity_h"])
 
 
-def _expected(factors: Mapping[str, float], levels: Sequence[str]) -> LevelLikelihood:
+def _expected(
+    factors: Mapping[str, float], levels: Sequence[str], shaken: float
+) -> LevelLikelihood:
     """What is known of the ``levels`` beforehand: where a short drive says nothing of one, its
-    variance would else run away to nothing."""
+    variance would else run away to nothing; and that of an accelerometer's is hardly less than its
+    readings are ``shaken`` by."""
     slope, info = np.zeros(len(ALL_LEVELS)), np.zeros(len(ALL_LEVELS))
     rows = [ALL_LEVELS.index(level) for level in levels]
     off = np.log([factors[level] for level in levels]) / LEVEL_SPREAD
     slope[rows], info[rows] = -off / LEVEL_SPREAD, 1.0 / LEVEL_SPREAD**2
-    return LevelLikelihood(-0.5 * float(off @ off), slope, info)
+    score = -0.5 * float(off @ off)
+    if "accel" in levels and shaken > factors["accel"]:
+        below, row = math.log(shaken / factors["accel"]), ALL_LEVELS.index("accel")
+        slope[row] += below / SHAKEN_SPREAD**2
+        info[row] += 1.0 / SHAKEN_SPREAD**2
+        score -= 0.5 * (below / SHAKEN_SPREAD) ** 2
+    return LevelLikelihood(score, slope, info)
 
 
 def _refined(

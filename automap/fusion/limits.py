@@ -295,6 +295,10 @@ REFINE_S = 600.0
 """So much driving the levels are refined on at most."""
 LEVEL_SPREAD = math.log(4.0)
 """Data sheets and presets are right to a factor of four (one sigma of a level's logarithm)."""
+SHAKEN_SPREAD = math.log(2.0)
+"""An accelerometer's noise is no less than what its readings differ by from one to the next, to
+a factor of two (one sigma of its logarithm): 0.5 times in a recorded car, 1.0 to 2.3 beside laser
+scanners, 2.0 of a telephone. More is no surprise: a filter hides what shakes."""
 ABSENT = 1e-3
 """The factor of an error that is not there: 0.2 mm/s of the lasting error of velocities."""
 LASTING_ODDS_NATS = math.log(19.0)

@@ -139,7 +139,7 @@ def fusion_levels() -> Any:
             adapt.refine_noise(problem, nodes, start, Shift(), path, ones, levels, least)
             for levels in (RUN_LEVELS, ("accel", "velocity_wander"), ("gyro", "velocity_h"))
         ],
-        "expected": adapt._expected(factors, RUN_LEVELS),
+        "expected": adapt._expected(factors, RUN_LEVELS, 0.0),
         "below": [
             adapt._below_white(own, problem, {**factors, "velocity_wander": f})
             for own in (nodes, replace(nodes, flags=0 * nodes.flags))

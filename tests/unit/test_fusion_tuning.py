@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from automap.fusion.adapt import FINE, adapt_noise, refine_noise
+from automap.fusion.adapt import FINE, _expected, adapt_noise, refine_noise
 from automap.fusion.kernel_runs import PathStates, Start
 from automap.fusion.layout import CH_NHC, HAS_POS_H, HAS_POS_V, HAS_VEL_H, HAS_VEL_V, NHC
 from automap.fusion.level_climb import climb
@@ -117,6 +117,28 @@ def test_few_fixes_leave_the_levels_where_they_were_expected(
     found = refine_noise(problem, few, start, Shift(), about, dict.fromkeys(LEVELS, 1.0))
     assert all(0.25 < factor < 4.0 for factor in found.values()), found
     assert found["accel"] == pytest.approx(1.0, rel=0.3)
+    # where the fixes do not tell, an accelerometer has the noise that its readings show
+    shaken = refine_noise(
+        *(problem, few, start, Shift(), about, dict.fromkeys(LEVELS, 1.0)), shaken={"accel": 6.0}
+    )
+    assert 2.5 < shaken["accel"] < 6.0
+    assert {k: v for k, v in shaken.items() if k != "accel"} == pytest.approx(
+        {k: v for k, v in found.items() if k != "accel"}, rel=0.3
+    )
+
+
+@pytest.mark.parametrize("factor", [0.4, 1.7, 2.9, 3.1, 8.0])
+def test_what_is_known_beforehand_has_exact_slopes(factor: float) -> None:
+    row, step = ALL_LEVELS.index("accel"), 1e-4
+    below, at, above = (
+        _expected({"accel": factor * np.exp(d), "gyro": 2.0}, ("accel", "gyro"), 3.0)
+        for d in (-step, 0.0, step)
+    )
+    assert at.slope[row] == pytest.approx((above.score - below.score) / (2.0 * step), rel=1e-3)
+    assert (below.slope[row] - above.slope[row]) / (2.0 * step) == pytest.approx(at.info[row])
+    # readings that differ by less say nothing
+    free = _expected({"accel": factor, "gyro": 2.0}, ("accel", "gyro"), 0.0)
+    assert (free.score > at.score) == (factor < 3.0)
 
 
 def _likelihood(top: float, width: float) -> Callable[[dict[str, float]], LevelLikelihood]:
