@@ -220,7 +220,10 @@ def class_belief(sign: Sign) -> float:
 
 
 def existence_belief(sign: Sign) -> float:
-    """How surely there is a sign at all."""
+    """How surely there is a sign at all; one that a person looked at is there, and so is one of
+    which nothing tells a doubt."""
+    if sign.reviewed or not (math.isfinite(sign.existence) or math.isfinite(sign.confidence)):
+        return limits.MOST_SURE
     return _probability(sign.existence if math.isfinite(sign.existence) else sign.confidence)
 
 

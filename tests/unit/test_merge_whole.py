@@ -201,3 +201,27 @@ def test_classes_that_are_said_alike_are_told_apart() -> None:
     signs: Any = SimpleNamespace(classes=kinds)
     told = [row[0] for row in _class_section(signs).rows]
     assert told == ["roundabout (warning)", "roundabout (regulatory)", "stop"]
+
+
+@pytest.mark.slow
+def test_rejected_signs_of_a_merged_map_stand_apart_until_the_rejection_is_taken_back(
+    merged: Path, tmp_path: Path
+) -> None:
+    runs = [d["folder"] for d in json.loads((merged / names.MERGE).read_text())["drives"]]
+    out = tmp_path / "map"
+    shutil.copytree(merged, out)
+    first = features(out)[0]["id"]
+    sign = next(s for s in read_signs(out / names.SIGNS_RAW) if s.id == first)
+    lon, lat = float(np.degrees(sign.lon_rad)), float(np.degrees(sign.lat_rad))
+    when = "2026-11-24T10:00:00Z"
+    reject = ReviewAction("b1", when, first, "reject", sign.class_name, lon, lat, note="no sign")
+    append_action(out / names.REVIEW, reject)
+    assert run_command(["merge", *runs, "-o", str(out)]) == 0
+    apart = json.loads((out / names.REJECTED).read_text())["features"]
+    assert [f["id"] for f in apart] == [first]
+    assert first not in {s["id"] for s in features(out)}
+    undo = ReviewAction("b2", when, first, "undo", sign.class_name, lon, lat, undoes="b1")
+    append_action(out / names.REVIEW, undo)
+    assert run_command(["merge", *runs, "-o", str(out)]) == 0
+    assert not (out / names.REJECTED).exists()
+    assert first in {s["id"] for s in features(out)}
