@@ -69,7 +69,7 @@ def compare_with_inventory(
     from automap.signs.classes import country_set, load_classes
     from automap.signs.national import country_code
     from pipeline.compare.doubts import doubts
-    from pipeline.compare.listing import listed_signs, placeless
+    from pipeline.compare.listing import listed_signs, placeless, without_repeats
     from pipeline.compare.report import comparison_report
     from pipeline.shared.run_record import country_of, drive_of, results_of
 
@@ -88,6 +88,7 @@ def compare_with_inventory(
     country = country or driven
     named = {sign.class_name for sign in signs}
     listed, rows_of = listed_signs(read, country, inventory, warnings, named)
+    listed, rows_of = without_repeats(listed, rows_of, read, signs, inventory, warnings)
     drives = _drives(folder, warnings)
     at_home = len(country_set(driven)) < len(load_classes())
     shares, left_out = _class_shares(products, signs), _left_out(folder, warnings)

@@ -21,7 +21,7 @@ from automap.mapping.sightings import DriveSigns
 from automap.records import FloatArray, Sign
 from pipeline.compare.alike import moved_alike
 from pipeline.compare.doubts import doubts
-from pipeline.compare.listing import listed_signs, placeless
+from pipeline.compare.listing import listed_signs, placeless, without_repeats
 from tests.slow_cases import others_slow
 
 R = 6.37e6
@@ -211,6 +211,23 @@ def test_an_entry_twice_counts_once_if_its_direction_tells_that_it_is_one() -> N
     assert "one entry" not in told[0]
     assert "1 entry repeats place, class and direction of another, such as A1" in told[0]
     assert len(listed_signs(read(codes=codes, lat=lat), None, Path("x"), [])[1]) == 4
+
+
+def test_an_entry_twice_without_a_direction_counts_as_often_as_the_map_has_it() -> None:
+    """It may be the other side of a post. All entries twice had hidden a fifth of the signs from
+    their entries, and made a detector of the rest that finds half."""
+    first = street()[0][0]
+    lat, codes = str(first.lat_rad), ["stop", "stop", "stop", ""]
+    bare = read(codes=codes, lat=[lat] * 4)
+    listed, rows = listed_signs(bare, None, Path("x"), [])
+    stop = replace(first, class_name="regulatory--stop--g1", lon_rad=0.0)
+    for on_map, left in (([], 1), ([stop], 1), ([stop, stop], 2), ([stop] * 5, 3)):
+        told: list[str] = []
+        kept, own = without_repeats(listed, rows, bare, on_map, Path("x"), told)
+        assert own == [*range(left), 3]
+        assert list(kept.ids) == [f"A{k}" for k in own]
+        assert len(told) == (left < 3)
+        assert not told or "place and class of another without a direction" in told[0]
 
 
 def test_an_entry_with_several_signs_is_as_many() -> None:
