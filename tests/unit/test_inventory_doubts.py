@@ -15,7 +15,7 @@ from automap.errors import InputError
 from automap.export.inventory import WORK
 from automap.inventory.classes import same_face
 from automap.inventory.comparison import compare_inventory
-from automap.inventory.findings import Finding, Inventory
+from automap.inventory.findings import Finding, Inventory, seldom_found
 from automap.io.inventory_file import InventoryFile, read_inventory
 from automap.mapping.sightings import DriveSigns
 from automap.records import FloatArray, Sign
@@ -248,6 +248,32 @@ def test_classes_of_a_detector_of_ones_own_are_compared_by_their_text() -> None:
     assert "1 sign has a code not known, such as 'else' (1)" in told[0]
     assert same_face("my-stop", "my-stop")
     assert same_face("my-stop", "my-yield") is False
+
+
+def test_a_detector_knows_a_kind_that_it_found_beside_the_list() -> None:
+    """One entry of its kind, not found, had been called unknown to a detector that found others."""
+    signs, one, drives = street()
+    rare = "my-own-sign"
+    assert rare not in one.class_name
+    lost = next(f.listed for f in compare_inventory(signs, one, drives).findings
+                if f.kind in ("missing", "unconfirmed") and f.listed >= 0)  # fmt: skip
+    names = [rare if k == lost else name for k, name in enumerate(one.class_name)]
+    listed = replace(one, class_name=names)
+    found, in_view = (np.arange(len(one)) != lost, np.ones(len(one), np.bool_))
+    assert seldom_found(listed, found, in_view).tolist() == (~found).tolist()
+    assert not seldom_found(listed, found, in_view, [rare]).any()
+    far = replace(signs[0], id="far", class_name=rare, lat_rad=signs[0].lat_rad + 0.01)
+    told = {
+        len(on_map): next(
+            f.probability
+            for f in compare_inventory(on_map, listed, drives).findings
+            if f.listed == lost
+        )
+        for on_map in (signs, [*signs, far])
+    }
+    # of an unknown kind next to nothing is said; of a known one, what is of the others
+    assert told[len(signs)] > 0.94
+    assert told[len(signs) + 1] < 0.9
 
 
 def test_what_is_new_may_be_an_entry_without_a_position() -> None:

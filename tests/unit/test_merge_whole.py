@@ -122,7 +122,9 @@ def test_a_sign_that_a_reviewer_added_is_there_and_is_seen_as_the_drive_passes(
     assert path is not None
     lon, lat = (float(np.degrees(v[40])) for v in (path.lon_rad, path.lat_rad))
     place = PlacedSign(lon, lat, (1.0, 0.0, 1.0, 4.0))
-    add = ReviewAction("a1", "2026-11-23T10:00:00Z", "r1", "add", "stop", lon, lat, "stop", place=place)
+    add = ReviewAction(
+        "a1", "2026-11-23T10:00:00Z", "r1", "add", "stop", lon, lat, "stop", place=place
+    )
     append_action(run / names.REVIEW, add)
     signs = read_run(run).signs
     row = signs.ids.index("r1")
