@@ -150,7 +150,7 @@ def sign_at(number: int, exists: float) -> Sign:
 
 def test_a_sign_that_a_reviewer_added_has_no_belief_and_takes_none_from_the_others() -> None:
     """Its unknown belief had made every sign of the map unknown."""
-    rng, town, drives, _, signs = town_and_drive(11)
+    rng, town, drives, _, signs = town_and_drive(11, 600.0)
     listed = faulty(rng, town).inventory
     far = {"lat_rad": signs[0].lat_rad + 1e-4, "existence": np.nan, "confidence": np.nan}
     added = replace(signs[0], id="r1", status="added", reviewed="2026-11-30T08:00:00Z", **far)

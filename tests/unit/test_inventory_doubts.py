@@ -252,28 +252,24 @@ def test_classes_of_a_detector_of_ones_own_are_compared_by_their_text() -> None:
 
 def test_a_detector_knows_a_kind_that_it_found_beside_the_list() -> None:
     """One entry of its kind, not found, had been called unknown to a detector that found others."""
-    signs, one, drives = street()
+    rng, town, drives, _, signs = town_and_drive(21, 800.0)
+    case = faulty(rng, town)
+    lost = int(np.flatnonzero(case.kind == "missing")[0])
     rare = "my-own-sign"
-    assert rare not in one.class_name
-    lost = next(f.listed for f in compare_inventory(signs, one, drives).findings
-                if f.kind in ("missing", "unconfirmed") and f.listed >= 0)  # fmt: skip
-    names = [rare if k == lost else name for k, name in enumerate(one.class_name)]
-    listed = replace(one, class_name=names)
-    found, in_view = (np.arange(len(one)) != lost, np.ones(len(one), np.bool_))
+    names = [rare if k == lost else name for k, name in enumerate(case.inventory.class_name)]
+    listed = replace(case.inventory, class_name=names)
+    found, in_view = np.arange(len(names)) != lost, np.ones(len(names), np.bool_)
     assert seldom_found(listed, found, in_view).tolist() == (~found).tolist()
     assert not seldom_found(listed, found, in_view, [rare]).any()
     far = replace(signs[0], id="far", class_name=rare, lat_rad=signs[0].lat_rad + 0.01)
-    told = {
-        len(on_map): next(
-            f.probability
-            for f in compare_inventory(on_map, listed, drives).findings
-            if f.listed == lost
-        )
+    unknown, known = (
+        next(f.probability for f in compare_inventory(on_map, listed, drives).findings
+             if f.listed == lost)
         for on_map in (signs, [*signs, far])
-    }
+    )  # fmt: skip
     # of an unknown kind next to nothing is said; of a known one, what is of the others
-    assert told[len(signs)] > 0.94
-    assert told[len(signs) + 1] < 0.9
+    assert unknown > 0.94
+    assert known < 0.9
 
 
 def test_what_is_new_may_be_an_entry_without_a_position() -> None:
