@@ -33,7 +33,8 @@ class ComparedSign:
     common shift; ``sd_m`` one sigma per axis of that. ``sure`` is "yes" for those that are for
     work, of whose kind nine of ten are expected to be right (missing ones each with such a
     probability), else "no"; ``more_drives`` past an
-    unconfirmed sign that would have to miss it until it is surely gone (NaN: nothing is said).
+    unconfirmed sign that would have to miss it until it is surely gone (NaN: nothing is said);
+    ``code`` the map's class in the catalogue of the country.
     """
 
     kind: str
@@ -55,6 +56,7 @@ class ComparedSign:
     listed_lon_deg: float
     listed_lat_deg: float
     more_drives: float = float("nan")
+    code: str = ""
 
     @property
     def is_sure(self) -> bool:

@@ -101,18 +101,26 @@ def looks_at(inventory: Inventory, drives: Sequence[DriveSigns]) -> tuple[Opport
     return views, rows
 
 
-def seldom_found(inventory: Inventory, found: BoolArray, in_view: BoolArray) -> BoolArray:
+def seldom_found(
+    inventory: Inventory, found: BoolArray, in_view: BoolArray, beside: Sequence[str] = ()
+) -> BoolArray:
     """Which listed signs [m] are of a shape and colour, or without a class, of which less than half
     of those ``in_view`` [m] were ``found`` [m], or of such a class of which there are several: a
     detector may not know them. Of signs of unknown facing, of which half may look away, none was.
+    Classes of signs that were found ``beside`` the list's count as found: it knows these.
     """
-    faces = [face_of(name) for name in inventory.class_name]
-    looks = ["|".join(sorted(groups_of(c))) or c for c in inventory.class_name]
+    n = len(inventory)
+    classes = [*inventory.class_name, *beside]
+    faces = [face_of(name) for name in classes]
+    looks = ["|".join(sorted(groups_of(c))) or c for c in classes]
     away = np.isnan(np.asarray(inventory.facing_rad, np.float64))
-    seldom = np.zeros(len(inventory), np.bool_)
+    seldom = np.zeros(n, np.bool_)
     for names, least in ((looks, 1), (faces, limits.LEAST_TURNS)):
-        kind = 2 * np.unique(np.array([*names, ""]), return_inverse=True)[1][:-1] + away
-        number, good = np.bincount(kind, in_view)[kind], np.bincount(kind, in_view & found)[kind]
+        which = np.unique(np.array([*names, ""]), return_inverse=True)[1][:-1]
+        also = np.bincount(which[n:], minlength=int(which.max(initial=0)) + 1)[which[:n]]
+        kind = 2 * which[:n] + away
+        number = np.bincount(kind, in_view)[kind] + also
+        good = np.bincount(kind, in_view & found)[kind] + also
         few = np.where(away, good == 0, good < limits.LIKELIER_THAN_NOT * number)
         seldom |= few & (number >= least)
     return seldom & in_view
@@ -164,7 +172,9 @@ def not_found(
         seen_by.append(all_of_them if named is not None and not named else named)
     tries, hits = counts(views, len(inventory), seen_by)
     in_view = (tries > 0) | (partner >= 0)
-    unknown_kind = seldom_found(inventory, partner >= 0, in_view) & (tries > 0)
+    beside = np.setdiff1d(np.arange(len(signs)), partner)
+    names = [signs[k].class_name for k in beside.tolist()]
+    unknown_kind = seldom_found(inventory, partner >= 0, in_view, names) & (tries > 0)
     # they tell nothing of what is gone, nor of how often a drive finds what it knows
     tries[unknown_kind] = 0
     looked = np.array([sign.n_looked for sign in signs], np.int64)
@@ -220,7 +230,10 @@ def class_belief(sign: Sign) -> float:
 
 
 def existence_belief(sign: Sign) -> float:
-    """How surely there is a sign at all."""
+    """How surely there is a sign at all; one that a person looked at is there, and so is one of
+    which nothing tells a doubt."""
+    if sign.reviewed or not (math.isfinite(sign.existence) or math.isfinite(sign.confidence)):
+        return limits.MOST_SURE
     return _probability(sign.existence if math.isfinite(sign.existence) else sign.confidence)
 
 

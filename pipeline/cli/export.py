@@ -74,7 +74,7 @@ Examples:
     "--datum",
     default="",
     metavar="D",
-    help="Datum of the positions in gpkg, parquet, flatgeobuf and csv, as GDA2020@2026.5: its "
+    help="Datum of gpkg, parquet, flatgeobuf, csv, xlsx and shapefile, as GDA2020@2026.5: its "
     "name or EPSG code, and the year of the coordinates. Default: WGS-84; the drive's year.",
 )
 @click.option(

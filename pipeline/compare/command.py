@@ -69,7 +69,7 @@ def compare_with_inventory(
     from automap.signs.classes import country_set, load_classes
     from automap.signs.national import country_code
     from pipeline.compare.doubts import doubts
-    from pipeline.compare.listing import listed_signs, placeless
+    from pipeline.compare.listing import listed_signs, placeless, without_repeats
     from pipeline.compare.report import comparison_report
     from pipeline.shared.run_record import country_of, drive_of, results_of
 
@@ -88,13 +88,14 @@ def compare_with_inventory(
     country = country or driven
     named = {sign.class_name for sign in signs}
     listed, rows_of = listed_signs(read, country, inventory, warnings, named)
+    listed, rows_of = without_repeats(listed, rows_of, read, signs, inventory, warnings)
     drives = _drives(folder, warnings)
     at_home = len(country_set(driven)) < len(load_classes())
     shares, left_out = _class_shares(products, signs), _left_out(folder, warnings)
     result = compare_inventory(signs, listed, drives, shares, at_home, left_out)
     doubtful, findings = doubts(result, signs, listed, inventory, placeless(read, country))
     warnings += doubtful
-    rows = [_row(finding, signs, listed, read, rows_of) for finding in findings]
+    rows = [_row(finding, signs, listed, read, rows_of, country) for finding in findings]
     summary = _summary(result, rows, read, inventory, len(signs), country)
     make_folder(out)
     write_layers(out / GPKG, comparison_layers(rows), crs="OGC:CRS84")
@@ -234,8 +235,10 @@ def _row(
     listed: Inventory,
     read: InventoryFile,
     rows_of: Sequence[int],
+    country: str | None,
 ) -> ComparedSign:
     from automap.export.inventory import ComparedSign
+    from automap.signs.national import national_code
 
     sign = signs[finding.sign] if finding.sign >= 0 else None
     at = finding.listed
@@ -260,6 +263,7 @@ def _row(
         listed_lon_deg=math.nan if at < 0 else math.degrees(listed.lon_rad[at]),
         listed_lat_deg=math.nan if at < 0 else math.degrees(listed.lat_rad[at]),
         more_drives=finding.more_drives or math.nan,
+        code="" if sign is None else national_code(sign.class_name, country) or "",
     )
 
 

@@ -57,7 +57,7 @@ def doubts(
         *_classes(result, signs, listed),
         *_posts(result, signs),
         *_without_place(result, signs, elsewhere),
-        *_kinds(result, listed),
+        *_kinds(result, signs, listed),
     ):
         told.append(f"{path}: {sentence}")
         withheld |= set(rows)
@@ -276,12 +276,13 @@ def _without_place(
     )]  # fmt: skip
 
 
-def _kinds(result: InventoryComparison, listed: Inventory) -> _Doubts:
+def _kinds(result: InventoryComparison, signs: Sequence[Sign], listed: Inventory) -> _Doubts:
     """Which kinds of signs were seldom found."""
     found, in_view = np.zeros((2, len(listed)), np.bool_)
     found[[result.findings[k].listed for k in _rows(result, *PAIRED)]] = True
     in_view[[result.findings[k].listed for k in _rows(result, "missing", "unconfirmed")]] = True
-    seldom = np.flatnonzero(seldom_found(listed, found, in_view | found) & ~found).tolist()
+    new = [signs[result.findings[k].sign].class_name for k in _rows(result, "new")]
+    seldom = np.flatnonzero(seldom_found(listed, found, in_view | found, new) & ~found).tolist()
     if len(seldom) < LEAST_TURNS:
         return []
     most = Counter(listed.class_name[k] or "no known class" for k in seldom).most_common(3)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +12,10 @@ import numpy as np
 from automap.errors import InputError
 from automap.inventory.findings import Inventory
 from automap.io.inventory_file import InventoryFile
+from automap.mapping.grid import east_north
+from automap.mapping.limits import MOVED_M
+from automap.records import Sign
+from automap.records.sign_lists import numbers_of
 from automap.signs.codes import classes_of, face_of, readings_of
 
 _SHOWN = 3
@@ -119,6 +123,43 @@ def _entries(read: InventoryFile, path: Path, warnings: list[str]) -> tuple[list
             "compared each by itself."
         )
     return rows, codes
+
+
+def without_repeats(
+    listed: Inventory,
+    rows: Sequence[int],
+    read: InventoryFile,
+    signs: Sequence[Sign],
+    path: Path,
+    warnings: list[str],
+) -> tuple[Inventory, list[int]]:
+    """The list, and its rows, less entries without a direction that repeat place and class of
+    another: these may be the other side of a post, and stay where the map has as many ``signs`` of
+    that class near by."""
+    lat, lon = numbers_of(signs, "lat_rad", "lon_rad")
+    faces = np.array([face_of(s.class_name) for s in signs], np.str_)
+    turned = np.isfinite(listed.facing_rad)
+    met: Counter[tuple[float, float, str]] = Counter()
+    kept, repeated = [], []
+    for k, row in enumerate(rows):
+        code = listed.class_name[k] or _text(read.codes[row])
+        one = (float(listed.lat_rad[k]), float(listed.lon_rad[k]), code)
+        if code and not turned[k] and met[one]:
+            near = np.hypot(*east_north(lat, lon, *one[:2]).T) < MOVED_M
+            if met[one] >= (near & (faces == face_of(code))).sum():
+                repeated.append(listed.ids[k])
+                continue
+        met[one] += 1
+        kept.append(k)
+    if repeated:
+        warnings.append(
+            f"{path}: {_number(len(repeated), 'entry repeats', 'entries repeat')} place and class "
+            f"of another without a direction, such as {', '.join(repeated[:3])}: the other side of "
+            "a post, which nobody looked at, or the same twice; they are left out."
+        )
+    names = [listed.ids[k] for k in kept], [listed.class_name[k] for k in kept]
+    numbers = (listed.lat_rad, listed.lon_rad, listed.facing_rad, listed.sd_m)
+    return Inventory(*names, *(v[kept] for v in numbers)), [rows[k] for k in kept]
 
 
 def placeless(read: InventoryFile, country: str | None) -> set[str]:

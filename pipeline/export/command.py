@@ -42,7 +42,8 @@ def export_run(
     """
     view = TrajectoryView() if view is None else view
     if fmt not in FORMATS:
-        raise ConfigError(f"there is no format {fmt!r}; choose one of {', '.join(FORMATS)}.")
+        known = ", ".join((*FORMATS, "postgis"))
+        raise ConfigError(f"there is no format {fmt!r}; choose one of {known}.")
     if not view.is_plain and fmt not in TRAJECTORY_FORMATS:
         raise ConfigError(
             f"--at, --point and --filtered choose a trajectory, and {fmt} is a format of signs; "
@@ -54,6 +55,8 @@ def export_run(
     check_run(out)
     file_name, write = FORMATS[fmt]
     path = target if target is not None else out / file_name
+    if path.is_dir():
+        raise ConfigError(f"-o {path} is a folder; name a file, as {path / file_name}.")
     _check_suffix(path, fmt)
     spare_results(path, out, file_name)
     spare_recordings(path, *([] if view.at is None else [view.at]))

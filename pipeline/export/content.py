@@ -17,11 +17,16 @@ from automap.export.roads import read_roads_csv, set_roads
 from automap.export.sign_columns import SignColumns, Signs, sign_columns
 from automap.export.stored_signs import stored_signs
 from automap.io import names
+from automap.mapping.grid import east_north
 from automap.records import NO_TIME, FloatArray, Trajectory
 from pipeline.export.lineage import lineage
 from pipeline.shared.pictures import Picture, pictures_by_sign, read_pictures
 from pipeline.shared.products import RunProducts, geoid_separation, load_products
 from pipeline.shared.run_record import country_of
+
+_GEOID_REACH_M = 1000.0
+"""The geoid rises by a decimetre in that way at most, along steep mountains; less than what
+receivers' models of it are off."""
 
 
 @dataclass
@@ -171,7 +176,22 @@ def geoid_heights(content: MapContent) -> tuple[FloatArray | None, FloatArray | 
     elif content.products.tracks:
         told = [sign.geoid_m for sign in content.products.signs or []]
         sign_geoid = np.array(told, np.float64)
+    if sign_geoid is not None:
+        sign_geoid = _as_beside(content.signs, sign_geoid)
     return sign_geoid, track_geoid
+
+
+def _as_beside(signs: SignColumns, geoid_m: FloatArray) -> FloatArray:
+    """The geoid's heights [n], of signs that no drive saw as at the nearest one that is known."""
+    known = np.isfinite(geoid_m) & signs.located
+    told = geoid_m.copy()
+    for k in np.flatnonzero(~known & signs.located) if known.any() else ():
+        at = np.radians([signs.lat_deg[k], signs.lon_deg[k]])
+        lat, lon = np.radians(signs.lat_deg[known]), np.radians(signs.lon_deg[known])
+        apart = np.hypot(*east_north(lat, lon, *at).T)
+        if apart.min() < _GEOID_REACH_M:
+            told[k] = geoid_m[known][apart.argmin()]
+    return told
 
 
 def refuse_lost_signs(content: MapContent) -> None:

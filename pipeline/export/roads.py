@@ -89,7 +89,8 @@ def signs_on_roads(products: RunProducts, file: Path) -> tuple[list[RoadRow], li
     off, n = 0, 0
     for name, track in tracks.items():
         near = _near(bounds, boxes[name])
-        mine = [k for k, sign in enumerate(signs) if not name or name in sign.drives]
+        # what a reviewer put on the map stands on the road of whichever drive came by
+        mine = [k for k, s in enumerate(signs) if name in s.drives or not (name and s.drives)]
         if not len(near):
             continue
         times = [seen.get((name, signs[k].id), (math.nan, math.nan)) for k in mine]

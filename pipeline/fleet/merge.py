@@ -65,7 +65,8 @@ def merge(
 ) -> FleetMap:
     """Make the map of all drives that are done and publish it; nothing where it is that already.
 
-    ``roads`` is a layer on which the signs get a place. Raises InputError where no drive is done
+    ``roads`` is a layer on which the signs get a place. What reviewers decided about the map since
+    it was made makes it anew. Raises InputError where no drive is done
     or the layer is not there, ConfigError while another merge is at work.
     """
     from pipeline.fleet.older import Before
@@ -82,10 +83,9 @@ def merge(
             raise InputError(f"{store.place.url}: no drive is done; automap fleet run does them.")
         older = older_results(drives.values(), current_key(store))
         told = [f"{key} {version(drives[key])}" for key in sorted(drives)]
-        made_of = hashlib.sha256(
-            "\n".join([__version__, repr(least_existence), _digest(roads), *told]).encode()
-        ).hexdigest()
         with current_map(store) as folder:
+            parts = [__version__, repr(least_existence), _digest(roads), _review(folder), *told]
+            made_of = hashlib.sha256("\n".join(parts).encode()).hexdigest()
             summary = _summary(folder)
             if summary.get("made_of") == made_of:
                 return FleetMap(
@@ -131,17 +131,30 @@ def _told(store: Store) -> Iterator[None]:
         raise
 
 
+def _file_digest(path: Path) -> str:
+    """SHA-256 of a file."""
+    with path.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()
+
+
 def _digest(roads: Path | None) -> str:
     """Of a layer of roads; "" without one."""
     if roads is None:
         return ""
     try:
-        with roads.open("rb") as stream:
-            return hashlib.file_digest(stream, "sha256").hexdigest()
+        return _file_digest(roads)
     except OSError as error:
         raise InputError(
             f"--roads {roads} cannot be read ({error.strerror}); give a file of lines."
         ) from None
+
+
+def _review(folder: Path | None) -> str:
+    """A digest of what reviewers decided about the map, which the next one takes over."""
+    try:
+        return "" if folder is None else _file_digest(folder / names.REVIEW)
+    except FileNotFoundError:
+        return ""
 
 
 def _summary(folder: Path | None) -> dict[str, Any]:

@@ -13,6 +13,7 @@ import numpy as np
 from automap.errors import AutoMapError, InputError
 from automap.export.clock import clock_from_trajectory
 from automap.io import names
+from automap.mapping.grid import east_north
 from automap.mapping.sightings import DriveSigns
 from automap.records import ClockModel, DrivePath, FloatArray, IntArray, Trajectory
 from pipeline.merge.cameras import cameras_of_run
@@ -86,6 +87,7 @@ def read_run(folder: Path) -> RunSigns:
     stamps = _detection_stamps(folder / names.OBSERVATIONS, warnings)
     if path is not None:
         path = _while_filmed(folder, path, clock, stamps)
+    _set_times(columns, path)
     start = _start(path, columns)
     if not np.isfinite(start):
         warnings.append(f"{folder}: its clock is not tied to GPS time, so its signs have no date.")
@@ -260,6 +262,19 @@ def _detection_stamps(path: Path, warnings: list[str]) -> IntArray | None:
             "anything is not known."
         )
         return None
+
+
+def _set_times(columns: dict[str, Any], path: DrivePath | None) -> None:
+    """Give signs that no frame showed, as a reviewer put them on the map, the time when the path
+    came nearest, or without a path that of the nearest sign that has one."""
+    lat, lon, last = (columns[n] for n in ("lat_rad", "lon_rad", "last_gps_s"))
+    known = np.isfinite(last) & np.isfinite(lat) & np.isfinite(lon)
+    where = (lat[known], lon[known], last[known])
+    if path is not None and (timed := np.isfinite(path.gps_s)).any():
+        where = (path.lat_rad[timed], path.lon_rad[timed], path.gps_s[timed])
+    for k in np.flatnonzero(~np.isfinite(last) & np.isfinite(lat)) if len(where[2]) else ():
+        nearest = int(np.nanargmin(np.hypot(*east_north(where[0], where[1], lat[k], lon[k]).T)))
+        columns["first_gps_s"][k] = last[k] = where[2][nearest]
 
 
 def _start(path: DrivePath | None, columns: dict[str, Any]) -> float:

@@ -65,7 +65,8 @@ def write_map(
             except StageError as error:
                 raise StageError(str(error).replace(str(new), str(out))) from error
             (new / names.REVIEW).unlink(missing_ok=True)
-            for name in (CHANGES, TRACKS, names.OBSERVATIONS, names.SIGN_ROADS):
+            optional = (CHANGES, TRACKS, names.OBSERVATIONS, names.SIGN_ROADS, names.REJECTED)
+            for name in optional:
                 if not (new / name).exists():
                     (out / name).unlink(missing_ok=True)
             shutil.rmtree(out / names.PICTURES, ignore_errors=True)
@@ -128,7 +129,12 @@ def write_files(
     ``kept``."""
     from automap.export.roads import roads_csv
     from pipeline.export.content import map_content, stored_content
-    from pipeline.export.formats import FORMATS, STANDARD_FORMATS, write_dictionary
+    from pipeline.export.formats import (
+        FORMATS,
+        STANDARD_FORMATS,
+        write_dictionary,
+        write_rejected,
+    )
     from pipeline.export.roads import tried_on_roads
     from pipeline.merge.report import merge_report
 
@@ -152,6 +158,8 @@ def write_files(
     for fmt in LONGEST_FIRST:
         _begun(out, fmt).unlink()
     write_dictionary(out / names.DICTIONARY)
+    if content.products.rejected:
+        write_rejected(content, out / names.REJECTED)
     changes = outcome.comparison.changes if outcome.comparison is not None else None
     if changes is not None:
         write_text(out / CHANGES, changes_geojson(changes))

@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from automap.errors import InputError
 from automap.io import names
+from automap.mapping.sureness import SUREST
 from automap.records import NO_TIME, ClockModel, FloatArray, IntArray, Sign
 from automap.records.signs import BY_SIZE
 
@@ -106,6 +107,12 @@ def _columns(signs: Sequence[Sign], clock: ClockModel | None) -> dict[str, Any]:
         "facing_rad", "facing_sd_rad", "size_m", "class_probability", "group_probability",
         "existence", *CONDITION, *BY_SIZE,
     )  # fmt: skip
+    # who looked at a sign knows that it is there
+    known = np.array([bool(sign.reviewed) for sign in signs], np.bool_)
+    columns = {name: real(name) for name in numbers}
+    columns |= {
+        name: np.where(known, SUREST, columns[name]) for name in ("existence", "confidence")
+    }
     return {
         "ids": tuple(sign.id for sign in signs),
         "class_name": texts("class_name"),
@@ -116,7 +123,7 @@ def _columns(signs: Sequence[Sign], clock: ClockModel | None) -> dict[str, Any]:
         "side": texts("side"),
         "status": texts("status"),
         "contrast_note": texts("contrast_note"),
-    } | {name: real(name) for name in numbers}
+    } | columns
 
 
 def _gps(stamps: IntArray, clock: ClockModel | None) -> FloatArray:

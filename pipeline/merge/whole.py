@@ -3,16 +3,24 @@ views, tracks, observations, heights of the geoid, and what reviewers wrote."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from automap.io import names
 from automap.io.map_tables import TRACKS, write_tracks
-from automap.records import ClockModel, FloatArray, IntArray, Sign, Trajectory
+from automap.records import (
+    TRACK_PROBABILITIES,
+    ClockModel,
+    FloatArray,
+    IntArray,
+    Sign,
+    Trajectory,
+)
 from automap.records.sign_lists import changed, values_of
 from pipeline.shared.pictures import Picture, read_pictures, write_pictures
 from pipeline.shared.products import RunProducts, geoid_separation, load_products
@@ -37,15 +45,15 @@ MANY_DRIVES = 200
 @dataclass
 class Whole:
     """Gathered from the drives: ``tracks`` by the drive's name, tables of observations,
-    ``pictures`` of each sign from the best on, its geoid heights, its notes and its reviews (time
-    and reviewer); ``too_many`` whether there were more observations than are kept."""
+    ``pictures`` of each sign from the best on, its geoid heights, its notes and its reviews (time,
+    reviewer, status and class); ``too_many`` whether there were more observations than are kept."""
 
     tracks: dict[str, Trajectory] = field(default_factory=dict)
     observations: list[pa.Table] = field(default_factory=list)
     pictures: dict[str, list[Picture]] = field(default_factory=dict)
     geoid_m: dict[str, list[float]] = field(default_factory=dict)
     notes: dict[str, list[str]] = field(default_factory=dict)
-    reviews: dict[str, list[tuple[str, str]]] = field(default_factory=dict)
+    reviews: dict[str, list[tuple[str, str, str, str]]] = field(default_factory=dict)
     too_many: bool = False
 
 
@@ -97,17 +105,31 @@ def gather(drives: Iterable[Contribution], number_of_signs: int, warnings: list[
 
 
 def complete(signs: Sequence[Sign], whole: Whole) -> Sequence[Sign]:
-    """The signs with heights of the geoid, notes, and who decided about them last in a drive."""
+    """The signs with heights of the geoid, notes, and what was decided about them last in a drive:
+    a class that a person gave or accepted outranks what detectors called it in other drives."""
     ids, noted = values_of(signs, "id"), values_of(signs, "note")
     notes = [[*([note] if note else []), *whole.notes.get(name, [])] for name, note in
              zip(ids, noted, strict=True)]  # fmt: skip
-    last = [max(whole.reviews.get(name, []), default=("", "")) for name in ids]
+    values: dict[str, list[Any]] = {
+        name: list(values_of(signs, name))
+        for name in ("class_name", "status", "reviewed", "reviewer", "confidence", "existence")
+    }
+    doubts = {name: list(values_of(signs, name)) for name in TRACK_PROBABILITIES}
+    for k, name in enumerate(ids):
+        if name not in whole.reviews:
+            continue
+        when, who, status, class_name = max(whole.reviews[name])
+        values["reviewed"][k], values["reviewer"][k], values["status"][k] = when, who, status
+        values["class_name"][k], values["confidence"][k] = class_name, values["existence"][k]
+        # what detectors believe is no measure of what a person says
+        for of_class in doubts.values():
+            of_class[k] = math.nan
     return changed(
         signs,
         geoid_m=[float(np.mean(t)) if (t := whole.geoid_m.get(name)) else np.nan for name in ids],
         note=["; ".join(each) for each in notes],
-        reviewed=[when for when, _ in last],
-        reviewer=[who for _, who in last],
+        **values,
+        **doubts,
     )
 
 
@@ -137,7 +159,7 @@ def write_whole(out: Path, whole: Whole) -> None:
 def _take_notes(whole: Whole, products: RunProducts, drive: str, named: Mapping[str, str]) -> None:
     for sign in products.signs or []:
         if sign.reviewed and sign.id in named:
-            review = (sign.reviewed, sign.reviewer)
+            review = (sign.reviewed, sign.reviewer, sign.status, sign.class_name)
             whole.reviews.setdefault(named[sign.id], []).append(review)
         if sign.note and sign.id in named:
             whole.notes.setdefault(named[sign.id], []).append(f"{drive}: {sign.note}")

@@ -12,6 +12,7 @@ import numpy as np
 from automap.errors import AutoMapError, InputError, StageError
 from automap.io import names
 from automap.io.json_text import parse_json
+from automap.mapping.posts_by_hand import with_posts_by_hand
 from automap.mapping.review import Renamed, apply_review
 from automap.records import ClockModel, Fixes, Sign, Trajectory
 from pipeline.shared.run_record import SCHEMA, unlike_record, written_results
@@ -169,7 +170,8 @@ def _apply_review(products: RunProducts) -> None:
     if actions:
         reviewed = apply_review(products.signs or [], actions)
         if products.signs is not None or reviewed.signs:
-            products.signs, products.rejected = reviewed.signs, reviewed.rejected
+            products.rejected = reviewed.rejected
+            products.signs = with_posts_by_hand(reviewed.signs, products.signs or [])
         products.renamed = reviewed.renamed
         products.problems += reviewed.problems
 

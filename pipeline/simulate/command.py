@@ -163,7 +163,7 @@ def _write(out: Path, fill: Callable[[Path], None]) -> None:
 
 def _scenario_file(scenario: Path | str) -> Path:
     path = Path(scenario)
-    if path.suffix == ".toml" or path.exists():
+    if path.suffix == ".toml" or path.is_file():
         return path
     from pipeline.shared.configs import configs_dir
 

@@ -50,6 +50,8 @@ def clicked_on_map(shown: ViewedMap, lon_deg: float, lat_deg: float) -> PlacedSi
         *(lon_deg, lat_deg),
         (variance, 0.0, variance, sd_u**2 + _FACE_SD_M**2 if np.isfinite(sd_u) else float("nan")),
         height_m=height,
+        height_above_road_m=_FACE_M,
+        sd_above_road_m=_FACE_SD_M,
         side=side_of_path(lateral, 0.0),
     )
 

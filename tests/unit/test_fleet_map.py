@@ -23,10 +23,12 @@ from merge_scene import to_geodetic
 
 from automap.errors import ConfigError, InputError
 from automap.export import pieces
+from automap.io import names
 from automap.io.map_tables import TRACKS, read_tracks
+from automap.io.review_json import append_action
 from automap.io.signs_table import read_signs
 from automap.mapping.merge import merge_drives
-from automap.records import Trajectory
+from automap.records import ReviewAction, Trajectory
 from pipeline.cli.root import cli
 from pipeline.fleet import merge as merging
 from pipeline.fleet import publish as publishing
@@ -259,6 +261,25 @@ def test_new_drives_keep_names_and_are_told_as_changes(tmp_path: Path) -> None:
 
 def sorted_by_place(signs: list) -> list:
     return sorted(signs, key=lambda sign: (round(sign.lat_rad, 9), round(sign.lon_rad, 9)))
+
+
+@pytest.mark.slow
+def test_a_review_of_the_map_makes_it_anew_once(tmp_path: Path) -> None:
+    """Its files and its report had kept rejected signs until a drive came."""
+    store = make_store(tmp_path)
+    run_all(store)
+    merge(store)
+    folder = tmp_path / "store" / "map"
+    first = read_signs(folder / names.SIGNS_RAW)[0]
+    lon, lat = (float(np.degrees(v)) for v in (first.lon_rad, first.lat_rad))
+    when = "2026-11-24T10:00:00Z"
+    reject = ReviewAction("a1", when, first.id, "reject", first.class_name, lon, lat)
+    append_action(folder / names.REVIEW, reject)
+    made = merge(store)
+    assert (made.new, made.version) == (True, "000002")
+    assert first.id not in (folder / names.SIGNS_GEOJSON).read_text()
+    assert first.id in (folder / names.REJECTED).read_text()
+    assert not merge(store).new
 
 
 def test_a_clock_that_is_off_changes_nothing_in_the_map(tmp_path: Path) -> None:

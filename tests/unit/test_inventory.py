@@ -148,6 +148,21 @@ def sign_at(number: int, exists: float) -> Sign:
     )  # fmt: skip
 
 
+def test_a_sign_that_a_reviewer_added_has_no_belief_and_takes_none_from_the_others() -> None:
+    """Its unknown belief had made every sign of the map unknown."""
+    rng, town, drives, _, signs = town_and_drive(11, 600.0)
+    listed = faulty(rng, town).inventory
+    far = {"lat_rad": signs[0].lat_rad + 1e-4, "existence": np.nan, "confidence": np.nan}
+    added = replace(signs[0], id="r1", status="added", reviewed="2026-11-30T08:00:00Z", **far)
+    without = compare_inventory(signs, listed, drives).findings
+    found = compare_inventory([*signs, added], listed, drives).findings
+    assert {f.listed: f.sign for f in found if f.sign != len(signs)} == {
+        f.listed: f.sign for f in without
+    }
+    own = next(f for f in found if f.sign == len(signs))
+    assert (own.kind, own.sure) == ("new", True)
+
+
 def test_two_drives_of_three_that_agree_are_surer_than_two_thirds() -> None:
     alone = replace(sign_at(0, 0.99), confidence=0.66)
     assert class_belief(alone) == pytest.approx(0.66 / 0.99)

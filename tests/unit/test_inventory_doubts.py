@@ -15,13 +15,13 @@ from automap.errors import InputError
 from automap.export.inventory import WORK
 from automap.inventory.classes import same_face
 from automap.inventory.comparison import compare_inventory
-from automap.inventory.findings import Finding, Inventory
+from automap.inventory.findings import Finding, Inventory, seldom_found
 from automap.io.inventory_file import InventoryFile, read_inventory
 from automap.mapping.sightings import DriveSigns
 from automap.records import FloatArray, Sign
 from pipeline.compare.alike import moved_alike
 from pipeline.compare.doubts import doubts
-from pipeline.compare.listing import listed_signs, placeless
+from pipeline.compare.listing import listed_signs, placeless, without_repeats
 from tests.slow_cases import others_slow
 
 R = 6.37e6
@@ -213,6 +213,23 @@ def test_an_entry_twice_counts_once_if_its_direction_tells_that_it_is_one() -> N
     assert len(listed_signs(read(codes=codes, lat=lat), None, Path("x"), [])[1]) == 4
 
 
+def test_an_entry_twice_without_a_direction_counts_as_often_as_the_map_has_it() -> None:
+    """It may be the other side of a post. All entries twice had hidden a fifth of the signs from
+    their entries, and made a detector of the rest that finds half."""
+    first = street()[0][0]
+    lat, codes = str(first.lat_rad), ["stop", "stop", "stop", ""]
+    bare = read(codes=codes, lat=[lat] * 4)
+    listed, rows = listed_signs(bare, None, Path("x"), [])
+    stop = replace(first, class_name="regulatory--stop--g1", lon_rad=0.0)
+    for on_map, left in (([], 1), ([stop], 1), ([stop, stop], 2), ([stop] * 5, 3)):
+        told: list[str] = []
+        kept, own = without_repeats(listed, rows, bare, on_map, Path("x"), told)
+        assert own == [*range(left), 3]
+        assert list(kept.ids) == [f"A{k}" for k in own]
+        assert len(told) == (left < 3)
+        assert not told or "place and class of another without a direction" in told[0]
+
+
 def test_an_entry_with_several_signs_is_as_many() -> None:
     told: list[str] = []
     several = read(codes=["DE:206;DE:274-60,1040-30", "DE:205"], lat=["0.1", "0.2"])
@@ -231,6 +248,28 @@ def test_classes_of_a_detector_of_ones_own_are_compared_by_their_text() -> None:
     assert "1 sign has a code not known, such as 'else' (1)" in told[0]
     assert same_face("my-stop", "my-stop")
     assert same_face("my-stop", "my-yield") is False
+
+
+def test_a_detector_knows_a_kind_that_it_found_beside_the_list() -> None:
+    """One entry of its kind, not found, had been called unknown to a detector that found others."""
+    rng, town, drives, _, signs = town_and_drive(21, 800.0)
+    case = faulty(rng, town)
+    lost = int(np.flatnonzero(case.kind == "missing")[0])
+    rare = "my-own-sign"
+    names = [rare if k == lost else name for k, name in enumerate(case.inventory.class_name)]
+    listed = replace(case.inventory, class_name=names)
+    found, in_view = np.arange(len(names)) != lost, np.ones(len(names), np.bool_)
+    assert seldom_found(listed, found, in_view).tolist() == (~found).tolist()
+    assert not seldom_found(listed, found, in_view, [rare]).any()
+    far = replace(signs[0], id="far", class_name=rare, lat_rad=signs[0].lat_rad + 0.01)
+    unknown, known = (
+        next(f.probability for f in compare_inventory(on_map, listed, drives).findings
+             if f.listed == lost)
+        for on_map in (signs, [*signs, far])
+    )  # fmt: skip
+    # of an unknown kind next to nothing is said; of a known one, what is of the others
+    assert unknown > 0.94
+    assert known < 0.9
 
 
 def test_what_is_new_may_be_an_entry_without_a_position() -> None:

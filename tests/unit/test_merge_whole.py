@@ -15,6 +15,7 @@ import pyarrow.parquet as pq
 import pyogrio
 import pytest
 from export_inputs import HOSTILE, write_run
+from export_inputs import sign as made_sign
 
 from automap.export.pictures import SignView
 from automap.export.sign_columns import sign_columns
@@ -23,10 +24,11 @@ from automap.io.map_tables import TRACKS, read_tracks
 from automap.io.review_json import append_action
 from automap.io.signs_table import read_signs
 from automap.io.tables import read_fixes, write_fixes
-from automap.records import ReviewAction
+from automap.records import PlacedSign, ReviewAction
 from pipeline.cli.root import run_command
 from pipeline.merge import whole
-from pipeline.merge.whole import TRACK_STEP_M, thinned
+from pipeline.merge.inputs import read_run
+from pipeline.merge.whole import TRACK_STEP_M, Whole, complete, thinned
 from pipeline.report import map_data
 from pipeline.shared.pictures import Picture, read_pictures, write_pictures
 from pipeline.shared.products import load_products
@@ -89,6 +91,45 @@ def test_notes_of_reviews_of_the_drives_say_whose_they_are(merged: Path) -> None
 def test_who_decided_about_a_sign_in_a_drive_is_in_the_map(merged: Path) -> None:
     told = [(sign["reviewer"], sign["reviewed"]) for sign in features(merged) if sign["reviewer"]]
     assert told == [("Anna", "2026-11-23T10:05:00Z")]
+
+
+def test_a_class_that_a_reviewer_of_a_drive_gave_is_the_maps() -> None:
+    """And what another one only accepted before does not count against it; the other signs are as
+    the drives together have them."""
+    one = made_sign(1, class_name="stop", class_probability=0.9, existence=0.8, confidence=0.7)
+    told = Whole(
+        reviews={
+            one.id: [
+                ("2026-11-24T10:00:00Z", "Ben", "corrected", "yield"),
+                ("2026-11-23T10:00:00Z", "Anna", "accepted", "stop"),
+            ]
+        }
+    )
+    first, second = complete([one, replace(one, id="s0002")], told)
+    assert (first.class_name, first.status, first.reviewer) == ("yield", "corrected", "Ben")
+    assert np.isnan(first.class_probability)
+    assert first.confidence == first.existence == 0.8
+    assert (second.class_name, second.class_probability, second.status) == ("stop", 0.9, "ok")
+    assert (second.confidence, second.reviewer) == (0.7, "")
+
+
+def test_a_sign_that_a_reviewer_added_is_there_and_is_seen_as_the_drive_passes(
+    tmp_path: Path,
+) -> None:
+    """It has no times of its own, at which a merge had ended."""
+    run = write_run(tmp_path / "monday", name="monday")
+    path = read_run(run).signs.path
+    assert path is not None
+    lon, lat = (float(np.degrees(v[40])) for v in (path.lon_rad, path.lat_rad))
+    place = PlacedSign(lon, lat, (1.0, 0.0, 1.0, 4.0))
+    add = ReviewAction(
+        "a1", "2026-11-23T10:00:00Z", "r1", "add", "stop", lon, lat, "stop", place=place
+    )
+    append_action(run / names.REVIEW, add)
+    signs = read_run(run).signs
+    row = signs.ids.index("r1")
+    assert abs(signs.last_gps_s[row] - path.gps_s[40]) < 1.0
+    assert signs.existence[row] > 0.999
 
 
 def test_the_best_view_comes_first(merged: Path) -> None:
@@ -201,3 +242,27 @@ def test_classes_that_are_said_alike_are_told_apart() -> None:
     signs: Any = SimpleNamespace(classes=kinds)
     told = [row[0] for row in _class_section(signs).rows]
     assert told == ["roundabout (warning)", "roundabout (regulatory)", "stop"]
+
+
+@pytest.mark.slow
+def test_rejected_signs_of_a_merged_map_stand_apart_until_the_rejection_is_taken_back(
+    merged: Path, tmp_path: Path
+) -> None:
+    runs = [d["folder"] for d in json.loads((merged / names.MERGE).read_text())["drives"]]
+    out = tmp_path / "map"
+    shutil.copytree(merged, out)
+    first = features(out)[0]["id"]
+    sign = next(s for s in read_signs(out / names.SIGNS_RAW) if s.id == first)
+    lon, lat = float(np.degrees(sign.lon_rad)), float(np.degrees(sign.lat_rad))
+    when = "2026-11-24T10:00:00Z"
+    reject = ReviewAction("b1", when, first, "reject", sign.class_name, lon, lat, note="no sign")
+    append_action(out / names.REVIEW, reject)
+    assert run_command(["merge", *runs, "-o", str(out)]) == 0
+    apart = json.loads((out / names.REJECTED).read_text())["features"]
+    assert [f["id"] for f in apart] == [first]
+    assert first not in {s["id"] for s in features(out)}
+    undo = ReviewAction("b2", when, first, "undo", sign.class_name, lon, lat, undoes="b1")
+    append_action(out / names.REVIEW, undo)
+    assert run_command(["merge", *runs, "-o", str(out)]) == 0
+    assert not (out / names.REJECTED).exists()
+    assert first in {s["id"] for s in features(out)}

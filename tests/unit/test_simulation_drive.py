@@ -17,7 +17,8 @@ from automap.io.ubx_writer import nav_pvt
 from automap.records import NO_TIME, Fixes, FixType
 from automap.simulation.gnss import arrivals
 from automap.simulation.scenario import Gnss, parse_scenario
-from pipeline.simulate.command import load_scenario, simulate
+from pipeline.shared.configs import configs_dir
+from pipeline.simulate.command import _scenario_file, load_scenario, simulate
 
 SMALL = """
 schema = "automap.scenario/1"
@@ -126,6 +127,14 @@ def test_a_failure_leaves_nothing_behind(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="regulatory--halt--g1"):
         simulate(scenario, tmp_path / "drive")
     assert sorted(p.name for p in tmp_path.iterdir()) == ["bad.toml"]
+
+
+def test_a_folder_of_a_scenarios_name_is_none(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "sample").mkdir()
+    monkeypatch.chdir(tmp_path)
+    assert _scenario_file("sample") == configs_dir() / "scenarios" / "sample.toml"
 
 
 def test_an_existing_drive_is_not_overwritten(tmp_path: Path) -> None:

@@ -18,7 +18,7 @@ from automap.errors import InputError
 from automap.frames import rpy_to_matrix
 from automap.io import names
 from automap.io.review_json import action_of, append_action, plain_action, read_review
-from automap.io.signs_table import write_signs
+from automap.io.signs_table import read_signs, write_signs
 from automap.io.tables import write_columns
 from automap.mapping import limits
 from automap.mapping.review import apply_review, verdicts
@@ -364,7 +364,8 @@ def test_a_click_on_the_map_takes_side_and_height_of_the_path(drive: Path) -> No
     assert made.side == "left"
     assert made.height_m == pytest.approx(path.height_m[500] - 1.0 + 2.2, abs=0.3)
     assert made.cov_enu[0, 0] == limits.HAND_SD_M**2
-    assert np.isnan(made.height_above_road_m)
+    # what is assumed of it is stated, so that a height given later raises the sign
+    assert (made.height_above_road_m, made.sd_above_road_m) == (2.2, 0.8)
     far = {"kind": "add", "class_name": "stop", "lon_deg": lon + 0.1, "lat_deg": lat}
     shown.add(far)
     assert np.isnan([s.height_m for s in load_products(drive).signs or []][-1])
@@ -458,6 +459,38 @@ def test_every_export_has_what_reviewers_did(drive: Path, tmp_path: Path) -> Non
     import pyarrow.parquet as pq
 
     assert pq.read_table(made["parquet"])["reviewer"].to_pylist() == ["Anna", "Anna"]
+
+
+def test_a_sign_that_was_added_has_a_post_a_road_and_a_height_above_the_sea(
+    drive: Path, tmp_path: Path
+) -> None:
+    """As those that drives saw; one beside another stands on that one's post, and one that was
+    moved away has left it."""
+    path = trajectory()
+    signs = [replace(s, support="p1") for s in read_signs(drive / names.SIGNS_RAW)]
+    write_signs(drive / names.SIGNS_RAW, signs)
+    shown = Reviewing(open_map(drive))
+    places = np.degrees([[s.lon_rad, s.lat_rad] for s in signs])
+    beside = places[0] + [0.8 / 91_000, 0.0]
+    away = places[1] + [9.0 / 91_000, 0.0]
+    for lon, lat in (beside, np.degrees([path.lon_rad[500], path.lat_rad[500]])):
+        shown.add({"kind": "add", "class_name": "yield", "lon_deg": lon, "lat_deg": lat})
+    shown.add({"kind": "correct", "row": 1, "lon_deg": away[0], "lat_deg": away[1]})
+    line = np.degrees(np.column_stack([path.lon_rad, path.lat_rad]))[::50].tolist()
+    road = {"type": "LineString", "coordinates": line}
+    feature = {"type": "Feature", "properties": {"road_id": "A7"}, "geometry": road}
+    roads, made = tmp_path / "roads.geojson", tmp_path / "map.geojson"
+    roads.write_text(json.dumps({"type": "FeatureCollection", "features": [feature]}))
+    asked = ["export", str(drive), "--format", "geojson", "-o", str(made), "--roads", str(roads)]
+    assert run_command(asked) == 0
+    rows = [f["properties"] for f in json.loads(made.read_text())["features"]]
+    first, second = (row for row in rows if row["status"] == "added")
+    assert first["support"] == "p1"
+    assert second["support"] == f"p{second['id']}"
+    assert next(r for r in rows if r["status"] == "corrected")["support"] == f"p{signs[1].id}"
+    assert (second["road_id"], second["road_side"] in ("left", "right")) == ("A7", True)
+    told = next(r for r in rows if r["status"] == "ok" and r["height_msl_m"] is not None)
+    assert second["height_msl_m"] == pytest.approx(told["height_msl_m"], abs=20.0)
 
 
 def test_the_report_has_what_reviewers_did(drive: Path) -> None:

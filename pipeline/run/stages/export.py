@@ -83,7 +83,7 @@ def _roads_file(drive: Drive, stated: str) -> Path | None:
 
 STAGE = Stage(
     name="export",
-    version=11,
+    version=12,
     run=run,
     inputs=_inputs,
     needs=(
