@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from automap.effects.limits import COURSE_SPEED
 from automap.fusion import limits
 from automap.fusion.layout import (
     CH_POS,
@@ -22,7 +21,7 @@ from automap.fusion.layout import (
 from automap.fusion.measurements.constraint import constrain
 from automap.fusion.measurements.position import has_position, lasting_share, position_errors
 from automap.fusion.measurements.rest import note_rest
-from automap.fusion.measurements.velocity import has_velocity, velocity_errors
+from automap.fusion.measurements.velocity import has_velocity, told_later, velocity_errors
 from automap.fusion.measurements.wheel_speed import Odometer, note_wheels
 from automap.fusion.options import FusionOptions
 from automap.records import Fixes, FloatArray, IntArray
@@ -255,7 +254,7 @@ def _split(model: FixModel, shift: Shift) -> FixModel:
     # metres a second of a clock that runs fast
     values[:, 3:6] /= 1.0 + shift.skew
     if shift.course_s != 0.0:
-        values[:, 3:5] = _dated_courses(model, values[:, 3:5], shift.course_s)
+        values[:, 3:5] = told_later(model.t, values[:, 3:5], 0.0, shift.course_s)
     model = replace(model, t=t, values=values)
     if shift.velocity_delay_s == 0.0:
         return model
@@ -278,21 +277,6 @@ def _split(model: FixModel, shift: Shift) -> FixModel:
         model.stated_sd[rows],
         model.row[rows],
     )
-
-
-def _dated_courses(model: FixModel, velocity: FloatArray, late_s: float) -> FloatArray:
-    """Velocities [m, 2] with the courses that are told ``late_s`` s after them; at a crawl a course
-    is that before and after."""
-    course = np.arctan2(velocity[:, 1], velocity[:, 0])
-    known = (model.flags & HAS_VEL_H) > 0
-    known &= np.hypot(velocity[:, 0], velocity[:, 1]) > COURSE_SPEED
-    if not known.any():
-        return velocity
-    t, course = model.t[known], np.unwrap(course[known])
-    turn = np.interp(model.t + late_s, t, course) - np.interp(model.t, t, course)
-    c, s = np.cos(turn), np.sin(turn)
-    north, east = velocity.T
-    return np.column_stack([c * north - s * east, s * north + c * east])
 
 
 def hold_reported_sd(sd: FloatArray) -> FloatArray:

@@ -13,12 +13,12 @@ from automap.fusion import limits
 from automap.fusion.alignment import start_state
 from automap.fusion.layout import CHANNELS, NHC, ODOMETER, STANDSTILL, UNSIGNED, WHEEL_SPEED
 from automap.fusion.limits import FORCE_WINDOW_S
+from automap.fusion.measurements.velocity import told_later
 from automap.fusion.measurements.wheel_speed import Odometer
 from automap.fusion.model import build_state_model
 from automap.fusion.nodes import (
     Nodes,
     Shift,
-    _dated_courses,
     _node_times,
     build_nodes,
     model_fixes,
@@ -251,7 +251,7 @@ def test_late_courses_are_put_where_they_belong() -> None:
     course[speed < 0.3] = np.random.default_rng(2).uniform(-np.pi, np.pi, (speed < 0.3).sum())
     late[:, 0], late[:, 1] = speed * np.cos(course), speed * np.sin(course)
     model = model_fixes(replace(fixes, vel_ned=late), t, OPTIONS)
-    dated = _dated_courses(model, model.values[:, 3:5], 0.8)
+    dated = told_later(model.t, model.values[:, 3:5], 0.0, 0.8)
     drives = (speed > 2.0) & (t < t[-1] - 1.0)
     off = np.linalg.norm(dated - right[:, :2], axis=1)[drives]
     assert np.quantile(off, 0.95) < 0.1

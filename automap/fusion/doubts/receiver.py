@@ -14,6 +14,7 @@ from automap.fusion.doubts.path import Misses
 from automap.fusion.doubts.reason import Reason, Span, State
 from automap.fusion.limits import LEAST_JUDGED
 from automap.fusion.measurements.position import has_position, states_accuracy
+from automap.fusion.measurements.velocity import told_later
 from automap.fusion.options import FusionOptions
 from automap.gates import sd_by_median
 from automap.records import BoolArray, Fixes, FixType, FloatArray, ReceiverFilter
@@ -104,10 +105,7 @@ def dated_velocities(fixes: Fixes, found: VelocityConsistency) -> Fixes:
     if len(rows) < 2 or speed_lag == course_lag == 0.0:
         return fixes
     t, velocity = fixes.gps_s[rows], fixes.vel_ned.copy()
-    north, east = velocity[rows, 0], velocity[rows, 1]
-    speed = np.interp(t + speed_lag, t, np.hypot(north, east))
-    course = np.interp(t + course_lag, t, np.unwrap(np.arctan2(east, north)))
-    velocity[rows, 0], velocity[rows, 1] = speed * np.cos(course), speed * np.sin(course)
+    velocity[rows, :2] = told_later(t, velocity[rows, :2], speed_lag, course_lag)
     velocity[rows[_far(t, t + max(speed_lag, course_lag))], :2] = np.nan
     return replace(fixes, vel_ned=velocity)
 

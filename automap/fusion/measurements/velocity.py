@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from automap.effects.limits import COURSE_SPEED
 from automap.effects.measured_kernels import antenna_velocity
 from automap.fusion.arrays import ModelArrays, NodeArrays
 from automap.fusion.layout import CH_VEL, HAS_VEL_H, HAS_VEL_V
@@ -28,6 +29,21 @@ def has_velocity(fixes: Fixes) -> tuple[BoolArray, BoolArray]:
     """Which fixes [n] have a horizontal velocity, and which a vertical one too."""
     level = np.isfinite(fixes.vel_ned[:, :2]).all(axis=1) & (fixes.fix_type > FixType.NONE)
     return level, level & np.isfinite(fixes.vel_ned[:, 2])
+
+
+def told_later(t: FloatArray, velocity: FloatArray, speed_s: float, course_s: float) -> FloatArray:
+    """Horizontal velocities [n, 2] m/s at times ``t`` [n] s, of speeds that are told ``speed_s`` s
+    and courses that are told ``course_s`` s after them; at a crawl a course turns as those before
+    and after it do."""
+    speed, course = np.hypot(*velocity.T), np.arctan2(velocity[:, 1], velocity[:, 0])
+    moving = speed > COURSE_SPEED
+    later = np.interp(t + speed_s, t, speed)
+    if moving.any():
+        known = np.unwrap(course[moving])
+        then = np.interp(t + course_s, t[moving], known)
+        turned = course + then - np.interp(t, t[moving], known)
+        course = np.where(later > COURSE_SPEED, then, turned)
+    return np.column_stack([later * np.cos(course), later * np.sin(course)])
 
 
 @kernel
