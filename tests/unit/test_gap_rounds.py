@@ -20,7 +20,7 @@ from automap.gap.noise import Fitted, Joint
 from automap.gap.screening import Screening
 from automap.gap.search import Search
 from automap.gap.selection import Chosen, Selection
-from tests.unit.gap_asked import HERE, LATE, LOW_PASSED, SELECTION, Asked, fit_of, only
+from tests.unit.gap_asked import HERE, LATE, LOW_PASSED, SELECTION, Asked, Heard, fit_of, only
 
 
 def says(monkeypatch: pytest.MonkeyPatch, all_sigmas: float, received: float = 0.0) -> None:
@@ -86,6 +86,21 @@ def test_what_only_the_vehicle_constraint_bears_out_is_not_kept(
     assert (fitted is None) == stays
     assert asked.sets == [(LATE,)]
     assert asked._kept(HERE, SELECTION, only(LATE), both) == (both, None)
+
+
+@pytest.mark.parametrize(
+    ("received", "stands"), [((-0.5, -0.1), True), ((-9.0, -2.0), False), ((3.0, 0.4), True)]
+)
+def test_a_receiver_contradicts_beyond_its_scatter_only(
+    monkeypatch: pytest.MonkeyPatch, received: tuple[float, float], stands: bool
+) -> None:
+    told = 11.6, 1.9
+    monkeypatch.setattr(confirm, "likelier_by_side", lambda one, other: (told, received))
+    judge = Heard(())
+    assert judge.ahead(HERE, HERE, of_vehicle=False) == (told if stands else (0.0, 0.0))
+    assert judge.ahead(HERE, HERE, of_vehicle=True) == told
+    surely = judge.ahead(HERE, HERE, of_vehicle=False, strictly=True)[1]
+    assert surely == (received[1] if stands else 0.0)
 
 
 @pytest.mark.parametrize(("sigmas", "stays"), [(2.0, True), (1.0, False)])
