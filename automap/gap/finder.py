@@ -212,7 +212,7 @@ def _result(
     noise = [
         replace(f, confusable_with=also, advice=advice(f.effect, also))
         for f in stochastic_findings(under, stated.factors, rest, frozenset(exclude))
-        for also in (tuple(found.as_drift.get(f.effect, ())[:1]),)
+        for also in (tuple(found.as_drift.get(f.effect, ())),)
     ]
     wild = outliers_finding(with_states, rest)
     if wild is not None and wild.effect not in exclude:

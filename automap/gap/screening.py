@@ -330,6 +330,18 @@ class Screening:
         rows = [i for i, (e, p) in enumerate(joint.names) if e == own and p in acting]
         return rows, columns[: len(rows)]
 
+    def acting(self, joint: Joint, selection: Selection, chosen: Chosen, name: str) -> Chosen:
+        """A choice without those parts of a candidate that are nothing by its values in a joint
+        estimate."""
+        choice = selection.candidates[name].log_choice
+        return Chosen(
+            tuple(
+                part
+                for part in chosen.parts
+                if part[0] != name or self.nats(joint, selection, Chosen((part,)), name) >= -choice
+            )
+        )
+
     def nats(self, joint: Joint, selection: Selection, chosen: Chosen, name: str) -> float:
         """What a candidate's values as the filter finds them are worth against nothing."""
         rows, columns = self._rows(joint, selection, chosen, name)

@@ -56,7 +56,8 @@ class Search:
         self.spoken_against: list[Confirmed] = []
         self.stands = Confirmed({}, ())
         self.nats: dict[str, float] = {}
-        self.drifts: dict[str, tuple[str, float, frozenset[str]]] = {}
+        self.drifts: dict[str, tuple[frozenset[str], dict[str, float]]] = {}
+        self.behind: set[frozenset[str]] = set()
         self.each_drive: list[str] = []
         self.levels = {(frozenset[Key](), 0): base.model.factors}
         self.before: tuple[Fitted, Selection, Chosen] | None = None
@@ -134,9 +135,11 @@ class Search:
         nothing_else = self.screening.selection(here, slow=False, may_act=False)
         resembling = self.forms.resembling.items()
         drifts = {
-            walk: (name, odds)
-            for walk, (name, odds, rest) in self.drifts.items()
-            if name in selection.candidates and rest <= {*chosen.names} - {name}
+            walk: {
+                n: its[n] for n in sorted(its, key=lambda n: -its[n]) if n in selection.candidates
+            }
+            for walk, (rest, its) in self.drifts.items()
+            if rest <= {*chosen.names} and not its.keys() & {*chosen.names}
         }
         return Found(
             *(self.base, here, full, selection, chosen, self.screening.effects),
@@ -144,7 +147,7 @@ class Search:
             *(self.stands.after(self.spoken_against), nothing_else),
             self.borne_out | self.nats,
             {n: text for (n, beside), text in resembling if {n, *beside} == {*chosen.names}},
-            {walk: its for walk, its in drifts.items() if its[0] not in chosen.names},
+            {walk: its for walk, its in drifts.items() if its},
         )
 
     def _with_age(self, estimate: Mapping[str, float]) -> Mapping[str, float]:
@@ -183,7 +186,9 @@ class Search:
         if odds > -limits.CLOSE_NATS:
             rest = frozenset(chosen.names) - {name}
             sensors = selection.sensors(chosen, name)
-            self.drifts |= {WALK_OF[sensor]: (name, odds, rest) for sensor in sensors}
+            for walk in (WALK_OF[sensor] for sensor in sensors):
+                beside, known = self.drifts.get(walk, (rest, {}))
+                self.drifts[walk] = rest, (known if beside == rest else {}) | {name: odds}
 
     def _bar(self, keys: Iterable[Key]) -> None:
         """Try parts no more."""
@@ -229,6 +234,9 @@ class Search:
         if fewer != found:
             self._bar(selection.keys(found) - selection.keys(fewer))
             return fewer
+        more = self._behind_drift(here, selection, found)
+        if more is not None and not ending:
+            return more
         self.log("checking on held-out data")
         self.judge.forget()
         effects = self.screening.effects
@@ -276,6 +284,22 @@ class Search:
         selection.needed = frozenset(self.borne_out)
         weakest = min(worth, key=lambda n: worth[n], default="")
         return found.without(weakest) if worth.get(weakest, np.inf) < limits.LEAST_ODDS else found
+
+    def _behind_drift(self, here: Fitted, selection: Selection, found: Chosen) -> Chosen | None:
+        """The set with what is surely there in the place of a drift, of each set asked once; what a
+        drift says nearly as well is noted."""
+        best, instead = limits.LEAST_ODDS, None
+        asked = frozenset(found.names) in self.behind
+        self.behind.add(frozenset(found.names))
+        for name, its, odds, sigmas in (
+            () if asked else self.forms.behind_drift(here, selection, found)
+        ):
+            self._note_drift(selection, its, name, odds)
+            if odds >= best and sigmas > limits.APART:
+                best, instead = odds, its
+        if instead is not None:
+            self.swallowed.add(instead.names[-1])
+        return instead
 
     def _free_delays(self, effects: Iterable[str]) -> None:
         """Fit a receiver's delays that held-out data do not know at the same value on every drive
