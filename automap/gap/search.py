@@ -175,15 +175,18 @@ class Search:
         ahead += selection.log_prior(chosen) - selection.log_prior(found)
         if ahead < limits.LEAST_ODDS or sigmas < limits.APART:
             if len(gone) == 1:
-                self._note_drift(selection, chosen, gone[0], ahead)
+                self._note_drift(selection, chosen, gone[0], ahead, sigmas)
             return found, fewer
         self.borne_out |= dict.fromkeys(gone, ahead)
         selection.needed = frozenset(self.borne_out)
         return chosen, None
 
-    def _note_drift(self, selection: Selection, chosen: Chosen, name: str, odds: float) -> None:
-        """Note what drift says nearly as well, by log ``odds`` for the candidate of a choice."""
-        if odds > -limits.CLOSE_NATS:
+    def _note_drift(
+        self, selection: Selection, chosen: Chosen, name: str, odds: float, sigmas: float
+    ) -> None:
+        """Note what drift says nearly as well, by log ``odds`` for the candidate of a choice and
+        the ``sigmas`` of what the filter says."""
+        if odds > -limits.CLOSE_NATS or abs(sigmas) < limits.APART:
             rest = frozenset(chosen.names) - {name}
             sensors = selection.sensors(chosen, name)
             for walk in (WALK_OF[sensor] for sensor in sensors):
@@ -280,7 +283,7 @@ class Search:
                 self.nats[name] = min(self.nats[name], sum(m.evidence.nats for m in moves))
                 worth[name] = self.nats[name] + prior
             if worth[name] < limits.LEAST_ODDS:
-                self._note_drift(selection, found, name, ahead + prior)
+                self._note_drift(selection, found, name, ahead + prior, sigmas)
         selection.needed = frozenset(self.borne_out)
         weakest = min(worth, key=lambda n: worth[n], default="")
         return found.without(weakest) if worth.get(weakest, np.inf) < limits.LEAST_ODDS else found
@@ -294,7 +297,7 @@ class Search:
         for name, its, odds, sigmas in (
             () if asked else self.forms.behind_drift(here, selection, found)
         ):
-            self._note_drift(selection, its, name, odds)
+            self._note_drift(selection, its, name, odds, sigmas)
             if odds >= best and sigmas > limits.APART:
                 best, instead = odds, its
         if instead is not None:

@@ -135,16 +135,18 @@ def test_what_drift_would_say_is_no_evidence(
     assert told is None or asked.nats == {LOW_PASSED: told}
 
 
-@pytest.mark.parametrize(("by_all", "may_be"), [(5.0, True), (-5.0, False)])
+@pytest.mark.parametrize(
+    ("by_all", "sigmas", "may_be"), [(5.0, 2.0, True), (-5.0, -1.0, True), (-5.0, -2.0, False)]
+)
 def test_what_drift_says_nearly_as_well_is_told_beside_the_drift(
-    monkeypatch: pytest.MonkeyPatch, by_all: float, may_be: bool
+    monkeypatch: pytest.MonkeyPatch, by_all: float, sigmas: float, may_be: bool
 ) -> None:
     asked = Asked()
-    monkeypatch.setattr(asked.judge, "ahead", lambda *about, **more: (by_all, 1.0))
+    monkeypatch.setattr(asked.judge, "ahead", lambda *about, **more: (by_all, sigmas))
     monkeypatch.setattr(search, "likelier", lambda one, other: (5.0, 1.0))
     both = Chosen((*only(LATE).parts, (LOW_PASSED, (1,), 1.0)))
     assert asked._beyond_drift(HERE, on_sensor(), both) == only(LATE)
-    told = {"gyro_bias_walk": ({LATE}, {LOW_PASSED: 2.0})}
+    told = {"gyro_bias_walk": ({LATE}, {LOW_PASSED: by_all - 3.0})}
     assert asked.drifts == (told if may_be else {})
 
 
