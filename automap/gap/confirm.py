@@ -291,13 +291,12 @@ class Judge:
 
     def ahead(self, one: Fitted, other: Fitted, of_vehicle: bool, strictly: bool = False) -> Odds:
         """By all drives: where the sets differ by nothing ``of_vehicle`` nothing if the receiver
-        alone says the opposite, beyond its scatter, and ``strictly`` no surer than that is. A body
-        that sways against its path turns the gyro with it, and what is made of small turn rates
-        follows that."""
+        alone says the opposite, and ``strictly`` no surer than that is. A body that sways against
+        its path turns the gyro with it, and what is made of small turn rates follows that."""
         told, received = likelier_by_side(self._fits(one), self._fits(other))
         if of_vehicle:
             return told
-        if received[0] * told[0] < 0.0 and abs(received[1]) > limits.APART:
+        if received[0] * told[0] < 0.0:
             return 0.0, 0.0
         return told[0], min(told[1], received[1], key=abs) if strictly else told[1]
 

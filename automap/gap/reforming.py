@@ -235,7 +235,8 @@ class Forms:
                 if best is None:
                     continue
                 its, fitted = best
-                ahead, sigmas = self.judge.ahead(fitted, here, of_vehicle=False)
+                # no body sways as slowly as a sensor warms
+                ahead, sigmas = self.judge.ahead(fitted, here, of_vehicle=True)
                 odds = ahead + selection.log_prior(its) - selection.log_prior(chosen)
                 yield name, its, odds, sigmas
 

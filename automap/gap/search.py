@@ -23,7 +23,7 @@ from automap.gap.confirm import Confirmed, Judge, confirmed
 from automap.gap.drive import OpenDrive
 from automap.gap.found import Found, in_layout
 from automap.gap.noise import Fitted, Log, fitted_about, with_levels, with_noise
-from automap.gap.reforming import WALK_OF, WALKS, WHOLE_DELAYS, Forms, log_prior
+from automap.gap.reforming import SLOW, WALK_OF, WALKS, WHOLE_DELAYS, Forms, log_prior
 from automap.gap.scoring import likelier
 from automap.gap.screening import Screening
 from automap.gap.selection import Chosen, Key, Selection
@@ -273,7 +273,8 @@ class Search:
             self.nats[name], _ = likelier(here.fits, other.fits)
             if name in self.borne_out:
                 continue
-            ahead, sigmas = self.judge.ahead(here, other, selection.of_vehicle(found, {name}))
+            loose = name in SLOW or selection.of_vehicle(found, {name})
+            ahead, sigmas = self.judge.ahead(here, other, loose)
             if name in self.swallowed:
                 worth[name] = ahead + prior if sigmas > limits.APART else -np.inf
                 if worth[name] >= limits.LEAST_ODDS:

@@ -21,7 +21,9 @@ from automap.gap.reforming import Forms
 from automap.gap.screening import Screening
 from automap.gap.search import Search
 from automap.gap.selection import Chosen, Selection
-from tests.unit.gap_asked import HERE, LATE, LOW_PASSED, SELECTION, Asked, Heard, fit_of, only
+from tests.unit.gap_asked import HERE, LATE, LOW_PASSED, SELECTION, Asked, fit_of, only
+
+WARM, AGED = "gyro_temperature", "gyro_warm_up"
 
 
 def says(monkeypatch: pytest.MonkeyPatch, all_sigmas: float, received: float = 0.0) -> None:
@@ -89,19 +91,23 @@ def test_what_only_the_vehicle_constraint_bears_out_is_not_kept(
     assert asked._kept(HERE, SELECTION, only(LATE), both) == (both, None)
 
 
-@pytest.mark.parametrize(
-    ("received", "stands"), [((-0.5, -0.1), True), ((-9.0, -2.0), False), ((3.0, 0.4), True)]
-)
-def test_a_receiver_contradicts_beyond_its_scatter_only(
-    monkeypatch: pytest.MonkeyPatch, received: tuple[float, float], stands: bool
+@pytest.mark.parametrize(("name", "of_vehicle"), [(WARM, True), (LOW_PASSED, False)])
+def test_no_body_sways_as_slowly_as_a_sensor_warms(
+    monkeypatch: pytest.MonkeyPatch, name: str, of_vehicle: bool
 ) -> None:
-    told = 11.6, 1.9
-    monkeypatch.setattr(confirm, "likelier_by_side", lambda one, other: (told, received))
-    judge = Heard(())
-    assert judge.ahead(HERE, HERE, of_vehicle=False) == (told if stands else (0.0, 0.0))
-    assert judge.ahead(HERE, HERE, of_vehicle=True) == told
-    surely = judge.ahead(HERE, HERE, of_vehicle=False, strictly=True)[1]
-    assert surely == (received[1] if stands else 0.0)
+    heard: list[bool] = []
+
+    def ahead(one: Any, other: Any, loose: bool) -> tuple[float, float]:
+        heard.append(loose)
+        return 20.0, 3.0
+
+    asked = Asked()
+    monkeypatch.setattr(asked.judge, "ahead", ahead)
+    monkeypatch.setattr(search, "likelier", lambda one, other: (40.0, 9.0))
+    selection = on_sensor()
+    monkeypatch.setattr(selection, "sensors", lambda chosen, its: {0} if its == name else set())
+    asked._beyond_drift(HERE, selection, Chosen((*only(LATE).parts, (name, (1,), 1.0))))
+    assert heard == [of_vehicle]
 
 
 @pytest.mark.parametrize(("sigmas", "stays"), [(2.0, True), (1.0, False)])
@@ -148,9 +154,6 @@ def test_what_drift_says_nearly_as_well_is_told_beside_the_drift(
     assert asked._beyond_drift(HERE, on_sensor(), both) == only(LATE)
     told = {"gyro_bias_walk": ({LATE}, {LOW_PASSED: by_all - 3.0})}
     assert asked.drifts == (told if may_be else {})
-
-
-WARM, AGED = "gyro_temperature", "gyro_warm_up"
 
 
 @pytest.mark.parametrize(
