@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
@@ -275,7 +275,7 @@ def _followed(
         if found.effects.get(name, name) not in values:
             chosen = chosen.without(name)
 
-    def columns(at: NodeMotion) -> list[Column]:
+    def columns(at: NodeMotion) -> Iterator[Column]:
         return screening.columns(at, chosen.names)
 
     names = {effect: name for name, effect in found.effects.items()}
