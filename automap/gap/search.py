@@ -206,8 +206,8 @@ class Search:
         if self.before is not None:
             earlier, its_selection, without = self.before
             self.before = None
-            of_vehicle = selection.of_vehicle(found, set(found.names) - set(without.names))
-            ahead, _ = self.judge.ahead(here, earlier, of_vehicle)
+            new = set(found.names) - set(without.names)
+            ahead, _ = self.judge.ahead(here, earlier, _loose(selection, found, new))
             ahead += selection.log_prior(found) - its_selection.log_prior(without)
             if without.names != found.names and ahead < 0.0:
                 # courses of time follow what a name says better
@@ -273,8 +273,7 @@ class Search:
             self.nats[name], _ = likelier(here.fits, other.fits)
             if name in self.borne_out:
                 continue
-            loose = name in SLOW or selection.of_vehicle(found, {name})
-            ahead, sigmas = self.judge.ahead(here, other, loose)
+            ahead, sigmas = self.judge.ahead(here, other, _loose(selection, found, {name}))
             if name in self.swallowed:
                 worth[name] = ahead + prior if sigmas > limits.APART else -np.inf
                 if worth[name] >= limits.LEAST_ODDS:
@@ -447,3 +446,9 @@ class Search:
         if slow:
             self.swallowed |= {n for n in new.names if selection.sensors(new, n)}
         return Chosen((*found.parts, *new.parts))
+
+
+def _loose(selection: Selection, chosen: Chosen, names: Collection[str]) -> bool:
+    """Whether the vehicle constraint has its say about candidates ``names`` of a choice: they act
+    on it, or are so slow that no body sways so."""
+    return selection.of_vehicle(chosen, names) or all(name in SLOW for name in names)
