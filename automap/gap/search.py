@@ -190,8 +190,10 @@ class Search:
             rest = frozenset(chosen.names) - {name}
             sensors = selection.sensors(chosen, name)
             for walk in (WALK_OF[sensor] for sensor in sensors):
-                beside, known = self.drifts.get(walk, (rest, {}))
-                self.drifts[walk] = rest, (known if beside == rest else {}) | {name: odds}
+                beside, its = self.drifts.get(walk, (rest, {}))
+                its = its if beside == rest else {}
+                # the level of drift alone was sought, or all noise: whichever suits it better
+                self.drifts[walk] = rest, its | {name: max(odds, its.get(name, odds))}
 
     def _bar(self, keys: Iterable[Key]) -> None:
         """Try parts no more."""
