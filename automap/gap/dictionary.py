@@ -6,7 +6,7 @@ effect, so that the filter can estimate it.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterator, Sequence
 
 import numpy as np
 
@@ -172,24 +172,27 @@ LEAST_OWN = 1e-6
 
 def formula_columns(
     at: NodeMotion, terms: Sequence[tuple[str, str]], exclude: Collection[str]
-) -> list[Column]:
+) -> Iterator[Column]:
     """Formulas of one term each, channel and text, as columns of one drive, but for those of
-    readings that effects of the library say; it does without those to ``exclude``."""
+    readings that effects of the library say; it does without those to ``exclude``. One by one, for
+    signals are as long as the drive."""
     channels: dict[str, list[str]] = {}
     for on, text in terms:
         channels.setdefault(text, []).append(on)
     made: dict[tuple[str, str], Column] = {}
-    for text, its in channels.items():
-        signal = parse_formula(text)(at.along)
-        if not np.isfinite(signal).all():
-            continue
-        sds = usual_sds(its, signal)
-        for on in its:
-            # a car that never turns has no bend to remember
-            said = on in INERTIAL and _said(at, on, signal, exclude)
-            if sds[on] < size_of(on) / LEAST_SPREAD and not said:
-                made[on, text] = signal_column((on, text), signal, at, sd=sds[on])
-    return [made[term] for term in terms if term in made]
+    for term in terms:
+        text = term[1]
+        its = channels.pop(text, [])
+        signal = parse_formula(text)(at.along) if its else np.zeros(0)
+        if its and np.isfinite(signal).all():
+            sds = usual_sds(its, signal)
+            for on in its:
+                # a car that never turns has no bend to remember
+                said = on in INERTIAL and _said(at, on, signal, exclude)
+                if sds[on] < size_of(on) / LEAST_SPREAD and not said:
+                    made[on, text] = signal_column((on, text), signal, at, sd=sds[on])
+        if term in made:
+            yield made.pop(term)
 
 
 def _said(at: NodeMotion, on: str, signal: FloatArray, exclude: Collection[str]) -> bool:

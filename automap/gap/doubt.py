@@ -132,7 +132,8 @@ def in_drift(found: Found, told: Collection[str]) -> tuple[Misfit, ...]:
     """What drift says nearly as well, of drifts that are not ``told``, where it is a hundred to one
     by the filter: where nothing is there chance makes such odds no more often (Markov)."""
     known, out = found.selection.given(found.chosen), list[Misfit]()
-    for walk, (name, odds) in found.as_drift.items():
+    for walk, its in found.as_drift.items():
+        name, odds = next(iter(its.items()))
         candidate = found.selection.candidates[name]
         surely = odds >= -math.log(limits.SUSPECTED) and not follows_time(candidate.terms)
         if surely and walk not in told:

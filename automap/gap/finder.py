@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
@@ -212,7 +212,7 @@ def _result(
     noise = [
         replace(f, confusable_with=also, advice=advice(f.effect, also))
         for f in stochastic_findings(under, stated.factors, rest, frozenset(exclude))
-        for also in (tuple(found.as_drift.get(f.effect, ())[:1]),)
+        for also in (tuple(found.as_drift.get(f.effect, ())),)
     ]
     wild = outliers_finding(with_states, rest)
     if wild is not None and wild.effect not in exclude:
@@ -275,7 +275,7 @@ def _followed(
         if found.effects.get(name, name) not in values:
             chosen = chosen.without(name)
 
-    def columns(at: NodeMotion) -> list[Column]:
+    def columns(at: NodeMotion) -> Iterator[Column]:
         return screening.columns(at, chosen.names)
 
     names = {effect: name for name, effect in found.effects.items()}

@@ -22,8 +22,8 @@ class Found:
     parameters of each effect free, the last selection with what it chose, which effect stands for
     each candidate, which names the drives cannot tell from each, what of it held-out data let
     stand, the fit made linear as it is where nothing else acts, nats of those of which the filter
-    says how many, which formula some names may be, and what a drift says nearly as well, with the
-    log odds of that."""
+    says how many, which formula some names may be, and what a drift says nearly as well, the
+    likeliest first, with the log odds of each."""
 
     base: Fitted
     fitted: Fitted
@@ -36,7 +36,7 @@ class Found:
     nothing_else: Selection
     nats: Mapping[str, float] = field(default_factory=dict)
     resembling: Mapping[str, str] = field(default_factory=dict)
-    as_drift: Mapping[str, tuple[str, float]] = field(default_factory=dict)
+    as_drift: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
 
 
 def in_layout(chosen: Chosen, old: Sequence[Column], new: Selection) -> Chosen:

@@ -297,10 +297,11 @@ def _turning(vel: FloatArray, acc: FloatArray) -> FloatArray:
 
 
 def _turned(vel: FloatArray, course_of: FloatArray) -> FloatArray:
-    """Velocities [k, 3] with the courses of others, at a crawl hardly: a course is anything."""
+    """Velocities [k, 3] with the courses of others, where either crawls hardly: there a course is
+    anything, and another with each path."""
     size = np.hypot(vel[:, 0], vel[:, 1])
     other = np.hypot(course_of[:, 0], course_of[:, 1])
-    told = np.minimum((size / COURSE_SPEED) ** 2, 1.0)
+    told = np.minimum((np.minimum(size, other) / COURSE_SPEED) ** 2, 1.0)
     moving = other > 0.0
     out = vel.copy()
     for a in range(2):

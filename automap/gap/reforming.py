@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import Protocol
 
 import numpy as np
@@ -15,13 +16,14 @@ import numpy as np
 from automap.effects import CATALOGUE
 from automap.effects.catalogue import bias_walks, pairs_of_sign
 from automap.effects.imu import imu_terms
+from automap.effects.terms import TEMPERATURE, WARM_UP
 from automap.gap import limits
 from automap.gap.candidates import follows_time
 from automap.gap.confirm import Judge
 from automap.gap.evidence import nats_of_parts
 from automap.gap.linear import Column
 from automap.gap.neighbours import Terms, complexity
-from automap.gap.noise import Fitted, Joint, Log, with_levels, with_noise
+from automap.gap.noise import Fitted, Joint, Log, noise_score, with_levels, with_noise
 from automap.gap.result import equation
 from automap.gap.scoring import likelier
 from automap.gap.selection import Chosen, Move, Selection
@@ -29,6 +31,8 @@ from automap.gap.selection import Chosen, Move, Selection
 WALK_OF = {term.sensor: w for w, e in bias_walks().items() for term in imu_terms([e.name])}
 WALKS = tuple(WALK_OF.values())
 """The drift of each sensor's biases."""
+SLOW = tuple(n for n, e in CATALOGUE.items() if e.follows(TEMPERATURE) or e.follows(WARM_UP))
+"""What changes a bias in the course of a drive, as drift does."""
 WHOLE_DELAYS = frozenset(pair for pairs in pairs_of_sign(-1.0) for pair in pairs)
 
 
@@ -58,6 +62,8 @@ class Screened(Protocol):
     def entangled(
         self, joint: Joint, selection: Selection, chosen: Chosen, name: str
     ) -> list[str]: ...
+
+    def acting(self, joint: Joint, selection: Selection, chosen: Chosen, name: str) -> Chosen: ...
 
 
 class Forms:
@@ -200,6 +206,55 @@ class Forms:
         self.log(f"checking how much of {name} drift says")
         walks = [WALK_OF[sensor] for sensor in sorted(selection.sensors(chosen, name))]
         return with_levels(self.screening.states(here, selection, chosen.without(name)), walks)
+
+    def behind_drift(
+        self, here: Fitted, selection: Selection, chosen: Chosen
+    ) -> Iterator[tuple[str, Chosen, float, float]]:
+        """The choice with what may be there in the place of a sensor's drift, by name, and by how
+        much its log odds are ahead, with the sigmas of that.
+
+        Drift is a claim as others are, and its rivals follow temperature or time. It has taken none
+        where the drives say less than a name must be worth for it, against biases that are steady.
+        Its level is sought from there: the likelihood may have a top with it and one without.
+        """
+        factors = here.model.factors
+        for sensor, walk in WALK_OF.items():
+            steady = {**factors, walk: limits.STEADY * factors[walk]}
+            worth = noise_score(here.fits, factors) - noise_score(here.fits, steady)
+            slow = [name for name in SLOW if name in selection.candidates]
+            for name in slow if worth >= limits.LEAST_ODDS else ():
+                parts = selection.candidates[name].parts
+                more = Chosen(tuple((name, part, 1.0) for part in parts))
+                if name in chosen.names or sensor not in selection.sensors(more, name):
+                    continue
+                self.log(f"checking how much of {walk} {name} says")
+                begun = replace(here, model=replace(here.model, factors=steady))
+                every = Chosen((*chosen.parts, *more.parts))
+                fitted = with_levels(self.screening.states(begun, selection, every), [walk])
+                best = self._acting(begun, fitted, selection, every, name)
+                if best is None:
+                    continue
+                its, fitted = best
+                # no body sways as slowly as a sensor warms
+                ahead, sigmas = self.judge.ahead(fitted, here, of_vehicle=True)
+                odds = ahead + selection.log_prior(its) - selection.log_prior(chosen)
+                yield name, its, odds, sigmas
+
+    def _acting(
+        self, about: Fitted, fitted: Fitted, selection: Selection, chosen: Chosen, name: str
+    ) -> tuple[Chosen, Fitted] | None:
+        """A choice as ``fitted`` with all parts of a candidate, or, ``about`` the same path, with
+        those alone that act, which ever is likelier: drift is one level of all axes, and one that
+        is left to it keeps it up. None where none acts."""
+        acting = self.screening.acting(fitted.joint(), selection, chosen, name)
+        if acting == chosen:
+            return chosen, fitted
+        if name not in acting.names:
+            return None
+        fewer = self.screening.states(replace(about, model=fitted.model), selection, acting)
+        ahead = likelier(fewer.fits, fitted.fits)[0]
+        ahead += selection.log_prior(acting) - selection.log_prior(chosen)
+        return (acting, fewer) if ahead > 0.0 else (chosen, fitted)
 
 
 def log_prior(selection: Selection, chosen: Chosen) -> float:

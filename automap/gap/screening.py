@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
+from itertools import chain
 
 import numpy as np
 
@@ -72,9 +73,11 @@ class Screening:
         self._held_at = None
         fits, known = self._held(here, more)
 
-        def columns(at: NodeMotion) -> list[Column]:
-            boxes = box_columns(at) if slow else []
-            return named_columns(more, at) + self.columns(at) + boxes
+        def columns(at: NodeMotion) -> Iterator[Column]:
+            yield from named_columns(more, at)
+            yield from self.columns(at)
+            if slow:
+                yield from box_columns(at)
 
         linear = linearised(motions_of(fits), columns, known, may_act)
         linear = with_shapes(linear) if slow else linear
@@ -207,10 +210,12 @@ class Screening:
             single = [terms[0] for terms in tried if len(terms) == 1]
             asked = {equation(terms) for terms in tried}
 
-            def columns(at: NodeMotion) -> list[Column]:
-                out = self.columns(at, {*rest, *known} - asked)
-                out += formula_columns(at, single, self.exclude)
-                return out + [c for t in tried if len(t) > 1 for c in term_columns(at, t)]
+            def columns(at: NodeMotion) -> Iterator[Column]:
+                yield from self.columns(at, {*rest, *known} - asked)
+                yield from formula_columns(at, single, self.exclude)
+                for terms in tried:
+                    if len(terms) > 1:
+                        yield from term_columns(at, terms)
 
             return columns
 
@@ -330,6 +335,18 @@ class Screening:
         rows = [i for i, (e, p) in enumerate(joint.names) if e == own and p in acting]
         return rows, columns[: len(rows)]
 
+    def acting(self, joint: Joint, selection: Selection, chosen: Chosen, name: str) -> Chosen:
+        """A choice without those parts of a candidate that are nothing by its values in a joint
+        estimate."""
+        choice = selection.candidates[name].log_choice
+        return Chosen(
+            tuple(
+                part
+                for part in chosen.parts
+                if part[0] != name or self.nats(joint, selection, Chosen((part,)), name) >= -choice
+            )
+        )
+
     def nats(self, joint: Joint, selection: Selection, chosen: Chosen, name: str) -> float:
         """What a candidate's values as the filter finds them are worth against nothing."""
         rows, columns = self._rows(joint, selection, chosen, name)
@@ -350,18 +367,24 @@ class Screening:
         has_wheels = any(d.session.odometer is not None for d in drives)
         return library(frozenset(included), has_wheels, self.base.model.options.earth_rotation)
 
-    def columns(self, at: NodeMotion, wanted: Collection[str] | None = None) -> list[Column]:
-        """Columns of one drive, of all candidates or of those ``wanted``."""
+    def columns(self, at: NodeMotion, wanted: Collection[str] | None = None) -> Iterator[Column]:
+        """Columns of one drive, of all candidates or of those ``wanted``, one by one: how each acts
+        is as long as the drive."""
         names, formulas = self.names, self.dictionary
         if wanted is not None:
             names = [name for name in names if name in wanted]
             formulas = [term for term in formulas if equation([term]) in wanted]
-        out = named_columns(names, at)
-        out += formula_columns(at, formulas, self.exclude)
-        out += left_out_columns(at, self.exclude)
-        for known in self.refinements.values():
-            out += term_columns(at, [c.term for c in known], known[0].choices)
-        return [c for c in out if wanted is None or c.effect in wanted]
+        refined = (
+            term_columns(at, [c.term for c in known], known[0].choices)
+            for known in self.refinements.values()
+        )
+        every = chain(
+            named_columns(names, at),
+            formula_columns(at, formulas, self.exclude),
+            left_out_columns(at, self.exclude),
+            chain.from_iterable(refined),
+        )
+        return (c for c in every if wanted is None or c.effect in wanted)
 
 
 def _switches(about: About, terms: Terms) -> list[tuple[Terms, int]]:

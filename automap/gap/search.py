@@ -23,7 +23,7 @@ from automap.gap.confirm import Confirmed, Judge, confirmed
 from automap.gap.drive import OpenDrive
 from automap.gap.found import Found, in_layout
 from automap.gap.noise import Fitted, Log, fitted_about, with_levels, with_noise
-from automap.gap.reforming import WALK_OF, WALKS, WHOLE_DELAYS, Forms, log_prior
+from automap.gap.reforming import SLOW, WALK_OF, WALKS, WHOLE_DELAYS, Forms, log_prior
 from automap.gap.scoring import likelier
 from automap.gap.screening import Screening
 from automap.gap.selection import Chosen, Key, Selection
@@ -56,7 +56,8 @@ class Search:
         self.spoken_against: list[Confirmed] = []
         self.stands = Confirmed({}, ())
         self.nats: dict[str, float] = {}
-        self.drifts: dict[str, tuple[str, float, frozenset[str]]] = {}
+        self.drifts: dict[str, tuple[frozenset[str], dict[str, float]]] = {}
+        self.behind: set[frozenset[str]] = set()
         self.each_drive: list[str] = []
         self.levels = {(frozenset[Key](), 0): base.model.factors}
         self.before: tuple[Fitted, Selection, Chosen] | None = None
@@ -134,9 +135,11 @@ class Search:
         nothing_else = self.screening.selection(here, slow=False, may_act=False)
         resembling = self.forms.resembling.items()
         drifts = {
-            walk: (name, odds)
-            for walk, (name, odds, rest) in self.drifts.items()
-            if name in selection.candidates and rest <= {*chosen.names} - {name}
+            walk: {
+                n: its[n] for n in sorted(its, key=lambda n: -its[n]) if n in selection.candidates
+            }
+            for walk, (rest, its) in self.drifts.items()
+            if rest <= {*chosen.names} and not its.keys() & {*chosen.names}
         }
         return Found(
             *(self.base, here, full, selection, chosen, self.screening.effects),
@@ -144,7 +147,7 @@ class Search:
             *(self.stands.after(self.spoken_against), nothing_else),
             self.borne_out | self.nats,
             {n: text for (n, beside), text in resembling if {n, *beside} == {*chosen.names}},
-            {walk: its for walk, its in drifts.items() if its[0] not in chosen.names},
+            {walk: its for walk, its in drifts.items() if its},
         )
 
     def _with_age(self, estimate: Mapping[str, float]) -> Mapping[str, float]:
@@ -172,18 +175,25 @@ class Search:
         ahead += selection.log_prior(chosen) - selection.log_prior(found)
         if ahead < limits.LEAST_ODDS or sigmas < limits.APART:
             if len(gone) == 1:
-                self._note_drift(selection, chosen, gone[0], ahead)
+                self._note_drift(selection, chosen, gone[0], ahead, sigmas)
             return found, fewer
         self.borne_out |= dict.fromkeys(gone, ahead)
         selection.needed = frozenset(self.borne_out)
         return chosen, None
 
-    def _note_drift(self, selection: Selection, chosen: Chosen, name: str, odds: float) -> None:
-        """Note what drift says nearly as well, by log ``odds`` for the candidate of a choice."""
-        if odds > -limits.CLOSE_NATS:
+    def _note_drift(
+        self, selection: Selection, chosen: Chosen, name: str, odds: float, sigmas: float
+    ) -> None:
+        """Note what drift says nearly as well, by log ``odds`` for the candidate of a choice and
+        the ``sigmas`` of what the filter says."""
+        if odds > -limits.CLOSE_NATS or abs(sigmas) < limits.APART:
             rest = frozenset(chosen.names) - {name}
             sensors = selection.sensors(chosen, name)
-            self.drifts |= {WALK_OF[sensor]: (name, odds, rest) for sensor in sensors}
+            for walk in (WALK_OF[sensor] for sensor in sensors):
+                beside, its = self.drifts.get(walk, (rest, {}))
+                its = its if beside == rest else {}
+                # the level of drift alone was sought, or all noise: whichever suits it better
+                self.drifts[walk] = rest, its | {name: max(odds, its.get(name, odds))}
 
     def _bar(self, keys: Iterable[Key]) -> None:
         """Try parts no more."""
@@ -198,8 +208,8 @@ class Search:
         if self.before is not None:
             earlier, its_selection, without = self.before
             self.before = None
-            of_vehicle = selection.of_vehicle(found, set(found.names) - set(without.names))
-            ahead, _ = self.judge.ahead(here, earlier, of_vehicle)
+            new = set(found.names) - set(without.names)
+            ahead, _ = self.judge.ahead(here, earlier, _loose(selection, found, new))
             ahead += selection.log_prior(found) - its_selection.log_prior(without)
             if without.names != found.names and ahead < 0.0:
                 # courses of time follow what a name says better
@@ -229,6 +239,9 @@ class Search:
         if fewer != found:
             self._bar(selection.keys(found) - selection.keys(fewer))
             return fewer
+        more = self._behind_drift(here, selection, found)
+        if more is not None and not ending:
+            return more
         self.log("checking on held-out data")
         self.judge.forget()
         effects = self.screening.effects
@@ -262,7 +275,7 @@ class Search:
             self.nats[name], _ = likelier(here.fits, other.fits)
             if name in self.borne_out:
                 continue
-            ahead, sigmas = self.judge.ahead(here, other, selection.of_vehicle(found, {name}))
+            ahead, sigmas = self.judge.ahead(here, other, _loose(selection, found, {name}))
             if name in self.swallowed:
                 worth[name] = ahead + prior if sigmas > limits.APART else -np.inf
                 if worth[name] >= limits.LEAST_ODDS:
@@ -272,10 +285,26 @@ class Search:
                 self.nats[name] = min(self.nats[name], sum(m.evidence.nats for m in moves))
                 worth[name] = self.nats[name] + prior
             if worth[name] < limits.LEAST_ODDS:
-                self._note_drift(selection, found, name, ahead + prior)
+                self._note_drift(selection, found, name, ahead + prior, sigmas)
         selection.needed = frozenset(self.borne_out)
         weakest = min(worth, key=lambda n: worth[n], default="")
         return found.without(weakest) if worth.get(weakest, np.inf) < limits.LEAST_ODDS else found
+
+    def _behind_drift(self, here: Fitted, selection: Selection, found: Chosen) -> Chosen | None:
+        """The set with what is surely there in the place of a drift, of each set asked once; what a
+        drift says nearly as well is noted."""
+        best, instead = limits.LEAST_ODDS, None
+        asked = frozenset(found.names) in self.behind
+        self.behind.add(frozenset(found.names))
+        for name, its, odds, sigmas in (
+            () if asked else self.forms.behind_drift(here, selection, found)
+        ):
+            self._note_drift(selection, its, name, odds, sigmas)
+            if odds >= best and sigmas > limits.APART:
+                best, instead = odds, its
+        if instead is not None:
+            self.swallowed.add(instead.names[-1])
+        return instead
 
     def _free_delays(self, effects: Iterable[str]) -> None:
         """Fit a receiver's delays that held-out data do not know at the same value on every drive
@@ -419,3 +448,9 @@ class Search:
         if slow:
             self.swallowed |= {n for n in new.names if selection.sensors(new, n)}
         return Chosen((*found.parts, *new.parts))
+
+
+def _loose(selection: Selection, chosen: Chosen, names: Collection[str]) -> bool:
+    """Whether the vehicle constraint has its say about candidates ``names`` of a choice: they act
+    on it, or are so slow that no body sways so."""
+    return selection.of_vehicle(chosen, names) or all(name in SLOW for name in names)

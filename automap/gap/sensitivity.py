@@ -7,8 +7,9 @@ that the fit has already count from zero again: what their values explain is giv
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
+from itertools import islice
 
 import numpy as np
 
@@ -22,7 +23,7 @@ from automap.records import BoolArray, FloatArray, IntArray
 
 BATCH = 96
 """Columns carried through the filter together: their rows stay in the processor's cache."""
-ColumnsOf = Callable[[NodeMotion], Sequence[Column]]
+ColumnsOf = Callable[[NodeMotion], Iterable[Column]]
 
 
 def linearised(
@@ -66,13 +67,20 @@ def linearised(
 def _raw(at: NodeMotion, columns_of: ColumnsOf) -> tuple[Rows, list[Column]]:
     """Innovations over their sds with their sensitivities to the columns of one drive, and these
     as a layout has them."""
-    columns = columns_of(at)
     whitened, t, channel = whitened_innovations(at.fit)
-    phi: FloatArray = np.zeros((len(whitened), len(columns)), np.float32, "F")
-    for start in range(0, len(columns), BATCH):
-        part = slice(start, start + BATCH)
-        phi[:, part] = sensitivities(at.fit, at.motion, columns[part])
-    return Rows(whitened, phi, t, channel), [c.in_layout() for c in columns]
+    columns = iter(columns_of(at))
+    layout: list[Column] = []
+    parts: list[FloatArray] = []
+    # how a column acts is as long as the drive, and forgotten with its batch
+    while batch := list(islice(columns, BATCH)):
+        parts.append(sensitivities(at.fit, at.motion, batch).astype(np.float32))
+        layout += [column.in_layout() for column in batch]
+    phi: FloatArray = np.zeros((len(whitened), len(layout)), np.float32, "F")
+    while parts:
+        part = parts.pop()
+        start = BATCH * len(parts)
+        phi[:, start : start + BATCH] = part
+    return Rows(whitened, phi, t, channel), layout
 
 
 def _laid_out(rows: Rows, at: Sequence[int], known: FloatArray) -> Rows:

@@ -45,7 +45,7 @@ class Asked(Search):
         self.judge, self.swallowed, self.tried = Heard(cast("Any", ["a drive"])), set(), {}
         self.screening = cast("Any", None)
         self.sets: list[tuple[str, ...]] = []
-        self.drifts = {}
+        self.drifts, self.behind = {}, set()
         self.forms = Forms(self.screening, self.judge, {}, print)
         self.forms.as_drift = self._as_drift  # type: ignore[method-assign]
 

@@ -247,6 +247,9 @@ def test_a_course_at_a_crawl_is_not_turned() -> None:
     assert np.abs(_turned(slow, before) - slow).max() < 1e-3
     # one who stood has no course
     np.testing.assert_array_equal(_turned(fast, np.zeros((1, 3))), fast)
+    # as it was at rest its course is another with each path
+    resting = np.array([[0.02, 0.03, 0.0]])
+    assert np.abs(_turned(fast, resting) - _turned(fast, -resting)).max() < 0.05
 
 
 @pytest.mark.parametrize("field", ["all_s", "skew", "velocity_s", "course_s", "course_m"])

@@ -152,7 +152,7 @@ def test_what_drift_says_nearly_as_well_is_missing(
     monkeypatch.setattr(module, "shown_by", shown)
     warm = Candidate("gyro_temperature", ((3,), (4,), (5,)), -4.0, terms=terms)
     selection = SimpleNamespace(given=lambda chosen: None, candidates={warm.name: warm})
-    as_drift = {"gyro_bias_walk": (warm.name, odds)}
+    as_drift = {"gyro_bias_walk": {warm.name: odds}}
     found: Any = SimpleNamespace(selection=selection, chosen=None, as_drift=as_drift)
     missing = in_drift(found, already)
     assert [m.where for m in missing] == ([warm.name] if told else [])

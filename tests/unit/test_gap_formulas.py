@@ -160,8 +160,7 @@ def test_what_effects_of_the_catalogue_make_up_is_no_formula(plain: Fit) -> None
 
     def told(exclude: set[str]) -> dict[tuple[str, str], str]:
         terms = [(on, text) for text in ("max(force_x, 0)", "speed") for on in INERTIAL]
-        columns = formula_columns(at, terms, exclude)
-        columns += left_out_columns(at, exclude)
+        columns = [*formula_columns(at, terms, exclude), *left_out_columns(at, exclude)]
         return {c.term: c.effect for c in columns}
 
     one_sided = ("accel_x", "max(force_x, 0)")
