@@ -248,9 +248,11 @@ def _refuse(
             "clocks is wrong; log the receiver's own fixes, and check [imu] time in drive.toml"
         )
     elif better > limits.WRONG_CLOCK_NATS:
+        by_motions = ' time = "boot_ns" there takes the clock from the motions.'
         raise InputError(
             f"{seen}: the two clocks contradict one another. Check [imu] time and [gnss] "
             "arrival_time in drive.toml, and that both files are of the same drive."
+            + (by_motions if clock.method == "unix" else "")
         )
     elif better > limits.DOUBTED_CLOCK_NATS:
         warnings.append(f"{seen}, though the evidence is weak; check [imu] time in drive.toml")

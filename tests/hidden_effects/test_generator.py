@@ -18,6 +18,7 @@ from tests.hidden_effects.route import Style, draw_plan, draw_style
 from tests.hidden_effects.sizes import draw_sheet
 from tests.hidden_effects.strapdown import integrate
 from tests.hidden_effects.write import ubx_log, write_drive
+from tests.slow_cases import others_slow
 
 ARM = np.array([0.4, 0.1, -1.2])
 PLACE = (np.radians(-35.3), np.radians(149.1), 580.0)
@@ -33,7 +34,7 @@ def drive(seed: int, seconds: float = 120.0, rough: bool = False, **installed: o
 
 @pytest.mark.parametrize(
     ("seed", "rough", "axle", "seconds"),
-    [(0, False, None, 40), (3, True, [-1.4, 0.1, 0.3], 120)],
+    others_slow([(0, False, None, 40), (3, True, [-1.4, 0.1, 0.3], 120)]),
 )
 def test_ideal_readings_give_the_motion_back(
     seed: int, rough: bool, axle: list[float] | None, seconds: int

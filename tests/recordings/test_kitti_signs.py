@@ -22,7 +22,7 @@ from automap.io.truth_trajectory import read_truth_trajectory
 from automap.records import SignPoints
 from tests.slow_cases import others_slow
 
-SHORT = tuple(f"kitti-20110926-{number}" for number in ("0009", "0014", "0059"))
+SHORT = tuple(f"kitti-20110926-{number}" for number in ("0009", "0014"))
 """Those of few boxes; the others are left to the slow tests."""
 
 

@@ -19,6 +19,7 @@ from automap.sync.clock import (
     contradiction,
     gps_clock,
     rough_clock,
+    unix_clock,
     unknown_clock,
 )
 from automap.sync.coarse import CoarseOffset
@@ -142,6 +143,11 @@ def test_clocks_that_contradict_the_motions_are_refused_or_doubted() -> None:
                          (1.4, r"\+1.4 s against"), (-2.6, "-2.6 s against")):  # fmt: skip
         with pytest.raises(InputError, match=text):
             _refuse(clock, CoarseOffset(offset, sure, 0.0), None, [])
+    # a computer's clock that was set wrongly is no reason to drive again
+    with pytest.raises(
+        InputError, match=r'time = "boot_ns" there takes the clock from the motions'
+    ):
+        _refuse(unix_clock(np.array([14 * 10**17])), CoarseOffset(1.4, sure, 0.0), None, [])
     told: list[str] = []
     # a receiver that smooths is late by so much
     _refuse(clock, CoarseOffset(-1.4, sure, 0.0), None, told)

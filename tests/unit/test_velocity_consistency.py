@@ -22,7 +22,7 @@ from tests.unit.receiver_damage import (
 )
 from tests.unit.receiver_scene import Receiver, any_receiver, simulated_fixes
 
-SEEDS = range(4)
+SEEDS = range(2)
 KMH, KNOT, MPH = 1.0 / 3.6, 1852.0 / 3600.0, 0.44704
 
 

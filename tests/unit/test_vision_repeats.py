@@ -95,7 +95,7 @@ def test_a_covered_lens_is_told(tmp_path: Path) -> None:
             # a vehicle at rest whose path wanders
             ([7] * FRAMES, 0.8, 120.0, 40.0),
         ],
-        fast=2,
+        fast=1,
     ),
 )
 def test_other_pictures_are_not_told(
