@@ -178,7 +178,7 @@ def _compare_motions(result: SyncResult, imu: ImuData, fixes: Fixes) -> SyncResu
         seen = refine_lag(motion, own, _middle_of_search(coarse), limits.LAG_REACH_S)
         if seen is not None:
             lags[source] = seen
-    warnings = list(result.warnings)
+    warnings, doubts = list(result.warnings), list[str]()
     if coarse is not None and coarse.certain and abs(coarse.offset_s) > limits.STATED_OFF_S:
         own = in_imu_time(position_motion(fixes), result.clock, imu)
         placed = find_offset(motion, own, reach_s=limits.STATED_REACH_S)
@@ -189,15 +189,16 @@ def _compare_motions(result: SyncResult, imu: ImuData, fixes: Fixes) -> SyncResu
             )
             coarse = placed
         else:
-            _refuse(result.clock, coarse, _near_zero(motion, result.clock, imu, fixes), warnings)
+            _refuse(result.clock, coarse, _near_zero(motion, result.clock, imu, fixes), doubts)
     best, lag = _best_lag(lags)
     shown_s = _off_by_motions(result.clock, coarse)
-    if shown_s is not None:
-        warnings.append(
+    if shown_s is not None and not doubts:
+        doubts.append(
             f"the IMU stamps read {shown_s:+.1f} s against the receiver's motion (clock by "
             f"{result.clock.method}): the motions are believed; set the recorder's clock over the "
             "network, or log fixes of an instant if it is they that come late"
         )
+    warnings += doubts
     return SyncResult(result.clock, result.fit, lag, best, lags, coarse, shown_s, warnings)
 
 

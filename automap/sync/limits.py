@@ -91,9 +91,6 @@ SLOW_M_S = 2.5
 """A course is none below this speed: a velocity that errs by 0.2 m/s is turned by 5 deg there."""
 FASTEST_M_S = 150.0
 """A faster vehicle is a wild fix."""
-WILD_ODDS = 1e-6
-"""With such odds chance changes a velocity by more than is believed: once in three days of four a
-second."""
 FIX_GAP_S = 2.5
 """Two fixes further apart are not of one motion: two are missing at one a second."""
 LEAST_MOTIONS = 10

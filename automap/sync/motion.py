@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from automap.earth import MEAN_RADIUS
-from automap.gates import gate, sd_by_median
+from automap.gates import sd_by_median
 from automap.records import Fixes, FixType, FloatArray, ImuData, IntArray
 from automap.sync import limits
 
@@ -202,7 +202,7 @@ def _increments(t: FloatArray, velocity: FloatArray, window_s: float) -> GnssMot
     keep = (end - start < 1.6 * window_s + 0.2) & (speed < limits.FASTEST_M_S)
     # one wild fix is a turn and a speed, and outweighs all others where either explains the other
     change = v1 - v0
-    chance = math.sqrt(gate(limits.WILD_ODDS, 2)) * sd_by_median(change.ravel())
+    chance = math.sqrt(2.0 * limits.CERTAIN_LEAD_NATS) * sd_by_median(change.ravel())
     keep &= np.hypot(*change.T) < limits.HARD_BRAKING * (end - start) + chance
     return GnssMotion(
         start=start[keep],

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from automap.earth import MEAN_RADIUS
 from automap.errors import InputError
 from automap.export.path import Path as MapPath
 from automap.export.path import joined_paths, simplified_path
@@ -17,7 +18,6 @@ from automap.export.roads import read_roads_csv, set_roads
 from automap.export.sign_columns import SignColumns, Signs, sign_columns
 from automap.export.stored_signs import stored_signs
 from automap.io import names
-from automap.mapping.grid import east_north
 from automap.records import NO_TIME, FloatArray, Trajectory
 from pipeline.export.lineage import lineage
 from pipeline.shared.pictures import Picture, pictures_by_sign, read_pictures
@@ -25,8 +25,8 @@ from pipeline.shared.products import RunProducts, geoid_separation, load_product
 from pipeline.shared.run_record import country_of
 
 _GEOID_REACH_M = 1000.0
-"""The geoid rises by a decimetre in that way at most, along steep mountains; less than what
-receivers' models of it are off."""
+"""Plumb lines lean by less than a minute of arc, in mountains: the geoid changes by 0.3 m in that
+way at most, less than what receivers' models of it are off."""
 
 
 @dataclass
@@ -182,15 +182,21 @@ def geoid_heights(content: MapContent) -> tuple[FloatArray | None, FloatArray | 
 
 
 def _as_beside(signs: SignColumns, geoid_m: FloatArray) -> FloatArray:
-    """The geoid's heights [n], of signs that no drive saw as at the nearest one that is known."""
+    """The geoid's heights [n]; where none is known, that at the nearest sign that has one."""
     known = np.isfinite(geoid_m) & signs.located
+    wanted = np.flatnonzero(~known & signs.located)
+    if not len(wanted) or not known.any():
+        return geoid_m
+    from scipy.spatial import KDTree
+
+    lat, lon = np.radians(signs.lat_deg), np.radians(signs.lon_deg)
+    place = MEAN_RADIUS * np.column_stack(
+        [np.cos(lat) * np.cos(lon), np.cos(lat) * np.sin(lon), np.sin(lat)]
+    )
+    nearest = KDTree(place[known]).query(place[wanted], distance_upper_bound=_GEOID_REACH_M)[1]
     told = geoid_m.copy()
-    for k in np.flatnonzero(~known & signs.located) if known.any() else ():
-        at = np.radians([signs.lat_deg[k], signs.lon_deg[k]])
-        lat, lon = np.radians(signs.lat_deg[known]), np.radians(signs.lon_deg[known])
-        apart = np.hypot(*east_north(lat, lon, *at).T)
-        if apart.min() < _GEOID_REACH_M:
-            told[k] = geoid_m[known][apart.argmin()]
+    # where there is none so near the index is one past the last
+    told[wanted] = np.append(geoid_m[known], np.nan)[nearest]
     return told
 
 

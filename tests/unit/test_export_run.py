@@ -20,6 +20,7 @@ from automap.errors import ConfigError, InputError
 from automap.io import names
 from pipeline.cli.root import run_command
 from pipeline.export.command import export_run
+from pipeline.export.content import _as_beside
 from pipeline.export.formats import FORMATS
 from pipeline.report.render import report_html
 from pipeline.run.stage import StageContext
@@ -205,3 +206,15 @@ def test_nothing_that_leaves_says_where_this_computer_keeps_its_files(out: Path)
         assert str(out).encode() not in content, path.name
     assert "gnss.ubx: 3 of 9 epochs" in page
     assert "detector.onnx" in (work / names.SIGNS_GEOJSON).read_text(encoding="utf-8")
+
+
+def test_a_sign_of_unknown_geoid_has_that_of_the_nearest_one() -> None:
+    """Within a kilometre, also over the date line; beyond, and where the sign is nowhere, none."""
+    lat = np.array([10.0, 10.02, 10.004, 10.018, 10.3, np.nan])
+    lon = np.array([179.9995, 179.9995, -179.9995, 179.9995, 0.0, 0.0])
+    signs = SimpleNamespace(lat_deg=lat, lon_deg=lon, located=np.isfinite(lat))
+    geoid = np.array([40.0, 41.0, np.nan, np.nan, np.nan, np.nan])
+    found = _as_beside(signs, geoid)  # type: ignore[arg-type]
+    np.testing.assert_array_equal(found, [40.0, 41.0, 40.0, 41.0, np.nan, np.nan])
+    none = np.full(6, np.nan)
+    np.testing.assert_array_equal(_as_beside(signs, none), none)  # type: ignore[arg-type]
