@@ -1,4 +1,4 @@
-"""The trajectory of another point of the vehicle."""
+"""The trajectory of another point of the vehicle, and what an unknown arm to it does."""
 
 from __future__ import annotations
 
@@ -40,6 +40,19 @@ def moved_to(trajectory: Trajectory, lever_arm_m: npt.ArrayLike) -> Trajectory:
         sd_pos_ned=np.sqrt(trajectory.sd_pos_ned**2 + offset_var),
         sd_vel_ned=np.sqrt(trajectory.sd_vel_ned**2 + extra_var),
     )
+
+
+def arm_covariance(attitude: FloatArray, rate: FloatArray, arm_sd: FloatArray) -> FloatArray:
+    """Covariance [k, 6, 6] of position and velocity in NED, m and m/s, of a point to which the arm
+    is unknown by ``arm_sd`` [3] m along the body's axes, as it takes a motion to be its own.
+
+    ``attitude`` [k, 3, 3] body axes to NED, ``rate`` [k, 3] rad/s in NED at which they turn. An arm
+    that is wrong by l puts the point C l off and makes it w x C l faster (Groves, section 2.5.5).
+    """
+    off = attitude * arm_sd
+    swing = np.swapaxes(np.cross(rate[:, None], np.swapaxes(off, 1, 2)), 1, 2)
+    both = np.concatenate([off, swing], axis=1)
+    return np.asarray(both @ np.swapaxes(both, 1, 2))
 
 
 def turn_rate(trajectory: Trajectory) -> FloatArray:

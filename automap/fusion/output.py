@@ -31,6 +31,7 @@ from automap.fusion.nodes import Nodes, Shift
 from automap.fusion.problem import Problem
 from automap.fusion.resample import shift_states
 from automap.fusion.stamp_error import covariance_at_stamps, rates_of_change
+from automap.lever_arm import arm_covariance
 from automap.records import ClockModel, FloatArray, IntArray, Trajectory
 
 
@@ -75,6 +76,7 @@ def node_trajectory(
     delay_is_clock: bool,
     turn: FloatArray,
     unseen_sd: FloatArray,
+    arm_sd: FloatArray,
     slip_sd: float,
     age_sd: float,
     blend: bool,
@@ -84,6 +86,7 @@ def node_trajectory(
     ``turn`` [3, 3] takes sensor axes (as filtered) to the vehicle's, [n, 3, 3] where a mounting
     moves.
     ``unseen_sd`` [k, 3] m NED at the nodes is what no measurement tells of the position's error,
+    ``arm_sd`` [3] m of the arm to the antenna along the vehicle's axes,
     ``slip_sd`` rad of the heading's, ``age_sd`` s of the age of the fixes, to which the motion
     was dated.
     ``delay`` [n] is how much later than the fixes' clock the stamps run, in s: an error of the
@@ -95,9 +98,9 @@ def node_trajectory(
     for piece in dense_pieces(problem, nodes, path, blend, margin):
         t, at = problem.t[piece.around], nodes.t[piece.nodes]
         nominal, dense = states.nominal[piece.nodes], piece.dense
-        cov = covariance_at_stamps(
-            problem.model, states.cov[piece.nodes], at, rates_of_change(t, dense, at), age_sd
-        )
+        change = rates_of_change(t, dense, at)
+        told = states.cov[piece.nodes]
+        cov = covariance_at_stamps(problem.model, told, at, change, age_sd)
         cov[:, range(3), range(3)] += unseen_sd[piece.nodes] ** 2
         if not delay_is_clock:
             dense = shift_states(t, dense, delay[piece.around])
@@ -108,7 +111,11 @@ def node_trajectory(
         if turn.ndim > 2:
             there = np.clip(np.searchsorted(problem.t, at), 0, len(problem.t) - 1)
             back_here, back_there, turn_there = back[piece.rows], back[there], turn[there]
-        node_rpy = quat_to_rpy(quat_multiply(nominal[:, 6:10], back_there))
+        attitude = quat_multiply(nominal[:, 6:10], back_there)
+        cov[:, :PHI_ID, :PHI_ID] += arm_covariance(
+            quat_to_matrix(attitude), change[:, PHI_ID:], arm_sd
+        )
+        node_rpy = quat_to_rpy(attitude)
         node_sd = rpy_sd_from_tilt(node_rpy, vehicle_tilt(nominal, cov, turn_there))
         node_sd[:, 2] = np.hypot(node_sd[:, 2], slip_sd)
         variances = [np.maximum(cov[:, i, i], 0.0) for i in range(6)]

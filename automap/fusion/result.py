@@ -174,14 +174,13 @@ def assemble(
     total = turn @ mounting.matrix
 
     unseen = unseen_errors(outcome.nodes.stated_sd, session.options, outcome.shown)
-    unseen = np.hypot(unseen, arm_sd)
 
     make = partial(
         node_trajectory, outcome.problem, outcome.nodes,
         t_ns=session.imu.t_ns, clock=clock, delay=delay.mean + final.get(SKEW_STATE, 0.0)
         * outcome.problem.t, delay_is_clock=delay_is_clock,
         turn=rpy_to_matrix(mounted + moved) if moved.any() else turn, unseen_sd=unseen,
-        slip_sd=np.radians(session.options.nhc_lasting_deg),
+        arm_sd=arm_sd, slip_sd=np.radians(session.options.nhc_lasting_deg),
         age_sd=age_sd,
     )  # fmt: skip
     return FusionResult(

@@ -16,7 +16,7 @@ from automap.export.trajectory_instants import at_instants
 from automap.frames import rpy_to_matrix
 from automap.io import names
 from automap.io.trajectory_table import write_trajectory
-from automap.lever_arm import moved_to, turn_rate
+from automap.lever_arm import arm_covariance, moved_to, turn_rate
 from automap.records import Trajectory
 from pipeline.cli.root import run_command
 from pipeline.export.command import export_run
@@ -67,6 +67,20 @@ def test_the_point_stands_where_the_arm_says() -> None:
     )
     np.testing.assert_allclose(apart, rpy_to_matrix(start.rpy) @ arm, atol=2e-5)
     assert np.abs(moved.lon_rad).max() <= np.pi
+
+
+def test_an_unknown_arm_hides_where_the_point_is_and_how_fast() -> None:
+    start, sd = _bend(), np.array([0.5, 0.3, 0.2])
+    ref = (float(start.lat_rad[0]), float(start.lon_rad[0]), float(start.height_m[0]))
+    off = []
+    for arm in np.diag(sd):
+        moved = moved_to(start, arm)
+        place = [local_ned(p.lat_rad, p.lon_rad, p.height_m, ref) for p in (moved, start)]
+        off.append(np.hstack([place[0] - place[1], moved.vel_ned - start.vel_ned]))
+    turned = rpy_to_matrix(start.rpy)
+    rate = np.einsum("nij,nj->ni", turned, turn_rate(start))
+    expected = sum(np.einsum("ni,nj->nij", one, one) for one in off)
+    np.testing.assert_allclose(arm_covariance(turned, rate, sd), expected, atol=2e-5)
 
 
 def test_its_velocity_is_the_change_of_its_position() -> None:

@@ -14,6 +14,7 @@ from automap.fusion.levels import ALL_LEVELS
 from automap.fusion.measurements.position import unseen_errors
 from automap.fusion.options import FusionOptions
 from automap.fusion.result import FusionResult, Prior
+from automap.lever_arm import turn_rate
 from automap.records import FloatArray
 from tests.unit.fusion_drive import CLOCK, Sensor, record
 from tests.unit.fusion_motion import city_drive
@@ -103,6 +104,11 @@ def test_fixes_of_metres_tell_no_arm_and_the_path_is_less_sure_for_it() -> None:
     sd = unknown.trajectory.sd_pos_ned
     bias = unseen_errors(np.array([METRES.wander]), OPTIONS, unknown.noise_factors)
     assert (sd > np.hypot(bias, limits.UNKNOWN_ARM_SD_M)).all()
+    # at the antenna a bend is faster or slower by the turn rate times the arm
+    path = unknown.trajectory
+    swung = limits.UNKNOWN_ARM_SD_M * np.abs(turn_rate(path)[:, 2])
+    assert swung.max() > 0.05
+    assert (path.sd_vel_ned[:, :2].max(axis=1) > 0.9 * swung).all()
     assert (
         stated.trajectory.sd_pos_ned
         > 0.95 * unseen_errors(np.array([METRES.wander]), OPTIONS, stated.noise_factors)
