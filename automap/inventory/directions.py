@@ -12,9 +12,10 @@ from automap.frames import wrap_pi
 from automap.inventory.classes import same_face
 from automap.inventory.findings import Inventory
 from automap.inventory.limits import LEAST_TURNS, LIKELIER_THAN_NOT, STALE, TOLD_BY_CHANCE
-from automap.mapping.limits import FACING_SD, HAND_FACING_SD_DEG
+from automap.mapping.limits import FACING_SD
 from automap.records import FloatArray, IntArray, Sign
 from automap.records.sign_lists import numbers_of
+from automap.review.limits import HAND_FACING_SD_DEG
 
 _FAR = 3.0 * FACING_SD
 _GON = 0.9

@@ -49,7 +49,7 @@ def _reviewed(path: Path) -> tuple[int, float]:
     if not path.is_file():
         return 0, 0.0
     from automap.io.review_json import read_review
-    from automap.mapping.review_state import standing, verdicts
+    from automap.review.verdicts import standing, verdicts
 
     try:
         actions = read_review(path)

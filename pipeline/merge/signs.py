@@ -29,7 +29,7 @@ def sign_columns(folder: Path, clock: ClockModel | None, warnings: list[str]) ->
     if table.is_file():
         from automap.io.review_json import read_review
         from automap.io.signs_table import read_signs
-        from automap.mapping.review import apply_review
+        from automap.review.reviewed import apply_review
 
         reviewed = apply_review(read_signs(table), read_review(review))
         warnings += [f"{review}: {text}" for text in reviewed.problems]

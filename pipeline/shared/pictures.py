@@ -18,7 +18,7 @@ from automap.export.dictionary import PICTURE_FIELDS
 from automap.export.pictures import SignView, choose_views, context_picture, sign_picture
 from automap.io import names
 from automap.io.atomic import write_bytes, write_text
-from automap.mapping.review import Renamed
+from automap.review.reviewed import Renamed
 from pipeline.shared.products import RunProducts
 
 if TYPE_CHECKING:

@@ -12,9 +12,9 @@ import numpy as np
 from automap.errors import AutoMapError, InputError, StageError
 from automap.io import names
 from automap.io.json_text import parse_json
-from automap.mapping.posts_by_hand import with_posts_by_hand
-from automap.mapping.review import Renamed, apply_review
 from automap.records import ClockModel, Fixes, Sign, Trajectory
+from automap.review.posts import with_posts_by_hand
+from automap.review.reviewed import Renamed, apply_review
 from pipeline.shared.run_record import SCHEMA, unlike_record, written_results
 from pipeline.shared.values import json_object
 

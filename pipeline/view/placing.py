@@ -101,8 +101,8 @@ def _mean(a: tuple[float, float], b: tuple[float, float]) -> tuple[float, float]
 
 
 def _located(part: Part, class_name: str) -> Sign:
-    from automap.geolocation.by_hand import locate_chosen
     from automap.geolocation.rules import GeolocationRules
+    from automap.review.chosen_views import locate_chosen
 
     name = part.drive.name
     drive, trajectory = part.drive.load().drive, part.drive.trajectory

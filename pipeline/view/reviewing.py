@@ -14,8 +14,8 @@ from automap.export.uncertainty import principal_axes
 from automap.gates import OUTSIDE_95, gate
 from automap.io import names
 from automap.io.review_json import action_of, append_action, plain_action, read_review, seen_in
-from automap.mapping.review_state import Verdict, standing
 from automap.records import PlacedSign, ReviewAction, SeenIn
+from automap.review.verdicts import Verdict, standing
 from pipeline.shared.run_record import utc_now
 from pipeline.view.placing import Part, joined, placed
 from pipeline.view.signs import SignTable

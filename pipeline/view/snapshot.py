@@ -6,9 +6,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from automap.mapping.review import Renamed, created_sign, match, renamed_views
-from automap.mapping.review_state import Verdict, makes, verdicts
 from automap.records import ReviewAction, Sign
+from automap.review.reviewed import Renamed, created_sign, match, renamed_views
+from automap.review.verdicts import Verdict, makes, verdicts
 from pipeline.view.signs import SignTable, table_of
 
 

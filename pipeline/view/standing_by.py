@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from automap.earth import local_ned
-from automap.mapping import limits
 from automap.records import PlacedSign
+from automap.review import limits
 
 if TYPE_CHECKING:
     from pipeline.view.drives import MapDrive

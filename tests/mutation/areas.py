@@ -14,7 +14,7 @@ AREAS: dict[str, tuple[str, ...]] = {
     "sync": ("automap/sync",),
     "calibration": ("automap/calibration",),
     "geolocation": ("automap/geolocation",),
-    "mapping": ("automap/mapping",),
+    "mapping": ("automap/mapping", "automap/review"),
     "gap": ("automap/gap/evidence.py", "automap/gap/noise.py", "automap/gap/scoring.py"),
     "cache": ("pipeline/run/cache.py", "pipeline/run/digests.py", "automap/jit.py"),
 }

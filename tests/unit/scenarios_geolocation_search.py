@@ -316,8 +316,8 @@ def geolocation_links() -> Any:
 def geolocation_hand() -> Any:
     """Signs of chosen views, what became of every box, and the sentences on it."""
     from automap.geolocation import result as of
-    from automap.geolocation.by_hand import _passes, locate_chosen
     from automap.geolocation.rules import GeolocationRules
+    from automap.review.chosen_views import _passes, locate_chosen
 
     drive = rich_drive()
     views, rules = drive.views(), GeolocationRules(noise=NOISE, size=PRIOR)

@@ -223,8 +223,8 @@ def mapping_globe() -> Any:
 @scenario
 def mapping_review() -> Any:
     """Every kind of action on signs that were renumbered, and what becomes of their views."""
-    from automap.mapping import review as of
-    from automap.mapping import review_state
+    from automap.review import reviewed as of
+    from automap.review import verdicts as folded
 
     signs = _signs(np.random.default_rng(9), 12)
 
@@ -312,7 +312,7 @@ def mapping_review() -> Any:
     ]
     # a later run: numbers moved by two, all a metre further on
     later = [replace(s, id=f"s{k + 2}", lat_rad=s.lat_rad + 1e-7) for k, s in enumerate(signs)]
-    state = review_state.verdicts(actions)
+    state = folded.verdicts(actions)
     decided = [v for v in state.values() if not v.created]
     places = [np.degrees([getattr(s, n) for s in later]) for n in ("lon_rad", "lat_rad")]
     names = [s.class_name for s in later]
@@ -340,7 +340,7 @@ def mapping_review() -> Any:
         found
         | {
             "state": table(list(state.values())),
-            "standing": [a.id for a in review_state.standing(actions)],
+            "standing": [a.id for a in folded.standing(actions)],
             "rows": [str(r) for r in of.match(decided, [s.id for s in later], names, *places)],
             "apart": [of._distance_m(v, *places) for v in decided[:3]],
         }

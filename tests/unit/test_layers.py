@@ -27,7 +27,9 @@ LAYERS = (
     # formats: bytes to records and back
     "io",
     # estimators: records in, records out
-    *("sync", "fusion", "calibration", "vision", "mapping", "geolocation", "roads", "inventory"),
+    *("sync", "fusion", "calibration", "vision", "mapping", "geolocation"),
+    # what people make of a map
+    *("review", "roads", "inventory"),
     # what uses them
     *("simulation", "evaluation", "regression", "gap"),
     # records to files of other people's formats

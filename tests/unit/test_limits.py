@@ -21,6 +21,7 @@ JUDGE = (
     "vision",
     "geolocation",
     "mapping",
+    "review",
     "evaluation",
     "regression",
 )

@@ -20,9 +20,10 @@ from automap.io import names
 from automap.io.review_json import action_of, append_action, plain_action, read_review
 from automap.io.signs_table import read_signs, write_signs
 from automap.io.tables import write_columns
-from automap.mapping import limits
-from automap.mapping.review import apply_review, verdicts
 from automap.records import PlacedSign, ReviewAction, SeenIn, Sign
+from automap.review import limits
+from automap.review.reviewed import apply_review
+from automap.review.verdicts import verdicts
 from pipeline.cli.root import run_command
 from pipeline.shared.products import load_products
 from pipeline.view.opening import open_map

@@ -14,7 +14,7 @@ from export_inputs import sign, write_run
 from automap.io import names
 from automap.io.review_json import read_review
 from automap.io.signs_table import write_signs
-from automap.mapping.review import verdicts
+from automap.review.verdicts import verdicts
 from pipeline.cli.root import run_command
 from pipeline.view.command import serving
 from tests.browser import launched

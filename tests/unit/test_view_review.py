@@ -21,8 +21,9 @@ from automap.errors import InputError
 from automap.io import names
 from automap.io.review_json import action_of, append_action, read_review
 from automap.io.signs_table import write_signs
-from automap.mapping.review import apply_review, verdicts
 from automap.records import ReviewAction, Sign
+from automap.review.reviewed import apply_review
+from automap.review.verdicts import verdicts
 from pipeline.cli.root import run_command
 from pipeline.shared.products import load_products
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from automap.io import names
 from automap.io.review_json import read_review
-from automap.mapping.review import verdicts
+from automap.review.verdicts import verdicts
 from tests.browser import watched
 
 if TYPE_CHECKING:

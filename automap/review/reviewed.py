@@ -7,15 +7,13 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from automap.mapping import limits
 from automap.mapping.changes import one_to_one
 from automap.mapping.grid import east_north
-from automap.mapping.review_state import Verdict, standing, verdicts
 from automap.records import TRACK_PROBABILITIES, FloatArray, PlacedSign, ReviewAction, Sign
 from automap.records.signs import BY_SIZE
+from automap.review import limits
+from automap.review.verdicts import Verdict, verdicts
 from automap.signs.national import is_known_class
-
-__all__ = ["Renamed", "Reviewed", "Verdict", "apply_review", "match", "standing", "verdicts"]
 
 
 @dataclass(frozen=True)
