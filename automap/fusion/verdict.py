@@ -86,7 +86,7 @@ from automap.fusion.verdict_alone import at_sensor, seen_at_sensor
 from automap.fusion.weighed import Weighed, level_sd, weighed_path
 from automap.fusion.widening import widen, widening
 from automap.records import ClockModel, Fixes, FloatArray, ImuData, Trajectory
-from automap.sync.velocity_consistency import VelocityConsistency
+from automap.sync.velocity_findings import VelocityConsistency
 
 
 def weigh(

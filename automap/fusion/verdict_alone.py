@@ -30,7 +30,7 @@ from automap.fusion.weighed import Weighed, level_sd, weighed_path
 from automap.fusion.widening import widen
 from automap.lever_arm import moved_to
 from automap.records import ClockModel, Fixes, FloatArray, Trajectory
-from automap.sync.velocity_consistency import VelocityConsistency
+from automap.sync.velocity_findings import VelocityConsistency
 
 NO_DELAY = Prior(0.0, 0.0)
 

@@ -11,12 +11,8 @@ from automap.evaluation.plausibility import Finding, Severity
 from automap.gates import sigmas
 from automap.records import Fixes
 from automap.sync.limits import SOUND_TURN_SD
-from automap.sync.velocity_consistency import (
-    Interval,
-    VelocityConsistency,
-    told_intervals,
-    velocity_consistency,
-)
+from automap.sync.velocity_consistency import velocity_consistency
+from automap.sync.velocity_findings import Interval, VelocityConsistency, told_intervals
 from pipeline.check import limits
 
 ADVICE: dict[str, str] = {

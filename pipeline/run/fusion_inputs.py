@@ -24,7 +24,8 @@ from automap.records import ClockModel, DriveClocks, Fixes, FloatArray, ImuData,
 from automap.sync.limits import DELAY_SD_S
 from automap.sync.receiver_filter import taken_back
 from automap.sync.stamps import in_trajectory_time
-from automap.sync.velocity_consistency import VelocityConsistency, velocity_consistency
+from automap.sync.velocity_consistency import velocity_consistency
+from automap.sync.velocity_findings import VelocityConsistency
 from pipeline.shared.progress import Progress
 
 SEPARATE_CLOCK_SD_S = 0.1

@@ -19,9 +19,10 @@ def _rows(first: float, last: float, n: int = 60) -> list[float]:
 def decisions_sync() -> Any:
     """Units of speed, courses, lags, offsets, brakes, units of wheels."""
     from automap.sync import clock, held_values
-    from automap.sync import velocity_consistency as module
+    from automap.sync import velocity_findings as module
     from automap.sync.coarse import CoarseOffset
     from automap.sync.path_match import Estimate, Match
+    from automap.sync.unit_mistakes import by_minutes, unit_mistake
 
     plain = module.VelocityConsistency(
         100.0, Match(), False, None, False, (), (), (), (), None, 1.0
@@ -33,10 +34,10 @@ def decisions_sync() -> Any:
     scales = _rows(0.02, 200.0, 160)
     found: dict[str, Any] = {}
     for sd in (0.001, 0.01, 0.05, 0.3):
-        units = [module._unit(Estimate(s, sd * s)) for s in scales]
+        units = [unit_mistake(Estimate(s, sd * s)) for s in scales]
         found[f"unit {sd}"] = [0.0 if u is None else u.factor for u, _ in units]
         found[f"wrong {sd}"] = [float(wrong) for _, wrong in units]
-        minutes = [module._by_minutes(Estimate(s, sd)) for s in _rows(0.4, 2.5)]
+        minutes = [by_minutes(Estimate(s, sd)) for s in _rows(0.4, 2.5)]
         found[f"minutes {sd}"] = [float(len(text)) for text in minutes]
         turns = [of(turn_rad=Estimate(x, sd)) for x in _rows(0.01, 1.0)]
         found[f"course {sd}"] = [float(each.course_off) for each in turns]

@@ -205,10 +205,11 @@ def sync_words() -> Any:
     from automap.fusion.doubts import receiver
     from automap.fusion.doubts.own_velocities import own_velocities
     from automap.fusion.options import FusionOptions
-    from automap.sync import velocity_consistency as module
+    from automap.sync import velocity_findings as module
     from automap.sync.climb_match import Vertical
     from automap.sync.epoch_means import AFTER, AROUND, BEFORE, EpochMeans
     from automap.sync.path_match import Estimate, Match
+    from automap.sync.unit_mistakes import unit_mistake
 
     fixes = simulated_fixes(2, Receiver(), 60.0)
     start = float(fixes.gps_s[0])
@@ -243,8 +244,8 @@ def sync_words() -> Any:
     cases = {
         f"unit {s} {sd}": replace(
             matched(scale=Estimate(s, sd)),
-            unit=module._unit(Estimate(s, sd))[0],
-            scale_wrong=module._unit(Estimate(s, sd))[1],
+            unit=unit_mistake(Estimate(s, sd))[0],
+            scale_wrong=unit_mistake(Estimate(s, sd))[1],
         )
         for s in scales
         for sd in (0.003, 0.03, 0.3)

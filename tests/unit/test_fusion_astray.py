@@ -19,7 +19,7 @@ from automap.fusion.nodes import model_fixes
 from automap.fusion.options import FusionOptions
 from automap.fusion.widening import widen
 from automap.records import FloatArray, Trajectory
-from automap.sync.velocity_consistency import Interval
+from automap.sync.velocity_findings import Interval
 from tests.unit.fusion_receiver import GPS0, receive, shifted
 from tests.unit.test_fusion_hole import USUAL, corrected_drive
 from tests.unit.test_fusion_velocity_step import free_of, path_of

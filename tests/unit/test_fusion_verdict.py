@@ -25,7 +25,7 @@ from automap.fusion.rest_noise import shaken_levels
 from automap.fusion.widening import widen
 from automap.records import Fixes, FloatArray, ImuData, Trajectory
 from automap.sync.path_match import Estimate, Match
-from automap.sync.velocity_consistency import Interval, VelocityConsistency
+from automap.sync.velocity_findings import Interval, VelocityConsistency
 from tests.unit.fusion_motion import city_drive
 from tests.unit.fusion_receiver import Receiver, receive
 

@@ -12,7 +12,7 @@ from automap.sync.envelope import bin_quantiles, lower_envelope, quantile_line
 from automap.sync.held_values import frozen_positions, repeated
 from automap.sync.path_match import Estimate
 from automap.sync.receiver_path import ReceiverPath
-from automap.sync.velocity_consistency import MISTAKES, _unit
+from automap.sync.unit_mistakes import MISTAKES, unit_mistake
 
 
 def test_runs_of_repeats_are_those_that_a_walk_along_the_rows_finds() -> None:
@@ -139,10 +139,10 @@ def test_the_edge_of_delays_is_found_to_its_sigma() -> None:
 
 def test_a_scale_is_a_units_only_where_it_is_wrong_beyond_doubt() -> None:
     knots = next(m for m in MISTAKES if (m.logged, m.expected) == ("knots", "m/s"))
-    assert _unit(Estimate(knots.factor, 0.02)) == (knots, True)
+    assert unit_mistake(Estimate(knots.factor, 0.02)) == (knots, True)
     # near a unit's, but as near to a sound receiver's; and far from all
-    assert _unit(Estimate(1.0 + 0.6 * (knots.factor - 1.0), 0.3)) == (None, False)
-    assert _unit(Estimate(1.0, 0.01)) == (None, False)
+    assert unit_mistake(Estimate(1.0 + 0.6 * (knots.factor - 1.0), 0.3)) == (None, False)
+    assert unit_mistake(Estimate(1.0, 0.01)) == (None, False)
     odd = 1.4142 * max(m.factor for m in MISTAKES)
-    assert _unit(Estimate(odd, 0.001 * odd)) == (None, True)
-    assert _unit(None) == (None, False)
+    assert unit_mistake(Estimate(odd, 0.001 * odd)) == (None, True)
+    assert unit_mistake(None) == (None, False)

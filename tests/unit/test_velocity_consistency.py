@@ -9,7 +9,8 @@ import pytest
 
 from automap.gates import mean_square_limits
 from automap.records import Fixes
-from automap.sync.velocity_consistency import Interval, velocity_consistency
+from automap.sync.velocity_consistency import velocity_consistency
+from automap.sync.velocity_findings import Interval
 from tests.slow_cases import others_slow
 from tests.unit.receiver_damage import (
     driving,

@@ -26,7 +26,7 @@ from automap.fusion.limits import LEAST_JUDGED
 from automap.gates import OUTSIDE_95, gate, sigmas
 from automap.records import FloatArray
 from automap.sync.limits import STEP_SD_M
-from automap.sync.velocity_consistency import Interval
+from automap.sync.velocity_findings import Interval
 
 CODES = "positions_parted", "positions_aside"
 

@@ -12,7 +12,7 @@ from automap.fusion.doubts.receiver import told_late
 from automap.fusion.measurements.position import carrier_sd
 from automap.records import Fixes
 from automap.sync.limits import BEST_VELOCITY_SD
-from automap.sync.velocity_consistency import VelocityConsistency
+from automap.sync.velocity_findings import VelocityConsistency
 
 
 def own_velocities(fixes: Fixes, found: VelocityConsistency) -> Fixes:

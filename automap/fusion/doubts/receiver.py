@@ -21,7 +21,7 @@ from automap.records import BoolArray, Fixes, FixType, FloatArray, ReceiverFilte
 from automap.sync.between_fixes import nothing_new
 from automap.sync.limits import DELAY_SD_S
 from automap.sync.path_match import Estimate
-from automap.sync.velocity_consistency import Interval, VelocityConsistency, told_intervals
+from automap.sync.velocity_findings import Interval, VelocityConsistency, told_intervals
 
 _HELD = ("velocity_stuck", "position_frozen", "rows_frozen", "height_held")
 _LEFT_OUT = ": they were left out; check the receiver's log and how it was made"
