@@ -15,6 +15,9 @@ from automap.mapping.sightings import Sightings, Told
 from automap.mapping.sureness import class_probabilities, group_probabilities
 from automap.records import BoolArray, FloatArray, IntArray
 
+REJECTED = "rejected"
+_STANDING = {"accepted", "corrected", "added"}
+"""What reviewers of a drive make of a sign's status."""
 _FALSE_SHARE = (1.0 - CLASS_RIGHT) / ALTERNATIVES
 
 
@@ -118,8 +121,11 @@ def _most(values: npt.NDArray[np.generic], weight: FloatArray) -> str:
 
 
 def _status(states: npt.NDArray[np.generic], drives: IntArray) -> str:
-    """Passes of several drives make up for what was weak in one, unless all call it odd."""
+    """Passes of several drives make up for what was weak in one, unless all call it odd; what the
+    reviewer of one drive rejected is no sign in others, unless another reviewer thought so."""
     texts = [str(s) for s in states.tolist()]
+    if REJECTED in texts:
+        return next((text for text in texts if text in _STANDING), REJECTED)
     if "ok" in texts:
         return "ok"
     if len(set(drives.tolist())) > 1 and not {"implausible", "doubtful"}.intersection(texts):

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from automap.mapping.adjustment import rough_places
+from automap.mapping.attributes import REJECTED
 from automap.mapping.backs import backs, with_backs
 from automap.mapping.by_cells import associate_by_cells
 from automap.mapping.cell_merge import PlacedSigns, place_signs
@@ -88,15 +89,16 @@ def weighed(
     columns: Mapping[str, Any], pairs: Chances, drive_gps_s: FloatArray
 ) -> tuple[DetectionRates, FloatArray, IntArray]:
     """At what rates drives at ``drive_gps_s`` [d] saw the signs of ``columns`` [m], by the
-    ``pairs``; the existence [m] of each, none of what is the back of another one, and the views
-    [m] of its back."""
+    ``pairs``; the existence [m] of each, none of what a reviewer rejected or is the back of another
+    one, and the views [m] of its back."""
     rates = detection_rates(pairs, len(columns["lat"]), len(drive_gps_s))
     belief = existence(pairs, rates, len(columns["lat"]), drive_gps_s)
     lat, lon = columns["lat"], columns["lon"]
     place, plan = east_north(lat, lon, lat[:1], lon[:1]), columns["cov_enu"][:, :2, :2]
     fronts = backs(columns["class_name"], place, plan, columns["facing_rad"])
     behind = with_backs(columns["n_back_views"], columns["n_views"], fronts)
-    return rates, np.where(fronts == NO_BACK, belief, 0.0), behind
+    there = (fronts == NO_BACK) & (np.asarray(columns["status"]) != REJECTED)
+    return rates, np.where(there, belief, 0.0), behind
 
 
 def map_signs(

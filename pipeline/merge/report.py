@@ -205,7 +205,7 @@ def _error_section(summary: dict[str, Any]) -> Section:
         )  # fmt: skip
         section.sentences.append(
             f"{places} left out of the map, because drives that should have seen a sign there did "
-            "not."
+            "not, or a reviewer of a drive rejected it."
         )
     return section
 

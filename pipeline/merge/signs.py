@@ -11,9 +11,13 @@ import numpy.typing as npt
 
 from automap.errors import InputError
 from automap.io import names
+from automap.mapping import limits
+from automap.mapping.attributes import REJECTED
+from automap.mapping.grid import east_north
 from automap.mapping.sureness import SUREST
 from automap.records import NO_TIME, ClockModel, FloatArray, IntArray, Sign
 from automap.records.signs import BY_SIZE
+from automap.review.reviewed import Reviewed
 
 GPS_CLOCK = ClockModel(0, 0.0, 0.0, 0.0, 0.0, "gps")
 """Stamps that are GPS time in nanoseconds."""
@@ -33,7 +37,7 @@ def sign_columns(folder: Path, clock: ClockModel | None, warnings: list[str]) ->
 
         reviewed = apply_review(read_signs(table), read_review(review))
         warnings += [f"{review}: {text}" for text in reviewed.problems]
-        return _columns(reviewed.signs, clock)
+        return _columns([*reviewed.signs, *no_signs(reviewed)], clock)
     file = folder / names.SIGNS_GEOJSON
     if not file.is_file():
         raise InputError(
@@ -44,6 +48,21 @@ def sign_columns(folder: Path, clock: ClockModel | None, warnings: list[str]) ->
 
     # a clock that counts GPS nanoseconds turns the file's UTC into GPS time
     return _columns(read_signs_geojson(file, GPS_CLOCK), GPS_CLOCK)
+
+
+def no_signs(reviewed: Reviewed) -> list[Sign]:
+    """What a review rejected and other drives may take for a sign: but for what stands beside a
+    sign that it kept, which is rejected for being there twice."""
+    if not reviewed.signs:
+        return reviewed.rejected
+    lat, lon = (np.array([getattr(s, n) for s in reviewed.signs]) for n in ("lat_rad", "lon_rad"))
+    return [
+        sign
+        for sign in reviewed.rejected
+        if not (
+            np.hypot(*east_north(lat, lon, sign.lat_rad, sign.lon_rad).T) < limits.SAME_PLACE_M
+        ).any()
+    ]
 
 
 def _table_columns(path: Path, clock: ClockModel | None) -> dict[str, Any]:
@@ -107,12 +126,11 @@ def _columns(signs: Sequence[Sign], clock: ClockModel | None) -> dict[str, Any]:
         "facing_rad", "facing_sd_rad", "size_m", "class_probability", "group_probability",
         "existence", *CONDITION, *BY_SIZE,
     )  # fmt: skip
-    # who looked at a sign knows that it is there
+    # who looked at a sign knows whether it is there
     known = np.array([bool(sign.reviewed) for sign in signs], np.bool_)
+    sure = np.where([sign.status == REJECTED for sign in signs], 1.0 - SUREST, SUREST)
     columns = {name: real(name) for name in numbers}
-    columns |= {
-        name: np.where(known, SUREST, columns[name]) for name in ("existence", "confidence")
-    }
+    columns |= {name: np.where(known, sure, columns[name]) for name in ("existence", "confidence")}
     return {
         "ids": tuple(sign.id for sign in signs),
         "class_name": texts("class_name"),

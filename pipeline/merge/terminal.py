@@ -25,7 +25,7 @@ def summary_lines(outcome: MergeOutcome) -> list[str]:
     lines = [
         f"{len(merged.drives)} {drives}, {len(merged.sightings)} sightings -> {outcome.folder} "
         f"in {outcome.seconds:.1f} s",
-        f"  signs       {len(signs)}, {unlikely} unlikely ones left out",
+        f"  signs       {len(signs)}, {unlikely} unlikely or rejected ones left out",
     ]
     if signs:
         cov = np.array([s.cov_enu for s in signs])

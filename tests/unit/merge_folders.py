@@ -83,8 +83,8 @@ def write_run(folder: Path, drive: DriveSigns, inputs: str = "") -> Path:
     return folder
 
 
-def review(folder: Path, time: str = "2026-11-23T10:00:00Z") -> None:
-    """Reject the first sign of a run, if it has signs."""
+def review(folder: Path, time: str = "2026-11-23T10:00:00Z", kind: str = "reject") -> None:
+    """Reject the first sign of a run, or what else ``kind`` says, if it has signs."""
     table = folder / names.SIGNS_RAW
     seen: tuple[str, str, float, float] = ("s1", "", float("nan"), float("nan"))
     if table.is_file():
@@ -92,6 +92,4 @@ def review(folder: Path, time: str = "2026-11-23T10:00:00Z") -> None:
         lon, lat = np.degrees([sign.lon_rad, sign.lat_rad])
         seen = (sign.id, sign.class_name, float(lon), float(lat))
     name, class_name, lon, lat = seen
-    append_action(
-        folder / names.REVIEW, ReviewAction("a1", time, name, "reject", class_name, lon, lat)
-    )
+    append_action(folder / names.REVIEW, ReviewAction("a1", time, name, kind, class_name, lon, lat))

@@ -391,11 +391,41 @@ def test_what_was_rejected_stays_out_in_either_order_of_the_folders(tmp_path: Pa
     review(runs[1])
     for number, order in enumerate((runs, runs[::-1])):
         outcome = merge_runs(order, tmp_path / f"map{number}")
-        assert len(outcome.merged.sightings) == len(drive) - 1
+        assert len(outcome.signs) == len(drive) - 1
         assert (
             f"{runs[1]}: its path is doubtful and in the map: it is doubtful."
             in (json.loads((tmp_path / f"map{number}" / "merge.json").read_text())["warnings"])
         )
+
+
+def test_what_a_reviewer_of_one_drive_rejected_others_saw_in_vain(tmp_path: Path) -> None:
+    runs = [write_run(tmp_path / drive.name, drive) for drive in passes(3)]
+    before = {sign.id for sign in merge_runs(runs, tmp_path / "before").signs}
+    review(runs[0])
+    (gone,) = before - {sign.id for sign in merge_runs(runs, tmp_path / "after").signs}
+    assert gone
+    # who is of another mind keeps it
+    review(runs[1], kind="accept")
+    assert before == {sign.id for sign in merge_runs(runs, tmp_path / "again").signs}
+
+
+def test_one_of_two_entries_of_a_sign_is_rejected_and_the_sign_stays(tmp_path: Path) -> None:
+    drives = passes(3)
+    plain = [write_run(tmp_path / "plain" / drive.name, drive) for drive in drives]
+    before = [sign.drives for sign in merge_runs(plain, tmp_path / "once").signs]
+    # the first drive has its first sign twice, 2 m apart
+    twice = [0, *range(len(drives[0]))]
+    columns = {
+        name: values[twice]
+        for name, values in vars(drives[0]).items()
+        if isinstance(values, np.ndarray) and len(values) == len(drives[0])
+    }
+    columns["lat_rad"][0] += 2.0 / 6.37e6
+    drives[0] = replace(drives[0], ids=("s0", *drives[0].ids), **columns)
+    runs = [write_run(tmp_path / drive.name, drive) for drive in drives]
+    review(runs[0])
+    after = [sign.drives for sign in merge_runs(runs, tmp_path / "map").signs]
+    assert sorted(after) == sorted(before)
 
 
 def test_the_review_of_a_part_that_is_left_out_is_told_of(tmp_path: Path) -> None:
