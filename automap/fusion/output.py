@@ -85,8 +85,8 @@ def node_trajectory(
 
     ``turn`` [3, 3] takes sensor axes (as filtered) to the vehicle's, [n, 3, 3] where a mounting
     moves.
-    ``unseen_sd`` [k, 3] m NED at the nodes is what no measurement tells of the position's error,
-    ``arm_sd`` [3] m of the arm to the antenna along the vehicle's axes,
+    ``unseen_sd`` [k, 6] m and m/s NED at the nodes is what no measurement tells of the errors of
+    position and velocity, ``arm_sd`` [3] m of the arm to the antenna along the vehicle's axes,
     ``slip_sd`` rad of the heading's, ``age_sd`` s of the age of the fixes, to which the motion
     was dated.
     ``delay`` [n] is how much later than the fixes' clock the stamps run, in s: an error of the
@@ -101,7 +101,7 @@ def node_trajectory(
         change = rates_of_change(t, dense, at)
         told = states.cov[piece.nodes]
         cov = covariance_at_stamps(problem.model, told, at, change, age_sd)
-        cov[:, range(3), range(3)] += unseen_sd[piece.nodes] ** 2
+        cov[:, range(6), range(6)] += unseen_sd[piece.nodes] ** 2
         if not delay_is_clock:
             dense = shift_states(t, dense, delay[piece.around])
         own = slice(piece.rows.start - piece.around.start, piece.rows.stop - piece.around.start)

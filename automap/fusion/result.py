@@ -16,6 +16,7 @@ from automap.fusion import limits
 from automap.fusion.aside import whole_trajectory
 from automap.fusion.delay_states import DELAY_STATE, SKEW_STATE
 from automap.fusion.filtered import filtered_states
+from automap.fusion.measurements.constraint import sd_on_springs
 from automap.fusion.measurements.position import unseen_errors
 from automap.fusion.mounting import Mounting
 from automap.fusion.nodes import Nodes
@@ -173,14 +174,18 @@ def assemble(
         sd[1:] = np.maximum(sd[1:], limits.KNOWN_FORWARD_SD)
     total = turn @ mounting.matrix
 
-    unseen = unseen_errors(outcome.nodes.stated_sd, session.options, outcome.shown)
+    nodes, options = outcome.nodes, session.options
+    unseen = np.zeros((len(nodes.t), 6))
+    unseen[:, :3] = unseen_errors(nodes.stated_sd, options, outcome.shown)
+    accel_noise = options.accel_noise * outcome.factors.get("accel", 1.0)
+    unseen[:, 5] = sd_on_springs(nodes.flags, accel_noise, options.nhc_mean_s)
 
     make = partial(
-        node_trajectory, outcome.problem, outcome.nodes,
+        node_trajectory, outcome.problem, nodes,
         t_ns=session.imu.t_ns, clock=clock, delay=delay.mean + final.get(SKEW_STATE, 0.0)
         * outcome.problem.t, delay_is_clock=delay_is_clock,
         turn=rpy_to_matrix(mounted + moved) if moved.any() else turn, unseen_sd=unseen,
-        arm_sd=arm_sd, slip_sd=np.radians(session.options.nhc_lasting_deg),
+        arm_sd=arm_sd, slip_sd=np.radians(options.nhc_lasting_deg),
         age_sd=age_sd,
     )  # fmt: skip
     return FusionResult(

@@ -10,7 +10,7 @@ from scipy.interpolate import CubicSpline
 
 from automap.fusion.engine import fuse_imu_gnss
 from automap.fusion.layout import CH_NHC, MAX_SCALARS, NHC
-from automap.fusion.measurements.constraint import on_springs
+from automap.fusion.measurements.constraint import on_springs, sd_on_springs
 from automap.fusion.options import FusionOptions
 from automap.fusion.result import Prior
 from tests.unit.fusion_drive import CLOCK, Sensor, record
@@ -33,6 +33,20 @@ def test_what_lasts_seconds_is_held_and_the_rest_is_not() -> None:
     jump = np.where(np.arange(len(t)) == 200, 50.0, 0.3)
     others = inside & (jump < 1.0)
     assert on_springs(t, flags, var, jump, 4.0)[others] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_noise_of_the_readings_is_taken_for_springs() -> None:
+    """Of what is held, integrated noise of the accelerometer is off so far."""
+    step, noise = 0.02, 0.08
+    flags = np.full(100_000, NHC)
+    walk = np.cumsum(np.random.default_rng(5).normal(0.0, noise * np.sqrt(step), len(flags)))
+    held = on_springs(
+        step * np.arange(len(walk)), flags, np.ones((len(walk), MAX_SCALARS)), walk, 4.0
+    )
+    told = sd_on_springs(flags, noise, 4.0)
+    # some 500 means that share nothing
+    assert held[200:-200].std() == pytest.approx(told[0], rel=0.1)
+    assert not sd_on_springs(np.zeros(3, np.int64), noise, 4.0).any()
 
 
 @pytest.mark.parametrize(("mean_s", "drawn"), [(0.0, True), (4.0, False)])

@@ -49,6 +49,13 @@ def on_springs(
     return out
 
 
+def sd_on_springs(flags: IntArray, accel_noise: float, mean_s: float) -> FloatArray:
+    """One sigma [k] m/s of the speed downwards off its mean over ``mean_s``, which the constraint
+    takes from the readings: of white noise of ``accel_noise`` m/s^2/sqrt(Hz) their integral is a
+    Brownian motion, about whose mean over T the variance is that of a second times T / 12."""
+    return np.where((flags & NHC) > 0, accel_noise * np.sqrt(mean_s / 12.0), 0.0)
+
+
 @kernel
 def constraint(
     nodes: NodeArrays, k: int, at: AtNode, model: ModelArrays, h: FloatArray, z: FloatArray
