@@ -14,7 +14,7 @@ import numpy as np
 
 from automap.records import FloatArray
 from automap.sync import limits
-from automap.sync.axes_evidence import AxesEvidence, Followed
+from automap.sync.axes_evidence import AxesEvidence, Followed, Tilts
 
 SIGNED_PERMUTATIONS: FloatArray = np.array(
     [
@@ -148,11 +148,24 @@ def scores(seen: AxesEvidence, accel: FloatArray, gyro: FloatArray) -> FloatArra
     for tilts in seen.tilts:
         # nose up, gravity is felt forward; right side down, to the left
         for a, w in ((accel[:, 0], gyro[:, 1]), (accel[:, 1], -gyro[:, 0])):
-            power = np.einsum("mi,ij,mj->m", a, tilts.aa, a)[:, None]
-            power = power * np.einsum("ki,ij,kj->k", w, tilts.ww, w)[None, :]
             count = (a**2 @ tilts.count)[:, None]
-            total = total + _gain(count, a @ tilts.aw @ w.T, power)
+            total = total + _gain(count, *_beside_turns(tilts, a, w, gyro[:, 2]))
     return np.asarray(total)
+
+
+def _beside_turns(
+    tilts: Tilts, a: FloatArray, w: FloatArray, down: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Product and power [m, k] of changes of force along ``a`` [m, 3] and turns about ``w`` [k, 3]
+    without what goes with turns about ``down`` [k, 3]: these tilt nothing, and of a case that leans
+    all axes feel them (partial correlation)."""
+    turns = np.maximum(np.einsum("ki,ij,kj->k", down, tilts.ww, down), 1e-300)
+    with_force = a @ tilts.aw @ down.T
+    with_tilt = np.einsum("ki,ij,kj->k", w, tilts.ww, down)
+    product = a @ tilts.aw @ w.T - with_force * with_tilt / turns
+    force = np.einsum("mi,ij,mj->m", a, tilts.aa, a)[:, None] - with_force**2 / turns
+    tilt = np.einsum("ki,ij,kj->k", w, tilts.ww, w) - with_tilt**2 / turns
+    return product, np.maximum(force, 0.0) * np.maximum(tilt, 0.0)
 
 
 def _followed(seen: Followed | None, axis: FloatArray) -> FloatArray:

@@ -15,6 +15,7 @@ from automap.records import Fixes, FloatArray, ImuData
 from automap.sync.axes import (
     SIGNED_PERMUTATIONS,
     AxesJudgement,
+    _beside_turns,
     judge_stated,
     judge_unknown,
     scores,
@@ -187,3 +188,21 @@ def test_correlated_and_heavy_tailed_series_count_for_less() -> None:
     peak = np.where(np.arange(4000) == 2000, 1000.0, white)
     assert effective_count(peak) < 20
     assert effective_count(np.zeros(10)) == 0.0
+
+
+def test_turns_about_the_vertical_tilt_no_case_that_leans() -> None:
+    """Of a case that leans by 3 deg the roll axis feels more of the bends than of the rolling."""
+    rng = np.random.default_rng(4)
+    roll, yaw, force = (
+        0.01 * rng.standard_normal(500),
+        0.2 * rng.standard_normal(500),
+        np.zeros(500),
+    )
+    force = -9.8 * roll + 0.1 * rng.standard_normal(500)
+    lean = rpy_to_matrix(np.array([0.0, np.radians(3.0), 0.0]))
+    for axes in (EYE, lean):
+        w = np.column_stack([roll, 0.02 * rng.standard_normal(500), yaw]) @ axes
+        a = np.column_stack([np.zeros(500), force, np.zeros(500)])
+        tilts = Tilts(np.full(3, 500.0), a.T @ a, a.T @ w, w.T @ w)
+        product, power = _beside_turns(tilts, EYE[1:2], -EYE[:1], EYE[2:])
+        assert product[0, 0] / np.sqrt(power[0, 0]) == pytest.approx(0.7, abs=0.05)
