@@ -75,8 +75,11 @@ class BiasDrift:
             prior = selection.log_prior(found) - selection.log_prior(found.without(name))
             self.nats[name], _ = likelier(here.fits, other.fits)
             if name in self.borne_out:
+                # by held-out drives, too
+                self.nats[name] = max(self.nats[name], self.borne_out[name])
                 continue
-            ahead, sigmas = self.judge.ahead(here, other, loose(selection, found, {name}))
+            of_vehicle = loose(selection, found, {name})
+            ahead, sigmas = self.judge.beyond_drift(here, other, of_vehicle)
             if name in self.swallowed:
                 worth[name] = ahead + prior if sigmas > limits.APART else -np.inf
                 if worth[name] >= limits.LEAST_ODDS:
@@ -103,7 +106,8 @@ class BiasDrift:
             if odds >= best and sigmas > limits.APART:
                 best, instead = odds, its
         if instead is not None:
-            self.swallowed.add(instead.names[-1])
+            # that is what it would be asked again, with noise that has grown in its place
+            self.borne_out[instead.names[-1]] = best
         return instead
 
     def beside(self, selection: Selection, chosen: Chosen) -> dict[str, dict[str, float]]:
@@ -144,7 +148,8 @@ class BiasDrift:
                 if best is None:
                     continue
                 its, fitted = best
-                ahead, sigmas = self.judge.ahead(fitted, here, loose(selection, its, {name}))
+                of_vehicle = loose(selection, its, {name})
+                ahead, sigmas = self.judge.beyond_drift(fitted, here, of_vehicle)
                 odds = ahead + selection.log_prior(its) - selection.log_prior(chosen)
                 yield name, its, odds, sigmas
 

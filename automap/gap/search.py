@@ -158,7 +158,7 @@ class Search:
         if not gone or any(n not in chosen.names for n in found.names):
             return found, None
         fewer = self._fit(here, selection, found)
-        of_vehicle = selection.of_vehicle(chosen, gone)
+        of_vehicle = loose(selection, chosen, gone)
         ahead, sigmas = self.judge.ahead(here, fewer, of_vehicle, strictly=True)
         ahead += selection.log_prior(chosen) - selection.log_prior(found)
         if ahead < limits.LEAST_ODDS or sigmas < limits.APART:

@@ -7,9 +7,10 @@ from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any, cast
 
+import numpy as np
 import pytest
 
-from automap.gap import base_model, bias_drift
+from automap.gap import base_model, bias_drift, confirm
 from automap.gap.bias_drift import BiasDrift
 from automap.gap.noise import Fitted
 from automap.gap.selection import Chosen, Selection
@@ -54,7 +55,7 @@ def test_no_body_sways_as_slowly_as_a_sensor_warms(
         return 20.0, 3.0
 
     asked = Drifting()
-    monkeypatch.setattr(asked.judge, "ahead", ahead)
+    monkeypatch.setattr(asked.judge, "beyond_drift", ahead)
     monkeypatch.setattr(bias_drift, "likelier", lambda one, other: (40.0, 9.0))
     selection = on_sensor()
     monkeypatch.setattr(selection, "sensors", lambda chosen, its: {0} if its == name else set())
@@ -68,7 +69,7 @@ def test_what_came_in_the_place_of_drift_must_say_more_than_drift(
 ) -> None:
     asked = Drifting()
     asked.swallowed = {LOW_PASSED}
-    monkeypatch.setattr(asked.judge, "ahead", lambda *about, **more: (20.0, sigmas))
+    monkeypatch.setattr(asked.judge, "beyond_drift", lambda *about: (20.0, sigmas))
     monkeypatch.setattr(bias_drift, "likelier", lambda one, other: (40.0, 9.0))
     both = Chosen((*only(LATE).parts, (LOW_PASSED, (1,), 1.0)))
     assert asked.needed(HERE, on_sensor(), both) == (both if stays else only(LATE))
@@ -84,7 +85,7 @@ def test_what_drift_would_say_is_no_evidence(
     monkeypatch: pytest.MonkeyPatch, by_filter: float, told: float | None
 ) -> None:
     asked = Drifting()
-    monkeypatch.setattr(asked.judge, "ahead", lambda *about, **more: (by_filter, 9.0))
+    monkeypatch.setattr(asked.judge, "beyond_drift", lambda *about: (by_filter, 9.0))
     monkeypatch.setattr(bias_drift, "likelier", lambda one, other: (by_filter, 9.0))
     both = Chosen((*only(LATE).parts, (LOW_PASSED, (1,), 1.0)))
     kept = asked.needed(HERE, on_sensor(), both)
@@ -100,7 +101,7 @@ def test_what_drift_says_nearly_as_well_is_told_beside_the_drift(
     monkeypatch: pytest.MonkeyPatch, by_all: float, sigmas: float, may_be: bool
 ) -> None:
     asked = Drifting()
-    monkeypatch.setattr(asked.judge, "ahead", lambda *about, **more: (by_all, sigmas))
+    monkeypatch.setattr(asked.judge, "beyond_drift", lambda *about: (by_all, sigmas))
     monkeypatch.setattr(bias_drift, "likelier", lambda one, other: (5.0, 1.0))
     both = Chosen((*only(LATE).parts, (LOW_PASSED, (1,), 1.0)))
     assert asked.needed(HERE, on_sensor(), both) == only(LATE)
@@ -128,8 +129,8 @@ def test_what_is_surely_behind_a_drift_takes_its_place_and_what_may_be_is_noted(
     assert asked.behind(HERE, on_gyro, here) == (with_one[WARM] if taken else None)
     noted = {"gyro_bias_walk": ({LATE}, {WARM: odds, AGED: odds - 1.0})}
     assert asked.nearly == (noted if told else {})
-    # beside drift it must stand once more, and is not asked about twice
-    assert asked.swallowed == ({WARM} if taken else set())
+    # what was decided is not asked about twice
+    assert asked.borne_out == ({WARM: odds} if taken else {})
     assert asked.behind(HERE, on_gyro, here) is None
 
 
@@ -154,7 +155,7 @@ def test_drift_is_asked_for_rivals_where_it_took_what_is_worth_a_name(
     monkeypatch.setattr(Fitted, "joint", lambda fitted: None)
     monkeypatch.setattr(bias_drift, "noise_score", score)
     monkeypatch.setattr(bias_drift, "with_levels", lambda fitted, walks: fitted)
-    judge: Any = SimpleNamespace(ahead=lambda *about, **more: (20.0, 3.0))
+    judge: Any = SimpleNamespace(beyond_drift=lambda *about: (20.0, 3.0))
     drift = BiasDrift(screening, judge, {}, print)
     known = {n: SimpleNamespace(parts=((i,),)) for i, n in enumerate((WARM, AGED, "accel_warm_up"))}
     selection: Any = SimpleNamespace(
@@ -168,3 +169,35 @@ def test_drift_is_asked_for_rivals_where_it_took_what_is_worth_a_name(
     assert all((odds, sigmas) == (17.0, 3.0) for _, _, odds, sigmas in told)
     # drift as it was fitted would leave nothing to them
     assert begun == [0.1] * len(asked_about)
+
+
+@pytest.mark.parametrize(
+    ("fitted", "by_held_out"),
+    [
+        # a walk that is large where little changes loses there what it gains elsewhere
+        ([30.0, -30.0, 30.0, -30.0], True),
+        # drives that are surer together
+        ([3.0, 2.0, 2.5, 2.0], False),
+        # what is likelier without it is no surer for held-out drives
+        ([-5.0, -9.0, -5.0, -9.0], False),
+    ],
+)
+def test_held_out_drives_alone_may_tell_a_value_from_drift(
+    monkeypatch: pytest.MonkeyPatch, fitted: list[float], by_held_out: bool
+) -> None:
+    held = [2.0, 3.5, 2.0, 3.5]
+
+    class Stretches(Heard):
+        def _held_out(self, one: Any) -> Any:
+            return [held]
+
+    def sides(one: list[list[float]], other: Any) -> Any:
+        each = np.concatenate(one)
+        told = float(each.sum()), float(each.sum() / (np.sqrt(len(each)) * np.std(each)))
+        return told, told
+
+    monkeypatch.setattr(confirm, "likelier_by_side", sides)
+    here: Any = SimpleNamespace(fits=[fitted])
+    nats, sigmas = Stretches(cast("Any", ["a drive"])).beyond_drift(here, here, of_vehicle=True)
+    assert nats == sum(fitted) + sum(held)
+    assert sigmas == sides([held] if by_held_out else [fitted, held], None)[0][1]
