@@ -42,16 +42,15 @@ class Screened(Protocol):
 class BiasDrift:
     """Weighs candidates against drift, by a ``judge`` with drives that were fitted and held out.
 
-    ``swallowed`` what was proposed beside steadier biases; ``borne_out`` what the filter needs,
-    with the log odds of each, which is added to; ``nats`` of the candidates of a set beyond drift,
-    and ``nearly`` what each drift says nearly as well, beside which set, with its log odds.
+    ``borne_out`` what the filter needs, with the log odds of each, which is added to; ``nats`` of
+    the candidates of a set beyond drift, and ``nearly`` what each drift says nearly as well, beside
+    which set, with its log odds.
     """
 
     def __init__(
         self, screening: Screened, judge: Judge, borne_out: dict[str, float], log: Log
     ) -> None:
         self.screening, self.judge, self.borne_out, self.log = screening, judge, borne_out, log
-        self.swallowed: set[str] = set()
         self.nats: dict[str, float] = {}
         self.nearly: dict[str, tuple[frozenset[str], dict[str, float]]] = {}
         self.asked: set[frozenset[str]] = set()
@@ -65,8 +64,10 @@ class BiasDrift:
 
     def needed(self, here: Fitted, selection: Selection, found: Chosen) -> Chosen:
         """The set less what acts on a sensor and is worth less than a name beyond what drift says:
-        beside biases that are steady because of it, it always seems needed. What was proposed in
-        the place of drift must be worth it by held-out drives, too."""
+        beside biases that are steady because of it, it always seems needed. It must be worth that
+        by all drives, and beyond their scatter from stretch to stretch: noise as modelled makes D
+        nats scatter by sqrt(2 D), so that this asks no more of what is worth a name, but what one
+        stretch alone says is a receiver's error there as well."""
         self.nats, worth = {}, dict[str, float]()
         for name in found.names:
             if not selection.sensors(found, name):
@@ -78,16 +79,11 @@ class BiasDrift:
                 # by held-out drives, too
                 self.nats[name] = max(self.nats[name], self.borne_out[name])
                 continue
+            _, moves = selection.odds_of(found, name)
+            self.nats[name] = min(self.nats[name], sum(m.evidence.nats for m in moves))
             of_vehicle = loose(selection, found, {name})
             ahead, sigmas = self.judge.beyond_drift(here, other, of_vehicle)
-            if name in self.swallowed:
-                worth[name] = ahead + prior if sigmas > limits.APART else -np.inf
-                if worth[name] >= limits.LEAST_ODDS:
-                    self.borne_out[name] = worth[name]
-            else:
-                _, moves = selection.odds_of(found, name)
-                self.nats[name] = min(self.nats[name], sum(m.evidence.nats for m in moves))
-                worth[name] = self.nats[name] + prior
+            worth[name] = ahead + prior if sigmas > limits.APART else min(ahead + prior, 0.0)
             if worth[name] < limits.LEAST_ODDS:
                 self._note(selection, found, name, ahead + prior, sigmas)
         weakest = min(worth, key=lambda n: worth[n], default="")

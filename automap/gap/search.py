@@ -350,9 +350,6 @@ class Search:
                 best, instead, winner = formed[0], formed[1], formed[1].names[-1]
             if instead is not None:
                 self.outdone.add((winner, name))
-                if name in self.drift.swallowed:
-                    # what does much the same drift had swallowed too
-                    self.drift.swallowed.add(winner)
                 return instead
         return None
 
@@ -373,6 +370,4 @@ class Search:
         new = Chosen(tuple(p for p in more.parts if p[0] not in found.names))
         # drift is one level of all axes: one that is left to it keeps it up
         new = selection.whole(in_layout(new, loud.linear.layout, selection))
-        if slow:
-            self.drift.swallowed |= {n for n in new.names if selection.sensors(new, n)}
         return Chosen((*found.parts, *new.parts))

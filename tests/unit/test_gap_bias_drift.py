@@ -63,19 +63,26 @@ def test_no_body_sways_as_slowly_as_a_sensor_warms(
     assert heard == [of_vehicle]
 
 
-@pytest.mark.parametrize(("sigmas", "stays"), [(2.0, True), (1.0, False)])
-def test_what_came_in_the_place_of_drift_must_say_more_than_drift(
-    monkeypatch: pytest.MonkeyPatch, sigmas: float, stays: bool
+@pytest.mark.parametrize(
+    ("nats", "sigmas", "stays"),
+    [
+        (20.0, 2.0, True),
+        # one stretch alone says all of it
+        (20.0, 1.0, False),
+        # the other drive says the opposite
+        (5.0, 2.0, False),
+    ],
+)
+def test_what_acts_on_a_sensor_must_say_more_than_drift_on_all_drives(
+    monkeypatch: pytest.MonkeyPatch, nats: float, sigmas: float, stays: bool
 ) -> None:
     asked = Drifting()
-    asked.swallowed = {LOW_PASSED}
-    monkeypatch.setattr(asked.judge, "beyond_drift", lambda *about: (20.0, sigmas))
+    monkeypatch.setattr(asked.judge, "beyond_drift", lambda *about: (nats, sigmas))
     monkeypatch.setattr(bias_drift, "likelier", lambda one, other: (40.0, 9.0))
     both = Chosen((*only(LATE).parts, (LOW_PASSED, (1,), 1.0)))
     assert asked.needed(HERE, on_sensor(), both) == (both if stays else only(LATE))
     # asked without it, and of the other, which acts on no sensor, nothing
     assert asked.sets == [(LATE,)]
-    assert (asked.borne_out == {LOW_PASSED: 17.0}) is stays
 
 
 @pytest.mark.parametrize(

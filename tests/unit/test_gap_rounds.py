@@ -257,39 +257,6 @@ def test_velocities_are_as_much_older_than_positions_as_the_age_of_these_lets_be
     assert set(told) == {*estimate, *(["gnss_latency"] if free else [])}
 
 
-@pytest.mark.parametrize("steady", [True, False])
-def test_what_takes_the_place_of_one_from_swallowed_biases_is_asked_as_that(
-    monkeypatch: pytest.MonkeyPatch, steady: bool
-) -> None:
-    warm, warms_up = "gyro_temperature", "gyro_warm_up"
-    asked = Asked()
-    asked.drift.swallowed = {warm} if steady else set()
-    asked.spoken_against = []
-    asked.screening = cast(
-        "Screening",
-        SimpleNamespace(
-            effects={},
-            nats=lambda joint, selection, chosen, name: 9.0,
-            refined=lambda here, selection, chosen: (chosen, []),
-            seed=lambda name: name,
-            states=lambda here, selection, chosen: fit_of(chosen.names[0]),
-            not_borne_out=lambda fitted, selection, chosen: [],
-        ),
-    )
-    asked.judge = cast("Judge", SimpleNamespace(ahead=lambda *about: (2.0, 1.0)))
-    selection: Any = SimpleNamespace(
-        candidates={name: SimpleNamespace(terms=()) for name in (warm, warms_up)},
-        of_vehicle=lambda chosen, names: False,
-        log_prior=lambda chosen: 0.0,
-    )
-    rival = SimpleNamespace(name=warms_up, chosen=only(warms_up))
-    monkeypatch.setattr(search, "close_rivals", lambda selection, chosen, name: [rival])
-    instead = asked._decided(fit_of(warm), selection, only(warm))
-    assert instead is not None
-    assert instead.names == (warms_up,)
-    assert (warms_up in asked.drift.swallowed) == steady
-
-
 def deciding(chosen: str, ahead: dict[str, tuple[float, float]]) -> tuple[Asked, Any, list[str]]:
     """A search that decides between what is chosen and others, by how far each is ahead, nats and
     sigmas; its selection, and which sets it fits."""
