@@ -293,12 +293,17 @@ class Judge:
         """By all drives: where the sets differ by nothing ``of_vehicle`` nothing if the receiver
         alone says the opposite, and ``strictly`` no surer than that is. A body that sways against
         its path turns the gyro with it, and what is made of small turn rates follows that."""
-        told, received = likelier_by_side(self._fits(one), self._fits(other))
-        if of_vehicle:
-            return told
-        if received[0] * told[0] < 0.0:
-            return 0.0, 0.0
-        return told[0], min(told[1], received[1], key=abs) if strictly else told[1]
+        return _heard(self._fits(one), self._fits(other), of_vehicle, strictly)
+
+    def beyond_drift(self, one: Fitted, other: Fitted, of_vehicle: bool) -> Odds:
+        """The same where drift may say what the first set says. On a drive that was fitted it
+        follows whatever is slow, each in its own way, so that the two differ there by scatter: for
+        the first speaks, too, what held-out drives alone are sure of, where drift begins anew."""
+        nats, sigmas = self.ahead(one, other, of_vehicle)
+        if nats > 0.0 and self.held_out:
+            held = _heard(self._held_out(one), self._held_out(other), of_vehicle, strictly=False)
+            sigmas = max(sigmas, held[1])
+        return nats, sigmas
 
     def forget(self) -> None:
         """Forget fits: they are large, and seldom one is asked for again."""
@@ -317,6 +322,16 @@ class Judge:
         # one that many are compared with stays
         self._known = [*(one for one in self._known if one[0] is not fitted), *known][-2:]
         return known[0][1]
+
+
+def _heard(one: Sequence[Fit], other: Sequence[Fit], of_vehicle: bool, strictly: bool) -> Odds:
+    """By how much drives are likelier under fits than under others, as ``Judge.ahead`` has it."""
+    told, received = likelier_by_side(one, other)
+    if of_vehicle:
+        return told
+    if received[0] * told[0] < 0.0:
+        return 0.0, 0.0
+    return told[0], min(told[1], received[1], key=abs) if strictly else told[1]
 
 
 def _light(fit: Fit) -> Fit:

@@ -7,32 +7,24 @@ near: which of them a drive shows is told by the filter itself, on fitted and he
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Protocol
 
 import numpy as np
 
 from automap.effects import CATALOGUE
-from automap.effects.catalogue import bias_walks, pairs_of_sign
-from automap.effects.imu import imu_terms
-from automap.effects.terms import TEMPERATURE, WARM_UP
+from automap.effects.catalogue import pairs_of_sign
 from automap.gap import limits
 from automap.gap.candidates import follows_time
 from automap.gap.confirm import Judge
 from automap.gap.evidence import nats_of_parts
 from automap.gap.linear import Column
 from automap.gap.neighbours import Terms, complexity
-from automap.gap.noise import Fitted, Joint, Log, noise_score, with_levels, with_noise
+from automap.gap.noise import Fitted, Joint, with_noise
 from automap.gap.result import equation
 from automap.gap.scoring import likelier
 from automap.gap.selection import Chosen, Move, Selection
 
-WALK_OF = {term.sensor: w for w, e in bias_walks().items() for term in imu_terms([e.name])}
-WALKS = tuple(WALK_OF.values())
-"""The drift of each sensor's biases."""
-SLOW = tuple(n for n, e in CATALOGUE.items() if e.follows(TEMPERATURE) or e.follows(WARM_UP))
-"""What changes a bias in the course of a drive, as drift does."""
 WHOLE_DELAYS = frozenset(pair for pairs in pairs_of_sign(-1.0) for pair in pairs)
 
 
@@ -63,18 +55,22 @@ class Screened(Protocol):
         self, joint: Joint, selection: Selection, chosen: Chosen, name: str
     ) -> list[str]: ...
 
-    def acting(self, joint: Joint, selection: Selection, chosen: Chosen, name: str) -> Chosen: ...
-
 
 class Forms:
     """Asks whether what was chosen is there in another form, of a ``judge`` with drives that were
-    fitted and held out. ``alike`` the forms that are not told apart from one, and ``resembling``
-    the formula that a name may be beside others."""
+    fitted and held out; ``as_drift`` fits a set less one candidate with the drift that suits it.
+    ``alike`` the forms that are not told apart from one, and ``resembling`` the formula that a name
+    may be beside others."""
 
     def __init__(
-        self, screening: Screened, judge: Judge, stated: Mapping[str, float], log: Log
+        self,
+        screening: Screened,
+        judge: Judge,
+        as_drift: Callable[[Fitted, Selection, Chosen, str], Fitted],
+        stated: Mapping[str, float],
     ) -> None:
-        self.screening, self.judge, self.stated, self.log = screening, judge, dict(stated), log
+        self.screening, self.judge, self.as_drift = screening, judge, as_drift
+        self.stated = dict(stated)
         self.alike: dict[str, tuple[str, ...]] = {}
         self.resembling: dict[tuple[str, frozenset[str]], str] = {}
 
@@ -199,62 +195,6 @@ class Forms:
                 return odds, its
         self.screening.refinements, selection.candidates = known
         return None
-
-    def as_drift(self, here: Fitted, selection: Selection, chosen: Chosen, name: str) -> Fitted:
-        """A set less one candidate, the drift of the sensors that it acts on as suits the drives
-        without it."""
-        self.log(f"checking how much of {name} drift says")
-        walks = [WALK_OF[sensor] for sensor in sorted(selection.sensors(chosen, name))]
-        return with_levels(self.screening.states(here, selection, chosen.without(name)), walks)
-
-    def behind_drift(
-        self, here: Fitted, selection: Selection, chosen: Chosen
-    ) -> Iterator[tuple[str, Chosen, float, float]]:
-        """The choice with what may be there in the place of a sensor's drift, by name, and by how
-        much its log odds are ahead, with the sigmas of that.
-
-        Drift is a claim as others are, and its rivals follow temperature or time. It has taken none
-        where the drives say less than a name must be worth for it, against biases that are steady.
-        Its level is sought from there: the likelihood may have a top with it and one without.
-        """
-        factors = here.model.factors
-        for sensor, walk in WALK_OF.items():
-            steady = {**factors, walk: limits.STEADY * factors[walk]}
-            worth = noise_score(here.fits, factors) - noise_score(here.fits, steady)
-            slow = [name for name in SLOW if name in selection.candidates]
-            for name in slow if worth >= limits.LEAST_ODDS else ():
-                parts = selection.candidates[name].parts
-                more = Chosen(tuple((name, part, 1.0) for part in parts))
-                if name in chosen.names or sensor not in selection.sensors(more, name):
-                    continue
-                self.log(f"checking how much of {walk} {name} says")
-                begun = replace(here, model=replace(here.model, factors=steady))
-                every = Chosen((*chosen.parts, *more.parts))
-                fitted = with_levels(self.screening.states(begun, selection, every), [walk])
-                best = self._acting(begun, fitted, selection, every, name)
-                if best is None:
-                    continue
-                its, fitted = best
-                # no body sways as slowly as a sensor warms
-                ahead, sigmas = self.judge.ahead(fitted, here, of_vehicle=True)
-                odds = ahead + selection.log_prior(its) - selection.log_prior(chosen)
-                yield name, its, odds, sigmas
-
-    def _acting(
-        self, about: Fitted, fitted: Fitted, selection: Selection, chosen: Chosen, name: str
-    ) -> tuple[Chosen, Fitted] | None:
-        """A choice as ``fitted`` with all parts of a candidate, or, ``about`` the same path, with
-        those alone that act, which ever is likelier: drift is one level of all axes, and one that
-        is left to it keeps it up. None where none acts."""
-        acting = self.screening.acting(fitted.joint(), selection, chosen, name)
-        if acting == chosen:
-            return chosen, fitted
-        if name not in acting.names:
-            return None
-        fewer = self.screening.states(replace(about, model=fitted.model), selection, acting)
-        ahead = likelier(fewer.fits, fitted.fits)[0]
-        ahead += selection.log_prior(acting) - selection.log_prior(chosen)
-        return (acting, fewer) if ahead > 0.0 else (chosen, fitted)
 
 
 def log_prior(selection: Selection, chosen: Chosen) -> float:

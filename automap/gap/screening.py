@@ -30,7 +30,7 @@ from automap.gap.dictionary import (
 )
 from automap.gap.fit import CONSTANTS, ORIGIN, SKEW, Fit, fit_drive
 from automap.gap.forms import About, nearby, ranked
-from automap.gap.linear import Column
+from automap.gap.linear import Column, Part
 from automap.gap.motion import motion_of
 from automap.gap.neighbours import Terms
 from automap.gap.nodes import NodeMotion, motion_signals, motions_of, node_motion
@@ -313,43 +313,47 @@ class Screening:
         if below or (not candidate.terms and (np.abs(values) > most * usual).any()):
             # a delay of ten seconds is none, nor a dead zone below nothing: it is something else
             return -np.inf
-        scale, choice = chosen.scale_of(name), candidate.log_choice
-
-        def nats(at: list[int]) -> float:
-            own = [rows[i] for i in at]
-            return estimate_nats(joint.values[own], joint.cov[np.ix_(own, own)], scale * usual[at])
-
-        every = list(range(len(rows)))
-        # of a named effect's parameters some may be nothing
-        idle = [i for i in every if not candidate.terms and nats([i]) + choice < 0.0]
-        act = nats(every) - (nats(idle) if idle else 0.0)
-        return act + candidate.log_prior + (len(every) - len(idle)) * choice
+        acting = self.acting(joint, selection, chosen, name)
+        idle = tuple(p for p in chosen.parts if p[0] == name and p not in acting.parts)
+        act = self.nats(joint, selection, chosen, name)
+        act -= self.nats(joint, selection, chosen, name, idle)
+        its = sum(p[0] == name for p in acting.parts)
+        return act + candidate.log_prior + its * candidate.log_choice
 
     def _rows(
         self, joint: Joint, selection: Selection, chosen: Chosen, name: str
     ) -> tuple[list[int], list[int]]:
         """Rows in a joint estimate of the parameters of a candidate that act, and their columns."""
         columns = [i for n, part, _ in chosen.parts if n == name for i in part]
-        acting = [selection.linear.layout[i].parameter for i in columns]
+        acting = {selection.linear.layout[i].parameter: i for i in columns}
         own = self.effects[name]
         rows = [i for i, (e, p) in enumerate(joint.names) if e == own and p in acting]
-        return rows, columns[: len(rows)]
+        return rows, [acting[joint.names[i][1]] for i in rows]
 
     def acting(self, joint: Joint, selection: Selection, chosen: Chosen, name: str) -> Chosen:
-        """A choice without those parts of a candidate that are nothing by its values in a joint
-        estimate."""
-        choice = selection.candidates[name].log_choice
-        return Chosen(
-            tuple(
-                part
-                for part in chosen.parts
-                if part[0] != name or self.nats(joint, selection, Chosen((part,)), name) >= -choice
-            )
-        )
+        """A choice without those parts of a named effect that are nothing by its values in a joint
+        estimate; the terms of a formula act together."""
+        if selection.candidates[name].terms:
+            return chosen
+        least = -selection.candidates[name].log_choice
+        act = [
+            part[0] != name or self.nats(joint, selection, chosen, name, (part,)) >= least
+            for part in chosen.parts
+        ]
+        return Chosen(tuple(part for part, acts in zip(chosen.parts, act, strict=True) if acts))
 
-    def nats(self, joint: Joint, selection: Selection, chosen: Chosen, name: str) -> float:
-        """What a candidate's values as the filter finds them are worth against nothing."""
-        rows, columns = self._rows(joint, selection, chosen, name)
+    def nats(
+        self,
+        joint: Joint,
+        selection: Selection,
+        chosen: Chosen,
+        name: str,
+        parts: Sequence[tuple[str, Part, float]] | None = None,
+    ) -> float:
+        """What a candidate's values as the filter finds them are worth against nothing, or those of
+        some ``parts`` of it."""
+        own = chosen if parts is None else Chosen(tuple(parts))
+        rows, columns = self._rows(joint, selection, own, name)
         if not rows:
             return 0.0
         sds = chosen.scale_of(name) * self._prior_sds(selection, name, columns)

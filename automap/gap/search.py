@@ -13,17 +13,16 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from itertools import count
 
-import numpy as np
-
 from automap.effects import CATALOGUE
 from automap.effects.catalogue import pairs_of_sign
 from automap.gap import limits
+from automap.gap.bias_drift import BiasDrift, loose, steady
 from automap.gap.candidates import FIX_AGE, is_course
 from automap.gap.confirm import Confirmed, Judge, confirmed
 from automap.gap.drive import OpenDrive
 from automap.gap.found import Found, in_layout
 from automap.gap.noise import Fitted, Log, fitted_about, with_levels, with_noise
-from automap.gap.reforming import SLOW, WALK_OF, WALKS, WHOLE_DELAYS, Forms, log_prior
+from automap.gap.reforming import WHOLE_DELAYS, Forms, log_prior
 from automap.gap.scoring import likelier
 from automap.gap.screening import Screening
 from automap.gap.selection import Chosen, Key, Selection
@@ -45,19 +44,16 @@ class Search:
         self.base, self.held_out, self.stated, self.log = base, held_out, dict(stated), log
         self.judge = Judge(held_out)
         self.screening = Screening(base, exclude, log)
-        self.forms = Forms(self.screening, self.judge, stated, log)
-        self.close: dict[str, tuple[str, ...]] = {}
         self.borne_out: dict[str, float] = {}
-        self.swallowed: set[str] = set()
+        self.drift = BiasDrift(self.screening, self.judge, self.borne_out, log)
+        self.forms = Forms(self.screening, self.judge, self.drift.without, stated)
+        self.close: dict[str, tuple[str, ...]] = {}
         self.tried: dict[Key, int] = {}
         self.challenged: set[tuple[frozenset[frozenset[str]], bool]] = set()
         self.outdone: set[tuple[str, str]] = set()
         self.compared: Counter[tuple[str, str]] = Counter()
         self.spoken_against: list[Confirmed] = []
         self.stands = Confirmed({}, ())
-        self.nats: dict[str, float] = {}
-        self.drifts: dict[str, tuple[frozenset[str], dict[str, float]]] = {}
-        self.behind: set[frozenset[str]] = set()
         self.each_drive: list[str] = []
         self.levels = {(frozenset[Key](), 0): base.model.factors}
         self.before: tuple[Fitted, Selection, Chosen] | None = None
@@ -120,9 +116,8 @@ class Search:
                 elif last:
                     break
                 else:
-                    slow, factors = True, here.model.factors
+                    slow, louder = True, steady(here.model.factors)
                     self.before = here, selection.without_rows(), found
-                    louder = {**factors, **{k: limits.STEADY * factors[k] for k in WALKS}}
             fitted, layout = selection.keys(found), selection.linear.layout
             # the rows of one are as many as there is room for
             del selection
@@ -134,20 +129,13 @@ class Search:
         full = fitted_about(free, self._with_age(here.estimate), here.fits).joint()
         nothing_else = self.screening.selection(here, slow=False, may_act=False)
         resembling = self.forms.resembling.items()
-        drifts = {
-            walk: {
-                n: its[n] for n in sorted(its, key=lambda n: -its[n]) if n in selection.candidates
-            }
-            for walk, (rest, its) in self.drifts.items()
-            if rest <= {*chosen.names} and not its.keys() & {*chosen.names}
-        }
         return Found(
             *(self.base, here, full, selection, chosen, self.screening.effects),
             {**self.forms.alike, **self.close},
             *(self.stands.after(self.spoken_against), nothing_else),
-            self.borne_out | self.nats,
+            self.borne_out | self.drift.nats,
             {n: text for (n, beside), text in resembling if {n, *beside} == {*chosen.names}},
-            {walk: its for walk, its in drifts.items() if its},
+            self.drift.beside(selection, chosen),
         )
 
     def _with_age(self, estimate: Mapping[str, float]) -> Mapping[str, float]:
@@ -170,30 +158,14 @@ class Search:
         if not gone or any(n not in chosen.names for n in found.names):
             return found, None
         fewer = self._fit(here, selection, found)
-        of_vehicle = selection.of_vehicle(chosen, gone)
+        of_vehicle = loose(selection, chosen, gone)
         ahead, sigmas = self.judge.ahead(here, fewer, of_vehicle, strictly=True)
         ahead += selection.log_prior(chosen) - selection.log_prior(found)
         if ahead < limits.LEAST_ODDS or sigmas < limits.APART:
-            if len(gone) == 1:
-                self._note_drift(selection, chosen, gone[0], ahead, sigmas)
             return found, fewer
         self.borne_out |= dict.fromkeys(gone, ahead)
         selection.needed = frozenset(self.borne_out)
         return chosen, None
-
-    def _note_drift(
-        self, selection: Selection, chosen: Chosen, name: str, odds: float, sigmas: float
-    ) -> None:
-        """Note what drift says nearly as well, by log ``odds`` for the candidate of a choice and
-        the ``sigmas`` of what the filter says."""
-        if odds > -limits.CLOSE_NATS or abs(sigmas) < limits.APART:
-            rest = frozenset(chosen.names) - {name}
-            sensors = selection.sensors(chosen, name)
-            for walk in (WALK_OF[sensor] for sensor in sensors):
-                beside, its = self.drifts.get(walk, (rest, {}))
-                its = its if beside == rest else {}
-                # the level of drift alone was sought, or all noise: whichever suits it better
-                self.drifts[walk] = rest, its | {name: max(odds, its.get(name, odds))}
 
     def _bar(self, keys: Iterable[Key]) -> None:
         """Try parts no more."""
@@ -209,7 +181,7 @@ class Search:
             earlier, its_selection, without = self.before
             self.before = None
             new = set(found.names) - set(without.names)
-            ahead, _ = self.judge.ahead(here, earlier, _loose(selection, found, new))
+            ahead, _ = self.judge.ahead(here, earlier, loose(selection, found, new))
             ahead += selection.log_prior(found) - its_selection.log_prior(without)
             if without.names != found.names and ahead < 0.0:
                 # courses of time follow what a name says better
@@ -235,11 +207,12 @@ class Search:
                 # place of; either may be asked again beside a third that came in between
                 self.challenged.add((pair, to_names))
                 return rival
-        fewer = self._beyond_drift(here, selection, found)
+        fewer = self.drift.needed(here, selection, found)
+        selection.needed = frozenset(self.borne_out)
         if fewer != found:
             self._bar(selection.keys(found) - selection.keys(fewer))
             return fewer
-        more = self._behind_drift(here, selection, found)
+        more = self.drift.behind(here, selection, found)
         if more is not None and not ending:
             return more
         self.log("checking on held-out data")
@@ -260,51 +233,6 @@ class Search:
             self._bar(selection.key(name, part) for part in selection.candidates[name].parts)
             found = found.without(name)
         return found
-
-    def _beyond_drift(self, here: Fitted, selection: Selection, found: Chosen) -> Chosen:
-        """The set less what acts on a sensor and is worth less than a name beyond what drift says:
-        beside biases that are steady because of it, it always seems needed. So the set is asked
-        without it, with the drift fitted anew; what was proposed in the place of drift by held-out
-        drives, too. With it come the nats of what stays, and beside drift what it may be."""
-        self.nats, worth = {}, dict[str, float]()
-        for name in found.names:
-            if not selection.sensors(found, name):
-                continue
-            fewer, other = found.without(name), self.forms.as_drift(here, selection, found, name)
-            prior = selection.log_prior(found) - selection.log_prior(fewer)
-            self.nats[name], _ = likelier(here.fits, other.fits)
-            if name in self.borne_out:
-                continue
-            ahead, sigmas = self.judge.ahead(here, other, _loose(selection, found, {name}))
-            if name in self.swallowed:
-                worth[name] = ahead + prior if sigmas > limits.APART else -np.inf
-                if worth[name] >= limits.LEAST_ODDS:
-                    self.borne_out[name] = worth[name]
-            else:
-                _, moves = selection.odds_of(found, name)
-                self.nats[name] = min(self.nats[name], sum(m.evidence.nats for m in moves))
-                worth[name] = self.nats[name] + prior
-            if worth[name] < limits.LEAST_ODDS:
-                self._note_drift(selection, found, name, ahead + prior, sigmas)
-        selection.needed = frozenset(self.borne_out)
-        weakest = min(worth, key=lambda n: worth[n], default="")
-        return found.without(weakest) if worth.get(weakest, np.inf) < limits.LEAST_ODDS else found
-
-    def _behind_drift(self, here: Fitted, selection: Selection, found: Chosen) -> Chosen | None:
-        """The set with what is surely there in the place of a drift, of each set asked once; what a
-        drift says nearly as well is noted."""
-        best, instead = limits.LEAST_ODDS, None
-        asked = frozenset(found.names) in self.behind
-        self.behind.add(frozenset(found.names))
-        for name, its, odds, sigmas in (
-            () if asked else self.forms.behind_drift(here, selection, found)
-        ):
-            self._note_drift(selection, its, name, odds, sigmas)
-            if odds >= best and sigmas > limits.APART:
-                best, instead = odds, its
-        if instead is not None:
-            self.swallowed.add(instead.names[-1])
-        return instead
 
     def _free_delays(self, effects: Iterable[str]) -> None:
         """Fit a receiver's delays that held-out data do not know at the same value on every drive
@@ -422,9 +350,6 @@ class Search:
                 best, instead, winner = formed[0], formed[1], formed[1].names[-1]
             if instead is not None:
                 self.outdone.add((winner, name))
-                if name in self.swallowed:
-                    # what does much the same drift had swallowed too
-                    self.swallowed.add(winner)
                 return instead
         return None
 
@@ -445,12 +370,4 @@ class Search:
         new = Chosen(tuple(p for p in more.parts if p[0] not in found.names))
         # drift is one level of all axes: one that is left to it keeps it up
         new = selection.whole(in_layout(new, loud.linear.layout, selection))
-        if slow:
-            self.swallowed |= {n for n in new.names if selection.sensors(new, n)}
         return Chosen((*found.parts, *new.parts))
-
-
-def _loose(selection: Selection, chosen: Chosen, names: Collection[str]) -> bool:
-    """Whether the vehicle constraint has its say about candidates ``names`` of a choice: they act
-    on it, or are so slow that no body sways so."""
-    return selection.of_vehicle(chosen, names) or all(name in SLOW for name in names)

@@ -6,6 +6,7 @@ from collections import Counter
 from types import SimpleNamespace
 from typing import Any, cast
 
+from automap.gap.bias_drift import BiasDrift
 from automap.gap.confirm import Judge
 from automap.gap.reforming import Forms
 from automap.gap.search import Search
@@ -42,19 +43,15 @@ class Asked(Search):
     def __init__(self) -> None:
         self.log, self.outdone, self.borne_out = print, set(), {}
         self.compared = Counter()
-        self.judge, self.swallowed, self.tried = Heard(cast("Any", ["a drive"])), set(), {}
+        self.judge, self.tried = Heard(cast("Any", ["a drive"])), {}
         self.screening = cast("Any", None)
         self.sets: list[tuple[str, ...]] = []
-        self.drifts, self.behind = {}, set()
-        self.forms = Forms(self.screening, self.judge, {}, print)
-        self.forms.as_drift = self._as_drift  # type: ignore[method-assign]
+        self.drift = BiasDrift(self.screening, self.judge, self.borne_out, print)
+        self.forms = Forms(self.screening, self.judge, self.drift.without, {})
 
     def _fit(self, here: Any, selection: Selection, chosen: Chosen) -> Any:
         self.sets.append(chosen.names)
         return SimpleNamespace(fits=())
-
-    def _as_drift(self, here: Any, selection: Selection, chosen: Chosen, name: str) -> Any:
-        return self._fit(here, selection, chosen.without(name))
 
 
 def only(name: str) -> Chosen:

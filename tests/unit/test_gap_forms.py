@@ -75,7 +75,7 @@ def test_of_forms_that_say_much_the_same_the_filter_tells_one_step_by_step(
     told: str | None,
     alike: tuple[str, ...],
 ) -> None:
-    asked = Forms(None, None, {}, print)  # type: ignore[arg-type]
+    asked = Forms(None, None, lambda *about: fit_of("drift"), {})  # type: ignore[arg-type]
     # the linear model has the first two the other way round
     near = {"rate_z": first, SQUARED: (BENT,)}
     asked.screening = cast(
@@ -139,7 +139,7 @@ def test_what_is_suspected_is_told_in_the_form_that_is_sure(
     ending: bool,
     told: str | None,
 ) -> None:
-    asked = Forms(None, None, {}, print)  # type: ignore[arg-type]
+    asked = Forms(None, None, lambda *about: fit_of("drift"), {})  # type: ignore[arg-type]
     asked.screening = cast(
         "Screened",
         SimpleNamespace(
@@ -290,7 +290,7 @@ def test_a_formula_in_its_own_form_stands_beside_the_name_that_it_resembles(
 ) -> None:
     monkeypatch.setattr(reforming, "nats_of_parts", lambda known, parts: np.array([share * 100.0]))
     monkeypatch.setattr(reforming, "with_noise", lambda fitted, stated: fitted)
-    asked = Forms(None, None, {}, print)  # type: ignore[arg-type]
+    asked = Forms(None, None, lambda *about: fit_of("drift"), {})  # type: ignore[arg-type]
     monkeypatch.setattr(reforming, "likelier", lambda one, other: (beyond_drift, 9.0))
     asked.judge = cast(
         "Judge",
@@ -321,7 +321,6 @@ def test_a_formula_in_its_own_form_stands_beside_the_name_that_it_resembles(
             states=lambda here, selection, chosen: fit_of(chosen.names[0]),
         ),
     )
-    monkeypatch.setattr(asked, "as_drift", lambda *about: fit_of("drift"))
     found = asked.in_place(fit_of(WARM), selection, only(WARM), WARM, 100.0)
     assert (found is not None) == instead
     assert found is None or found[1].names == (SHADE,)

@@ -12,18 +12,15 @@ import numpy as np
 import pytest
 
 from automap.fusion.level_climb import Maximum
-from automap.gap import base_model, confirm, finder, noise, reforming, search
+from automap.gap import base_model, confirm, finder, noise, search
 from automap.gap.candidates import Candidate
 from automap.gap.confirm import Judge
 from automap.gap.linear import Column
 from automap.gap.noise import Fitted, Joint
-from automap.gap.reforming import Forms
 from automap.gap.screening import Screening
 from automap.gap.search import Search
-from automap.gap.selection import Chosen, Selection
+from automap.gap.selection import Chosen
 from tests.unit.gap_asked import HERE, LATE, LOW_PASSED, SELECTION, Asked, fit_of, only
-
-WARM, AGED = "gyro_temperature", "gyro_warm_up"
 
 
 def says(monkeypatch: pytest.MonkeyPatch, all_sigmas: float, received: float = 0.0) -> None:
@@ -33,18 +30,6 @@ def says(monkeypatch: pytest.MonkeyPatch, all_sigmas: float, received: float = 0
     told, its = ((20.0 * sigmas, sigmas) for sigmas in (all_sigmas, received))
     monkeypatch.setattr(search, "likelier", lambda one, other: told)
     monkeypatch.setattr(confirm, "likelier_by_side", lambda one, other: (told, its))
-
-
-def on_sensor() -> Selection:
-    """A selection of which one acts on a sensor, with 2000 nats."""
-    move = SimpleNamespace(evidence=SimpleNamespace(nats=2000.0))
-    told = dict(
-        sensors=lambda chosen, name: {0} if name == LOW_PASSED else set(),
-        of_vehicle=lambda chosen, names: False,
-        odds_of=lambda chosen, name: (1997.0, [move]),
-        log_prior=lambda chosen: -3.0 * len(chosen.names),
-    )
-    return cast("Selection", SimpleNamespace(**told))
 
 
 @pytest.mark.parametrize(
@@ -89,132 +74,6 @@ def test_what_only_the_vehicle_constraint_bears_out_is_not_kept(
     assert (fitted is None) == stays
     assert asked.sets == [(LATE,)]
     assert asked._kept(HERE, SELECTION, only(LATE), both) == (both, None)
-
-
-@pytest.mark.parametrize(("name", "of_vehicle"), [(WARM, True), (LOW_PASSED, False)])
-def test_no_body_sways_as_slowly_as_a_sensor_warms(
-    monkeypatch: pytest.MonkeyPatch, name: str, of_vehicle: bool
-) -> None:
-    heard: list[bool] = []
-
-    def ahead(one: Any, other: Any, loose: bool) -> tuple[float, float]:
-        heard.append(loose)
-        return 20.0, 3.0
-
-    asked = Asked()
-    monkeypatch.setattr(asked.judge, "ahead", ahead)
-    monkeypatch.setattr(search, "likelier", lambda one, other: (40.0, 9.0))
-    selection = on_sensor()
-    monkeypatch.setattr(selection, "sensors", lambda chosen, its: {0} if its == name else set())
-    asked._beyond_drift(HERE, selection, Chosen((*only(LATE).parts, (name, (1,), 1.0))))
-    assert heard == [of_vehicle]
-
-
-@pytest.mark.parametrize(("sigmas", "stays"), [(2.0, True), (1.0, False)])
-def test_what_came_in_the_place_of_drift_must_say_more_than_drift(
-    monkeypatch: pytest.MonkeyPatch, sigmas: float, stays: bool
-) -> None:
-    asked = Asked()
-    asked.swallowed = {LOW_PASSED}
-    monkeypatch.setattr(asked.judge, "ahead", lambda *about, **more: (20.0, sigmas))
-    monkeypatch.setattr(search, "likelier", lambda one, other: (40.0, 9.0))
-    both = Chosen((*only(LATE).parts, (LOW_PASSED, (1,), 1.0)))
-    assert asked._beyond_drift(HERE, on_sensor(), both) == (both if stays else only(LATE))
-    # asked without it, and of the other, which acts on no sensor, nothing
-    assert asked.sets == [(LATE,)]
-    assert (asked.borne_out == {LOW_PASSED: 17.0}) is stays
-
-
-@pytest.mark.parametrize(
-    ("by_filter", "told"), [(90.0, 90.0), (5.0, None), (3000.0, 2000.0)], ids=str
-)
-def test_what_drift_would_say_is_no_evidence(
-    monkeypatch: pytest.MonkeyPatch, by_filter: float, told: float | None
-) -> None:
-    asked = Asked()
-    monkeypatch.setattr(asked.judge, "ahead", lambda *about, **more: (by_filter, 9.0))
-    monkeypatch.setattr(search, "likelier", lambda one, other: (by_filter, 9.0))
-    both = Chosen((*only(LATE).parts, (LOW_PASSED, (1,), 1.0)))
-    kept = asked._beyond_drift(HERE, on_sensor(), both)
-    assert asked.sets == [(LATE,)]
-    assert kept == (only(LATE) if told is None else both)
-    assert told is None or asked.nats == {LOW_PASSED: told}
-
-
-@pytest.mark.parametrize(
-    ("by_all", "sigmas", "may_be"), [(5.0, 2.0, True), (-5.0, -1.0, True), (-5.0, -2.0, False)]
-)
-def test_what_drift_says_nearly_as_well_is_told_beside_the_drift(
-    monkeypatch: pytest.MonkeyPatch, by_all: float, sigmas: float, may_be: bool
-) -> None:
-    asked = Asked()
-    monkeypatch.setattr(asked.judge, "ahead", lambda *about, **more: (by_all, sigmas))
-    monkeypatch.setattr(search, "likelier", lambda one, other: (5.0, 1.0))
-    both = Chosen((*only(LATE).parts, (LOW_PASSED, (1,), 1.0)))
-    assert asked._beyond_drift(HERE, on_sensor(), both) == only(LATE)
-    told = {"gyro_bias_walk": ({LATE}, {LOW_PASSED: by_all - 3.0})}
-    assert asked.drifts == (told if may_be else {})
-
-
-@pytest.mark.parametrize(
-    ("odds", "sigmas", "taken", "told"),
-    [
-        (12.0, 3.0, True, True),
-        (12.0, 1.0, False, True),
-        (5.0, 3.0, False, True),
-        (-9.0, -3.0, False, False),
-    ],
-)
-def test_what_is_surely_behind_a_drift_takes_its_place_and_what_may_be_is_noted(
-    monkeypatch: pytest.MonkeyPatch, odds: float, sigmas: float, taken: bool, told: bool
-) -> None:
-    asked, here = Asked(), only(LATE)
-    with_one = {n: here.joined(n, (i,), 1.0) for i, n in enumerate((WARM, AGED))}
-    rivals = [(WARM, with_one[WARM], odds, sigmas), (AGED, with_one[AGED], odds - 1.0, sigmas)]
-    monkeypatch.setattr(asked.forms, "behind_drift", lambda *about: iter(rivals))
-    on_gyro: Any = SimpleNamespace(sensors=lambda chosen, name: {0})
-    assert asked._behind_drift(HERE, on_gyro, here) == (with_one[WARM] if taken else None)
-    noted = {"gyro_bias_walk": ({LATE}, {WARM: odds, AGED: odds - 1.0})}
-    assert asked.drifts == (noted if told else {})
-    # beside drift it must stand once more, and is not asked about twice
-    assert asked.swallowed == ({WARM} if taken else set())
-    assert asked._behind_drift(HERE, on_gyro, here) is None
-
-
-@pytest.mark.parametrize(("taken", "asked_about"), [(9.0, [WARM, AGED]), (5.0, [])])
-def test_drift_is_asked_for_rivals_where_it_took_what_is_worth_a_name(
-    monkeypatch: pytest.MonkeyPatch, taken: float, asked_about: list[str]
-) -> None:
-    def score(fits: Any, factors: Mapping[str, float]) -> float:
-        return 100.0 - taken * (factors["gyro_bias_walk"] < 1.0)
-
-    levels = {"gyro_bias_walk": 1.0, "accel_bias_walk": 1.0}
-    here = Fitted(replace(base_model(), factors=levels), {}, ())
-    begun: list[float] = []
-
-    def states(about: Fitted, selection: Any, chosen: Chosen) -> Fitted:
-        begun.append(about.model.factors["gyro_bias_walk"])
-        return about
-
-    screening: Any = SimpleNamespace(
-        states=states, acting=lambda joint, selection, chosen, name: chosen
-    )
-    monkeypatch.setattr(Fitted, "joint", lambda fitted: None)
-    monkeypatch.setattr(reforming, "noise_score", score)
-    monkeypatch.setattr(reforming, "with_levels", lambda fitted, walks: fitted)
-    judge: Any = SimpleNamespace(ahead=lambda *about, **more: (20.0, 3.0))
-    forms = Forms(screening, judge, {}, print)
-    known = {n: SimpleNamespace(parts=((i,),)) for i, n in enumerate((WARM, AGED, "accel_warm_up"))}
-    selection: Any = SimpleNamespace(
-        candidates=known,
-        sensors=lambda chosen, name: {int(name.startswith("accel"))},
-        log_prior=lambda chosen: -3.0 * len(chosen.names),
-    )
-    told = list(forms.behind_drift(here, selection, only(LATE)))
-    assert [name for name, *_ in told] == asked_about
-    assert all((odds, sigmas) == (17.0, 3.0) for _, _, odds, sigmas in told)
-    # drift as it was fitted would leave nothing to them
-    assert begun == [0.1] * len(asked_about)
 
 
 @pytest.mark.parametrize("of_vehicle", [False, True])
@@ -396,39 +255,6 @@ def test_velocities_are_as_much_older_than_positions_as_the_age_of_these_lets_be
     asked.screening = cast("Screening", SimpleNamespace(names=list(names)))
     told = asked._with_age(dict.fromkeys(estimate, 1.0))
     assert set(told) == {*estimate, *(["gnss_latency"] if free else [])}
-
-
-@pytest.mark.parametrize("steady", [True, False])
-def test_what_takes_the_place_of_one_from_swallowed_biases_is_asked_as_that(
-    monkeypatch: pytest.MonkeyPatch, steady: bool
-) -> None:
-    warm, warms_up = "gyro_temperature", "gyro_warm_up"
-    asked = Asked()
-    asked.swallowed = {warm} if steady else set()
-    asked.spoken_against = []
-    asked.screening = cast(
-        "Screening",
-        SimpleNamespace(
-            effects={},
-            nats=lambda joint, selection, chosen, name: 9.0,
-            refined=lambda here, selection, chosen: (chosen, []),
-            seed=lambda name: name,
-            states=lambda here, selection, chosen: fit_of(chosen.names[0]),
-            not_borne_out=lambda fitted, selection, chosen: [],
-        ),
-    )
-    asked.judge = cast("Judge", SimpleNamespace(ahead=lambda *about: (2.0, 1.0)))
-    selection: Any = SimpleNamespace(
-        candidates={name: SimpleNamespace(terms=()) for name in (warm, warms_up)},
-        of_vehicle=lambda chosen, names: False,
-        log_prior=lambda chosen: 0.0,
-    )
-    rival = SimpleNamespace(name=warms_up, chosen=only(warms_up))
-    monkeypatch.setattr(search, "close_rivals", lambda selection, chosen, name: [rival])
-    instead = asked._decided(fit_of(warm), selection, only(warm))
-    assert instead is not None
-    assert instead.names == (warms_up,)
-    assert (warms_up in asked.swallowed) == steady
 
 
 def deciding(chosen: str, ahead: dict[str, tuple[float, float]]) -> tuple[Asked, Any, list[str]]:

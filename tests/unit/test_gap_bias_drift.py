@@ -1,0 +1,210 @@
+"""What of a sensor's errors the drift of its biases says as well."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
+import pytest
+
+from automap.gap import base_model, bias_drift, confirm
+from automap.gap.bias_drift import BiasDrift
+from automap.gap.noise import Fitted
+from automap.gap.selection import Chosen, Selection
+from tests.unit.gap_asked import HERE, LATE, LOW_PASSED, Heard, fit_of, only
+
+WARM, AGED = "gyro_temperature", "gyro_warm_up"
+
+
+class Drifting(BiasDrift):
+    """A question of drift that notes which sets it is asked to fit."""
+
+    def __init__(self) -> None:
+        judge = Heard(cast("Any", ["a drive"]))
+        super().__init__(cast("Any", None), judge, {}, print)
+        self.sets: list[tuple[str, ...]] = []
+
+    def without(self, here: Any, selection: Any, chosen: Chosen, name: str) -> Any:
+        self.sets.append(chosen.without(name).names)
+        return fit_of("drift")
+
+
+def on_sensor() -> Selection:
+    """A selection of which one acts on a sensor, with 2000 nats."""
+    move = SimpleNamespace(evidence=SimpleNamespace(nats=2000.0))
+    told = dict(
+        sensors=lambda chosen, name: {0} if name == LOW_PASSED else set(),
+        of_vehicle=lambda chosen, names: False,
+        odds_of=lambda chosen, name: (1997.0, [move]),
+        log_prior=lambda chosen: -3.0 * len(chosen.names),
+    )
+    return cast("Selection", SimpleNamespace(**told))
+
+
+@pytest.mark.parametrize(("name", "of_vehicle"), [(WARM, True), (LOW_PASSED, False)])
+def test_no_body_sways_as_slowly_as_a_sensor_warms(
+    monkeypatch: pytest.MonkeyPatch, name: str, of_vehicle: bool
+) -> None:
+    heard: list[bool] = []
+
+    def ahead(one: Any, other: Any, loose: bool) -> tuple[float, float]:
+        heard.append(loose)
+        return 20.0, 3.0
+
+    asked = Drifting()
+    monkeypatch.setattr(asked.judge, "beyond_drift", ahead)
+    monkeypatch.setattr(bias_drift, "likelier", lambda one, other: (40.0, 9.0))
+    selection = on_sensor()
+    monkeypatch.setattr(selection, "sensors", lambda chosen, its: {0} if its == name else set())
+    asked.needed(HERE, selection, Chosen((*only(LATE).parts, (name, (1,), 1.0))))
+    assert heard == [of_vehicle]
+
+
+@pytest.mark.parametrize(
+    ("nats", "sigmas", "stays"),
+    [
+        (20.0, 2.0, True),
+        # one stretch alone says all of it
+        (20.0, 1.0, False),
+        # the other drive says the opposite
+        (5.0, 2.0, False),
+    ],
+)
+def test_what_acts_on_a_sensor_must_say_more_than_drift_on_all_drives(
+    monkeypatch: pytest.MonkeyPatch, nats: float, sigmas: float, stays: bool
+) -> None:
+    asked = Drifting()
+    monkeypatch.setattr(asked.judge, "beyond_drift", lambda *about: (nats, sigmas))
+    monkeypatch.setattr(bias_drift, "likelier", lambda one, other: (40.0, 9.0))
+    both = Chosen((*only(LATE).parts, (LOW_PASSED, (1,), 1.0)))
+    assert asked.needed(HERE, on_sensor(), both) == (both if stays else only(LATE))
+    # asked without it, and of the other, which acts on no sensor, nothing
+    assert asked.sets == [(LATE,)]
+
+
+@pytest.mark.parametrize(
+    ("by_filter", "told"), [(90.0, 90.0), (5.0, None), (3000.0, 2000.0)], ids=str
+)
+def test_what_drift_would_say_is_no_evidence(
+    monkeypatch: pytest.MonkeyPatch, by_filter: float, told: float | None
+) -> None:
+    asked = Drifting()
+    monkeypatch.setattr(asked.judge, "beyond_drift", lambda *about: (by_filter, 9.0))
+    monkeypatch.setattr(bias_drift, "likelier", lambda one, other: (by_filter, 9.0))
+    both = Chosen((*only(LATE).parts, (LOW_PASSED, (1,), 1.0)))
+    kept = asked.needed(HERE, on_sensor(), both)
+    assert asked.sets == [(LATE,)]
+    assert kept == (only(LATE) if told is None else both)
+    assert told is None or asked.nats == {LOW_PASSED: told}
+
+
+@pytest.mark.parametrize(
+    ("by_all", "sigmas", "may_be"), [(5.0, 2.0, True), (-5.0, -1.0, True), (-5.0, -2.0, False)]
+)
+def test_what_drift_says_nearly_as_well_is_told_beside_the_drift(
+    monkeypatch: pytest.MonkeyPatch, by_all: float, sigmas: float, may_be: bool
+) -> None:
+    asked = Drifting()
+    monkeypatch.setattr(asked.judge, "beyond_drift", lambda *about: (by_all, sigmas))
+    monkeypatch.setattr(bias_drift, "likelier", lambda one, other: (5.0, 1.0))
+    both = Chosen((*only(LATE).parts, (LOW_PASSED, (1,), 1.0)))
+    assert asked.needed(HERE, on_sensor(), both) == only(LATE)
+    told = {"gyro_bias_walk": ({LATE}, {LOW_PASSED: by_all - 3.0})}
+    assert asked.nearly == (told if may_be else {})
+
+
+@pytest.mark.parametrize(
+    ("odds", "sigmas", "taken", "told"),
+    [
+        (12.0, 3.0, True, True),
+        (12.0, 1.0, False, True),
+        (5.0, 3.0, False, True),
+        (-9.0, -3.0, False, False),
+    ],
+)
+def test_what_is_surely_behind_a_drift_takes_its_place_and_what_may_be_is_noted(
+    monkeypatch: pytest.MonkeyPatch, odds: float, sigmas: float, taken: bool, told: bool
+) -> None:
+    asked, here = Drifting(), only(LATE)
+    with_one = {n: here.joined(n, (i,), 1.0) for i, n in enumerate((WARM, AGED))}
+    rivals = [(WARM, with_one[WARM], odds, sigmas), (AGED, with_one[AGED], odds - 1.0, sigmas)]
+    monkeypatch.setattr(asked, "_rivals", lambda *about: iter(rivals))
+    on_gyro: Any = SimpleNamespace(sensors=lambda chosen, name: {0})
+    assert asked.behind(HERE, on_gyro, here) == (with_one[WARM] if taken else None)
+    noted = {"gyro_bias_walk": ({LATE}, {WARM: odds, AGED: odds - 1.0})}
+    assert asked.nearly == (noted if told else {})
+    # what was decided is not asked about twice
+    assert asked.borne_out == ({WARM: odds} if taken else {})
+    assert asked.behind(HERE, on_gyro, here) is None
+
+
+@pytest.mark.parametrize(("taken", "asked_about"), [(9.0, [WARM, AGED]), (5.0, [])])
+def test_drift_is_asked_for_rivals_where_it_took_what_is_worth_a_name(
+    monkeypatch: pytest.MonkeyPatch, taken: float, asked_about: list[str]
+) -> None:
+    def score(fits: Any, factors: Mapping[str, float]) -> float:
+        return 100.0 - taken * (factors["gyro_bias_walk"] < 1.0)
+
+    levels = {"gyro_bias_walk": 1.0, "accel_bias_walk": 1.0}
+    here = Fitted(replace(base_model(), factors=levels), {}, ())
+    begun: list[float] = []
+
+    def states(about: Fitted, selection: Any, chosen: Chosen) -> Fitted:
+        begun.append(about.model.factors["gyro_bias_walk"])
+        return about
+
+    screening: Any = SimpleNamespace(
+        states=states, acting=lambda joint, selection, chosen, name: chosen
+    )
+    monkeypatch.setattr(Fitted, "joint", lambda fitted: None)
+    monkeypatch.setattr(bias_drift, "noise_score", score)
+    monkeypatch.setattr(bias_drift, "with_levels", lambda fitted, walks: fitted)
+    judge: Any = SimpleNamespace(beyond_drift=lambda *about: (20.0, 3.0))
+    drift = BiasDrift(screening, judge, {}, print)
+    known = {n: SimpleNamespace(parts=((i,),)) for i, n in enumerate((WARM, AGED, "accel_warm_up"))}
+    selection: Any = SimpleNamespace(
+        candidates=known,
+        sensors=lambda chosen, name: {int(name.startswith("accel"))},
+        of_vehicle=lambda chosen, names: False,
+        log_prior=lambda chosen: -3.0 * len(chosen.names),
+    )
+    told = list(drift._rivals(here, selection, only(LATE)))
+    assert [name for name, *_ in told] == asked_about
+    assert all((odds, sigmas) == (17.0, 3.0) for _, _, odds, sigmas in told)
+    # drift as it was fitted would leave nothing to them
+    assert begun == [0.1] * len(asked_about)
+
+
+@pytest.mark.parametrize(
+    ("fitted", "by_held_out"),
+    [
+        # a walk that is large where little changes loses there what it gains elsewhere
+        ([30.0, -30.0, 30.0, -30.0], True),
+        # drives that are surer together
+        ([3.0, 2.0, 2.5, 2.0], False),
+        # what is likelier without it is no surer for held-out drives
+        ([-5.0, -9.0, -5.0, -9.0], False),
+    ],
+)
+def test_held_out_drives_alone_may_tell_a_value_from_drift(
+    monkeypatch: pytest.MonkeyPatch, fitted: list[float], by_held_out: bool
+) -> None:
+    held = [2.0, 3.5, 2.0, 3.5]
+
+    class Stretches(Heard):
+        def _held_out(self, one: Any) -> Any:
+            return [held]
+
+    def sides(one: list[list[float]], other: Any) -> Any:
+        each = np.concatenate(one)
+        told = float(each.sum()), float(each.sum() / (np.sqrt(len(each)) * np.std(each)))
+        return told, told
+
+    monkeypatch.setattr(confirm, "likelier_by_side", sides)
+    here: Any = SimpleNamespace(fits=[fitted])
+    nats, sigmas = Stretches(cast("Any", ["a drive"])).beyond_drift(here, here, of_vehicle=True)
+    assert nats == sum(fitted) + sum(held)
+    assert sigmas == sides([held] if by_held_out else [fitted, held], None)[0][1]
