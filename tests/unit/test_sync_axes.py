@@ -193,11 +193,7 @@ def test_correlated_and_heavy_tailed_series_count_for_less() -> None:
 def test_turns_about_the_vertical_tilt_no_case_that_leans() -> None:
     """Of a case that leans by 3 deg the roll axis feels more of the bends than of the rolling."""
     rng = np.random.default_rng(4)
-    roll, yaw, force = (
-        0.01 * rng.standard_normal(500),
-        0.2 * rng.standard_normal(500),
-        np.zeros(500),
-    )
+    roll, yaw = 0.01 * rng.standard_normal(500), 0.2 * rng.standard_normal(500)
     force = -9.8 * roll + 0.1 * rng.standard_normal(500)
     lean = rpy_to_matrix(np.array([0.0, np.radians(3.0), 0.0]))
     for axes in (EYE, lean):
