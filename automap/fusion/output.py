@@ -112,9 +112,9 @@ def node_trajectory(
             there = np.clip(np.searchsorted(problem.t, at), 0, len(problem.t) - 1)
             back_here, back_there, turn_there = back[piece.rows], back[there], turn[there]
         attitude = quat_multiply(nominal[:, 6:10], back_there)
-        cov[:, :PHI_ID, :PHI_ID] += arm_covariance(
-            quat_to_matrix(attitude), change[:, PHI_ID:], arm_sd
-        )
+        # fixes hold a velocity to that of the antenna over a bend, not over a sway and back
+        bend = change[:, PHI_ID:] * [0.0, 0.0, 1.0]
+        cov[:, :PHI_ID, :PHI_ID] += arm_covariance(quat_to_matrix(attitude), bend, arm_sd)
         node_rpy = quat_to_rpy(attitude)
         node_sd = rpy_sd_from_tilt(node_rpy, vehicle_tilt(nominal, cov, turn_there))
         node_sd[:, 2] = np.hypot(node_sd[:, 2], slip_sd)
