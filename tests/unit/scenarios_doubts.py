@@ -73,7 +73,7 @@ def fusion_offsets() -> Any:
                 "as_sure_as_fixes": as_sure_as_fixes(alone, log, options, levels),
                 "uncorrected": uncorrected(alone, log, options),
                 "at least": at_least(alone, path.gps_s[::50], 2.0 + np.sin(path.vel_ned[::50])),
-                "instants": offsets._instants(at, alone.vel_ned[:, :2], at.used[0, :, 0]),
+                "instants": offsets._instants(at, at.used[0, :, 0]),
             }
     calm = fixes_on(path, 2, 4, vel_ned=path.vel_ned[::2] + 0.02, sd_pos_ned=np.full((n, 3), 1.1))
     noise = np.random.default_rng(6).normal(0.0, 0.2, (n, 2))
