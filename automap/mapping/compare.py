@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from automap.mapping import limits
+from automap.mapping.attributes import REJECTED
 from automap.mapping.changes import (
     Change,
     OlderMap,
@@ -34,13 +35,15 @@ COVERAGE_VIEW = CameraView(0.0, 0.6)
 class Comparison:
     """``names`` of signs that the older map has too, by place among the merged signs;
     ``changes``; the number of older signs that are ``unchanged``, ``unvisited`` by any drive
-    since, and ``unconfirmed``: missed, but not often enough to be called gone."""
+    since, ``unconfirmed``: missed, but not often enough to be called gone, and ``rejected`` by the
+    reviewer of a drive, which says that there never was one."""
 
     names: dict[int, str]
     changes: list[Change]
     unchanged: int
     unvisited: int
     unconfirmed: int
+    rejected: int
 
 
 @dataclass(frozen=True)
@@ -83,9 +86,10 @@ def compare(
     kept = merged.existence >= least_existence
     matches = match_older(older.signs, merged.signs, merged.shared)
     changes: list[Change] = []
-    unchanged = unconfirmed = 0
+    unchanged = unconfirmed = rejected = 0
     gone: dict[int, float] = {}
     classes, older_classes = (values_of(s, "class_name") for s in (merged.signs, older.signs))
+    states = values_of(merged.signs, "status")
     for place, before in matches.items():
         belief = float(merged.existence[place])
         if kept[place] and classes[place] != older_classes[before]:
@@ -94,6 +98,8 @@ def compare(
             changes.append(Change("class", now, then, share, distance_m(now, then), place=place))
         elif kept[place]:
             unchanged += 1
+        elif states[place] == REJECTED:
+            rejected += 1
         elif belief < limits.GONE_BELOW:
             gone[before] = 1.0 - belief
         else:
@@ -121,7 +127,7 @@ def compare(
             changes.append(Change("new", now, None, belief, visited_before=before_too, place=place))
     ids = values_of(older.signs, "id")
     names = {place: ids[before] for place, before in (matches | moved).items()}
-    return Comparison(names, changes, unchanged, int((~visited).sum()), unconfirmed)
+    return Comparison(names, changes, unchanged, int((~visited).sum()), unconfirmed, rejected)
 
 
 def _still_there(

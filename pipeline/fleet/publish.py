@@ -295,5 +295,6 @@ def _summary(
             "unchanged": told.unchanged,
             "unvisited": told.unvisited,
             "unconfirmed": told.unconfirmed,
+            "rejected": told.rejected,
         }
     return summary

@@ -245,6 +245,7 @@ def merge_summary(
             "unchanged": found.unchanged,
             "unvisited": found.unvisited,
             "unconfirmed": found.unconfirmed,
+            "rejected": found.rejected,
         }
     return summary
 

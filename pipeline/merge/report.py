@@ -117,7 +117,8 @@ def changes_section(outcome: MapOutcome, summary: dict[str, Any]) -> Section:
     section = Section(header=("change", "id", "class", "before", "belief", "note"))
     section.sentences.append(
         f"{found.unchanged} signs as before; {found.unvisited} were not passed again; "
-        f"{found.unconfirmed} were missed, but not often enough to be called gone."
+        f"{found.unconfirmed} were missed, but not often enough to be called gone; "
+        f"{found.rejected} were rejected by reviewers of drives."
     )
     if not found.changes:
         section.absent = "Nothing has changed."
