@@ -1,10 +1,11 @@
-"""Output folders of runs, made from the drives of a scene."""
+"""Drives of a scene, and output folders of runs that are made from them."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 import numpy as np
+from merge_scene import Errors, drive_through, street
 
 from automap.io import names
 from automap.io.atomic import write_json
@@ -15,6 +16,23 @@ from automap.io.trajectory_table import write_trajectory
 from automap.mapping.sightings import DriveSigns
 from automap.records import ReviewAction, Sign, Trajectory
 from pipeline.merge.signs import GPS_CLOCK
+
+DAY_S = 86400.0
+CALM = Errors(clutter=0.0, missed=0.03, wrong_class=0.0)
+PATH = np.array([[-1.5, -40.0], [-1.5, 340.0]])
+
+
+def passes(count: int, standing: list[np.ndarray] | None = None) -> list[DriveSigns]:
+    """Drives through one short street, days apart."""
+    rng = np.random.default_rng(11)
+    town = street(rng, 300.0, 15.0)
+    return [
+        drive_through(
+            rng, town, PATH, 12.0, f"d{number}", 1.45e9 + DAY_S * number, CALM,
+            None if standing is None else standing[number],
+        )[0]
+        for number in range(count)
+    ]  # fmt: skip
 
 
 def write_run(folder: Path, drive: DriveSigns, inputs: str = "") -> Path:
