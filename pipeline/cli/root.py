@@ -6,9 +6,7 @@ import atexit
 import difflib
 import importlib
 import os
-import signal
 import sys
-import threading
 from collections.abc import Sequence
 from contextlib import suppress
 from typing import Any, NoReturn
@@ -19,6 +17,7 @@ from automap import __version__
 from automap.errors import AutoMapError, ConfigError, of_system
 from pipeline.cli.command import show_failure
 from pipeline.cli.streams import outlast_readers
+from pipeline.shared.interrupts import interruptible, told_to_end, uninterruptible
 
 # small matrices only: a pool of threads costs more than it brings, and numpy starts it at import
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -133,14 +132,14 @@ def main(args: Sequence[str] | None = None) -> NoReturn:
     # the first that is registered is the last that is called
     atexit.register(lambda: _leave(code))
     try:
-        _interruptible()
+        interruptible()
         outlast_readers()
         begun = True
         code = run_command(words)
         done = True
-        _uninterruptible()
+        uninterruptible()
     except KeyboardInterrupt:
-        _uninterruptible()
+        uninterruptible()
         if not begun:
             code = _end_interrupted(words)
         elif not done:
@@ -159,28 +158,6 @@ def _leave(code: int) -> NoReturn:
         with suppress(AutoMapError, OSError, ValueError):
             stream.flush()
     os._exit(code)
-
-
-_interrupted = threading.Event()
-
-
-def _interrupt(signum: int, frame: Any) -> None:
-    _interrupted.set()
-    raise KeyboardInterrupt
-
-
-def _interruptible() -> None:
-    """Take away what a command has begun when it is told to end, as on Ctrl-C."""
-    signal.signal(signal.SIGTERM, _interrupt)
-    # ignored is what a shell makes it for what runs in the background
-    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
-        signal.signal(signal.SIGINT, _interrupt)
-
-
-def _uninterruptible() -> None:
-    """All is done, and Python takes a moment to end: what comes now is not to be the exit code."""
-    for number in (signal.SIGTERM, signal.SIGINT):
-        signal.signal(number, signal.SIG_IGN)
 
 
 def _end_interrupted(words: list[str]) -> int:
@@ -220,7 +197,7 @@ def run_command(words: list[str]) -> int:
         show_failure(error, debug)
         return error.exit_code
     except Exception as error:
-        if _interrupted.is_set():
+        if told_to_end.is_set():
             # a compiled module makes an error of its own of an interrupt while it is loaded
             return _end_interrupted(words)
         # of a file that is merely looked for; what is read or written has sentences of its own

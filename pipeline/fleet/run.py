@@ -17,6 +17,7 @@ from pipeline.fleet.fork_server import end_idle
 from pipeline.fleet.orders import Order, key_of
 from pipeline.fleet.store import ASIDE, Entry, Store
 from pipeline.fleet.task import Result, run_task
+from pipeline.shared.interrupts import told_to_end
 from pipeline.shared.progress import Progress
 
 if TYPE_CHECKING:
@@ -30,6 +31,8 @@ LOST = 10
 fault, but a drive that ends its machine must not go round for ever."""
 PATIENCE = "20s"
 """For a scheduler to answer."""
+_LOOK_S = 0.1
+"""How often Dask looks itself whether a drive is done."""
 MORE = 2
 """Times the memory, for a drive that lacked it."""
 
@@ -126,7 +129,12 @@ class _Round:
 
         running = {self._submit(one): one for one in tries}
         futures = as_completed(list(running), loop=self.client.loop)
-        for future in futures:
+        while running:
+            if told_to_end.wait(0.0 if futures.has_ready() else _LOOK_S):
+                raise KeyboardInterrupt
+            if not futures.has_ready():
+                continue
+            future = next(futures)
             one = running.pop(future)
             result = self._result(future, one)
             again = self._settled(one, result)

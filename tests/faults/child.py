@@ -104,13 +104,13 @@ def start(
             os.chdir(cwd)
         from pipeline.cli import main, root
 
-        listen = root._interruptible
+        listen = root.interruptible
 
         def listening() -> None:
             listen()
             signal.pthread_sigmask(signal.SIG_UNBLOCK, _TOLD)
 
-        root._interruptible = listening
+        root.interruptible = listening
         before()
         try:
             main([os.fsdecode(word) for word in words])

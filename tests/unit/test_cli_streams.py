@@ -114,11 +114,11 @@ def test_an_interrupt_when_the_command_is_done_is_not_the_exit_code(number: sign
     program = (
         "import os\n"
         "from pipeline.cli import root\n"
-        "end = root._uninterruptible\n"
+        "end = root.uninterruptible\n"
         "def late():\n"
-        "    root._uninterruptible = end\n"
+        "    root.uninterruptible = end\n"
         f"    os.kill(os.getpid(), {int(number)})\n"
-        "root._uninterruptible = late\n"
+        "root.uninterruptible = late\n"
         "root.run_command = lambda words: 3\n"
         "root.main(['--version'])\n"
     )

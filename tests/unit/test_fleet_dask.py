@@ -7,6 +7,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -231,6 +232,8 @@ def test_an_interrupt_ends_a_run_cleanly(tmp_path: Path) -> None:
     store = make_store(tmp_path, range(6))
     code = (
         "import test_fleet_dask as t\n"
+        "from pipeline.shared.interrupts import interruptible\n"
+        "interruptible()\n"
         "try:\n"
         f"    t.run_slowly({store.place.url!r}, task=t.more_slowly)\n"
         "except KeyboardInterrupt:\n"
@@ -242,6 +245,17 @@ def test_an_interrupt_ends_a_run_cleanly(tmp_path: Path) -> None:
     assert child.wait(60) == 130
     done = sum(entry.state() == "done" for entry in store.entries())
     assert 1 <= done < 6
+
+
+def test_an_interrupt_that_was_lost_in_a_library_ends_a_run_too(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    store = make_store(tmp_path, range(3))
+    told = threading.Event()
+    monkeypatch.setattr("pipeline.fleet.run.told_to_end", told)
+    with pytest.raises(KeyboardInterrupt):
+        run(store, ORDER, workers=1, task=slowly, progress=lambda done, text: told.set())
+    assert sum(entry.state() == "done" for entry in store.entries()) < 3
 
 
 @contextmanager
