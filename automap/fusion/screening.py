@@ -43,7 +43,8 @@ def screen_fixes(model: FixModel, tau_s: float) -> Screening:
     """Raise the white position variance of fixes that contradict the drive's majority.
 
     ``tau_s`` correlation time of the receiver's slow error. The distance of a fix from the
-    smoothed path of all others counts against its white and slow error together.
+    smoothed path of all others counts against its white and slow error together, and against
+    what most fixes of the drive lie off where that is more.
     """
     use = np.flatnonzero((model.flags & HAS_POS_H) > 0)
     use = use[np.concatenate([[True], np.diff(model.t[use]) > 0])] if len(use) else use
@@ -79,6 +80,8 @@ def screen_fixes(model: FixModel, tau_s: float) -> Screening:
             )
             miss[:, axis] = ned[:, axis] - out[:, 0]
         squared = (miss**2 / expected[:, :2]).sum(axis=1)
+        # a receiver that errs by more than it states is not wild at every fix in four
+        squared /= max(float(np.median(squared)) / gate(0.5, 2), 1.0)
         distance = np.hypot(miss[:, 0], miss[:, 1])
         before = extra
         extra = np.where(squared > outlier_from, (limits.OUTLIER_SD * distance) ** 2, 0.0)

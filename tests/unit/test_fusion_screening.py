@@ -63,6 +63,17 @@ def test_good_fixes_stay_as_they_are(seed: int) -> None:
     assert found.fixes is model
 
 
+def test_a_receiver_that_errs_by_more_than_it_states_is_not_wild_at_every_fix() -> None:
+    model = _drive()
+    var = model.white_var.copy()
+    var[:, :3] /= 9.0
+    boast = replace(model, white_var=var, stated_sd=np.full((len(var), 3), 0.1))
+    assert screen_fixes(boast, 60.0).n_outliers < 5
+    found = screen_fixes(_moved(boast, slice(200, 250), 30.0), 60.0)
+    assert set(range(200, 250)) <= set(found.outliers.tolist())
+    assert found.n_outliers < 55
+
+
 @pytest.mark.parametrize("lag_s", [0.15, 0.3])
 def test_old_velocities_make_no_position_wild(lag_s: float) -> None:
     # hard braking and starting, velocities of a while ago
