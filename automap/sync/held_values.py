@@ -180,3 +180,15 @@ def told_again(fixes: Fixes) -> BoolArray:
     step_s, own_s = (float(np.nanmedian(np.diff(t))) for t in (fixes.gps_s, fixes.gps_s[~same]))
     measured = np.diff(np.floor((late + 0.5 * step_s) / own_s), prepend=0.0) > 0.0
     return np.asarray(same & (moves | ~measured))
+
+
+def held_at_rest(fixes: Fixes) -> BoolArray:
+    """Rows [n] that repeat the position of the row before, to the digit, where no speed is told.
+
+    A receiver that holds still measures nothing there, and is still held while a vehicle begins to
+    move; with these rows the noise of its positions would seem as small.
+    """
+    same = np.zeros(len(fixes), np.bool_)
+    place = np.column_stack([fixes.lat_rad, fixes.lon_rad])
+    same[1:] = np.all(place[1:] == place[:-1], axis=1)
+    return np.asarray(same & np.all(fixes.vel_ned[:, :2] == 0.0, axis=1))

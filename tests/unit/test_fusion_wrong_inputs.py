@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 from tempfile import TemporaryFile
@@ -20,6 +21,7 @@ from automap.fusion.doubts.outcome import unsure_path
 from automap.fusion.doubts.path import Misses
 from automap.fusion.doubts.receiver import overstated, receiver_doubts, usable_fixes
 from automap.fusion.engine import fuse_imu_gnss
+from automap.fusion.measurements.velocity import velocity_errors
 from automap.fusion.options import FusionOptions
 from automap.fusion.result import FusionResult, Prior
 from automap.fusion.verdict import weigh
@@ -160,3 +162,26 @@ def test_a_path_told_twice_is_no_witness_against_the_imu() -> None:
     assert usable_receiver(drive, recording)[1] is not None
     crossed = replace(fixes, vel_ned=fixes.vel_ned[:, [1, 0, 2]])
     assert usable_receiver(drive, replace(recording, fixes=crossed))[1] is None
+
+
+def test_a_receiver_that_holds_still_measures_nothing_meanwhile() -> None:
+    fixes = receive(city_drive(120.0, 9), Receiver(rate=1.0), 9)
+    speed = np.hypot(*fixes.vel_ned[:, :2].T)
+    slow = speed < 1.5
+    last_row = np.maximum.accumulate(np.where(slow, 0, np.arange(len(fixes))))
+    held = replace(
+        fixes,
+        lat_rad=fixes.lat_rad[last_row],
+        lon_rad=fixes.lon_rad[last_row],
+        vel_ned=np.where(slow[:, None], 0.0, fixes.vel_ned),
+    )
+    usable = usable_fixes(held, velocity_consistency(held))
+    assert np.count_nonzero(slow) > 5
+    repeats = np.arange(len(fixes)) > last_row
+    assert (np.isnan(usable.lat_rad) == repeats).all()
+    # any speed up to the least that is told
+    sd = velocity_errors(usable, np.ones(len(fixes)), FusionOptions())
+    least = speed[~slow].min() / math.sqrt(3.0)
+    assert sd[slow, :2] == pytest.approx(least)
+    assert (sd[~slow, :2] < least).all()
+    assert np.isfinite(usable_fixes(fixes, velocity_consistency(fixes)).lat_rad).all()

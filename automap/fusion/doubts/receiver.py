@@ -19,6 +19,7 @@ from automap.fusion.options import FusionOptions
 from automap.gates import sd_by_median
 from automap.records import BoolArray, Fixes, FixType, FloatArray, ReceiverFilter
 from automap.sync.between_fixes import nothing_new
+from automap.sync.held_values import held_at_rest
 from automap.sync.limits import DELAY_SD_S
 from automap.sync.path_match import Estimate
 from automap.sync.velocity_findings import Interval, VelocityConsistency, told_intervals
@@ -32,7 +33,8 @@ def usable_fixes(fixes: Fixes, found: VelocityConsistency) -> Fixes:
     north are turned to that of the positions, positions older than their velocities are dated back.
     """
     again = nothing_new(fixes)
-    velocity, position = fixes.vel_ned.copy(), found.unusable_position(fixes) | again
+    velocity = fixes.vel_ned.copy()
+    position = found.unusable_position(fixes) | again | held_at_rest(fixes)
     velocity[again] = np.nan
     velocity[found.unusable_velocity(fixes), :2] = np.nan
     velocity[found.unusable_vertical_velocity(fixes), 2] = np.nan
