@@ -10,14 +10,12 @@ from automap.records import FloatArray, IntArray
 
 class Samples(NamedTuple):
     """Samples: ``t`` [n] s, ``raw`` [n, 6] rates and forces, ``extra`` [n, e] extra basis
-    signals, ``force`` [n, 3] the forces low-passed without delay, ``calm`` [n, 3] what rates
-    without the noise of single readings are more than these, ``shocks`` [n, 2] PSD that shocks add
-    to the noise of force and rate."""
+    signals, ``calm`` [n, 6] what rates and forces without the noise of single readings are more
+    than these, ``shocks`` [n, 2] PSD that shocks add to the noise of force and rate."""
 
     t: FloatArray
     raw: FloatArray
     extra: FloatArray
-    force: FloatArray
     calm: FloatArray
     shocks: FloatArray
 
@@ -63,11 +61,11 @@ class Legs(NamedTuple):
 
     ``trans`` [k, 9, n] transition rows, ``off`` [k, 9] the state that is reached less the one
     linearised about; ``rate`` [k, 3] mean rate, ``now`` [k, 6] rate without the noise of its
-    reading and force at the node, ``mid`` [k, 6 + e] the last reading in the middle of a step and
-    extra signals, ``place`` [k, 9] the terms of the place, ``at`` [k] the sample at the node or
-    before it, ``steps`` [k] running total of the steps of integration; of each of these ``dvn``
-    [m, 3] m/s what forces change the velocity by, ``dt`` [m] s, and the sample before it,
-    ``since`` [m].
+    reading and force at the node, ``mid`` [k, 6 + e] the last reading in the middle of a step,
+    without its noise, and extra signals, ``place`` [k, 9] the terms of the place, ``at`` [k] the
+    sample at the node or before it, ``steps`` [k] running total of the steps of integration; of
+    each of these ``dvn`` [m, 3] m/s what forces change the velocity by, ``dt`` [m] s, and the
+    sample before it, ``since`` [m].
     """
 
     trans: FloatArray

@@ -158,18 +158,15 @@ a consumer sensor may warm up in between."""
 
 # readings
 
-FORCE_WINDOW_S = 0.2
-"""Over this time forces are averaged where the acceleration of the vehicle is wanted. Vibration
-left in it would count as slope that a delay explains, and hold the delay back."""
 SWAY_HZ = 5.0
 """Bodies sway on their springs at 1 to 3 Hz, and wheels hop at 8 to 15 Hz (Gillespie, Fundamentals
-of Vehicle Dynamics, chapter 5): a turn rate that is faster moves no antenna that a receiver sees,
+of Vehicle Dynamics, chapter 5): what is faster moves no antenna that a receiver sees,
 but shakes the IMU."""
 FLOOR_HZ, FLOOR_BAND_HZ = 20.0, 2.0
-"""White noise of a gyro is told up to here, where the low-passes of sensors begin (MPU-6050: 20 Hz
+"""White noise of a sensor is told up to here, where its own low-pass begins (MPU-6050: 20 Hz
 and more are usual), by bands so wide: of a minute each is good to a tenth."""
 SPECTRUM_S = 4.0
-"""Spectra of turn rates are over so long: four periods of the slowest swaying."""
+"""Spectra of readings are over so long: four periods of the slowest swaying."""
 STEADY_GAP_STEPS = 3.0
 """A step between stamps of so many usual ones is a gap: two samples are missing."""
 SHORT_GAP_S, GAP_ROWS = 1.0, 20_000

@@ -24,12 +24,12 @@ from automap.effects.user import is_users, user_signal
 from automap.fusion.aside import Columns, columns_in
 from automap.fusion.kernels import ModelArrays, Samples
 from automap.fusion.layout import N_NAV
-from automap.fusion.limits import FORCE_WINDOW_S, MAX_INFLATION, REFUSED_INFLATION
+from automap.fusion.limits import MAX_INFLATION, REFUSED_INFLATION
 from automap.fusion.model import StateModel
 from automap.fusion.nodes import Nodes
 from automap.fusion.options import FusionOptions
 from automap.fusion.shocks import shock_noise
-from automap.fusion.steady_rate import steady_rate
+from automap.fusion.steady_readings import steady
 from automap.fusion.unusable_readings import gap_noise
 from automap.gates import gate
 from automap.records import BoolArray, FloatArray, ImuData, IntArray
@@ -108,22 +108,18 @@ def samples_of(
     imu: ImuData, options: FusionOptions, made_noise: FloatArray | None = None
 ) -> Samples:
     """A recording as the filter reads it, whatever the model: without extra signals."""
-    from scipy.ndimage import uniform_filter1d
-
     t = np.asarray((imu.t_ns - imu.t_ns[0]) * 1e-9)
     step = float(np.median(np.diff(t)))
     raw = _for_linear_steps(imu, t, step)
-    width = max(2 * round(0.5 * FORCE_WINDOW_S / step) + 1, 1)
-    force = uniform_filter1d(imu.accel, width, axis=0, mode="nearest")
     gaps = (options.gap_factor * step, options.gap_force_sd, options.gap_rate_sd)
     shocks = gap_noise(t, imu.gyro, imu.accel, *gaps)
     if options.shocks:
         shocks += shock_noise(imu.gyro, imu.accel, step)
     if made_noise is not None:
         shocks = shocks + made_noise
-    calm = steady_rate(t, imu.gyro)
-    calm -= raw[:, :3]
-    return Samples(t, raw, np.zeros((len(t), 0)), np.ascontiguousarray(force), calm, shocks)
+    calm = np.column_stack([steady(t, imu.gyro), steady(t, imu.accel)])
+    calm -= raw
+    return Samples(t, raw, np.zeros((len(t), 0)), calm, shocks)
 
 
 def with_options(problem: Problem, options: FusionOptions | None = None) -> Problem:

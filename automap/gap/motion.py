@@ -90,7 +90,7 @@ def motion_of(last: Pass) -> Motion:
     acc = np.einsum("nij,nj->ni", dcm, force)
     acc[:, 2] += float(gravity(float(dense[0, 0]), float(dense[0, 2])))
     rate = readings[:, :3]
-    calm = rate + last.problem.samples.calm
+    calm = rate + last.problem.samples.calm[:, :3]
     return Motion(t, dense[:, :3], dense[:, 3:6], dcm, rate, readings[:, 3:], acc, calm)
 
 
@@ -319,7 +319,7 @@ def _path(motion: Motion) -> FloatArray:
 def _steady(last: Pass, motion: Motion) -> FloatArray:
     """The acceleration [n, 3] NED over ground that the filter multiplies delays with."""
     samples = last.problem.samples
-    force = motion.force + samples.force - samples.raw[:, 3:]
+    force = motion.force + samples.calm[:, 3:]
     acc = np.einsum("nij,nj->ni", motion.dcm, force)
     acc[:, 2] += float(gravity(float(motion.pos[0, 0]), float(motion.pos[0, 2])))
     return np.asarray(acc)

@@ -91,13 +91,14 @@ def rates_of_motion(
 
 @dataclass(frozen=True)
 class Readings:
-    """Readings ``gyro``, ``accel`` [n, 3] at ``t`` [n], linear between, and the rates ``calm``
-    [n, 3] that lever arms take."""
+    """Readings ``gyro``, ``accel`` [n, 3] at ``t`` [n], linear between, and those without noise,
+    ``calm_gyro``, ``calm_accel`` [n, 3], that lever arms and scale errors take."""
 
     t: FloatArray
     gyro: FloatArray
     accel: FloatArray
-    calm: FloatArray
+    calm_gyro: FloatArray
+    calm_accel: FloatArray
 
     def at(self, t: float, values: FloatArray) -> FloatArray:
         """Values [n, 3] between the samples."""
@@ -166,6 +167,15 @@ class DenseFilter:
         scale = self._triple(par, f"{sensor}_scale")
         return (values - self._triple(par, f"{sensor}_bias")) / (1.0 + scale)
 
+    def _felt(self, par: FloatArray, t: float, sensor: str) -> FloatArray:
+        """The true readings at an instant, of which only what is calm changes with ``par``."""
+        noisy, calm = (
+            self.readings.at(t, getattr(self.readings, name)) for name in (sensor, f"calm_{sensor}")
+        )
+        own = par[:1]
+        change = self._true(par, calm, sensor) - self._true(own, calm, sensor)
+        return self._true(own, noisy, sensor) + change
+
     def _steps(self) -> FloatArray:
         """Steps [n] of the difference quotients."""
         size = {"accel_bias": 1e-3, "gyro_bias": 1e-5, "gyro_scale": 1e-4, "accel_scale": 1e-4}
@@ -174,12 +184,9 @@ class DenseFilter:
 
     def _step(self, state: State, t0: float, t1: float) -> State:
         """Runge and Kutta's fourth order over a piece in which readings are linear."""
-        r = self.readings
         ends = [
-            (self._true(state.par, r.at(t, r.gyro), "gyro"),
-             self._true(state.par, r.at(t, r.accel), "accel"))
-            for t in (t0, t1)
-        ]  # fmt: skip
+            (self._felt(state.par, t, "gyro"), self._felt(state.par, t, "accel")) for t in (t0, t1)
+        ]
         middle = tuple(0.5 * (a + b) for a, b in zip(*ends, strict=True))
         h = t1 - t0
 
@@ -240,8 +247,8 @@ class DenseFilter:
         as of ``about``.
         """
         r, par = self.readings, state.par
-        rate = self._true(about.par, r.at(seen.t, r.calm)[None], "gyro")
-        force = self._true(about.par, r.at(seen.t, r.accel)[None], "accel")
+        rate = self._true(about.par, r.at(seen.t, r.calm_gyro)[None], "gyro")
+        force = self._true(about.par, r.at(seen.t, r.calm_accel)[None], "accel")
         place = about.place[0]
         acceleration = (about.c[0] @ force[0]) + [0.0, 0.0, float(gravity(place[0], place[2]))]
         mount, lever, arm = self._installation(par)

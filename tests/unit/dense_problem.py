@@ -24,7 +24,7 @@ from automap.fusion.options import FusionOptions
 from automap.fusion.output import Innovations, innovations
 from automap.fusion.problem import Problem, make_problem
 from automap.fusion.sections import filter_and_smooth
-from automap.fusion.steady_rate import steady_rate
+from automap.fusion.steady_readings import steady
 from tests.unit.dense_filter import DenseFilter, Readings, Seen, State, Trace, smooth
 from tests.unit.fusion_drive import BASE_NS, Sensor, record
 from tests.unit.fusion_motion import Motion, make_motion
@@ -242,7 +242,7 @@ def solve_both() -> Both:
     linear = readings.copy()
     linear[1:-1] -= np.diff(readings, 2, axis=0) / 12.0
     dense = DenseFilter(
-        Readings(t, linear[:, :3], linear[:, 3:], steady_rate(t, imu.gyro)),
+        Readings(t, linear[:, :3], linear[:, 3:], steady(t, imu.gyro), steady(t, imu.accel)),
         model.names,
         tau={f"gnss_correlated_noise_{a}": 6.0 for a in "ned"}
         | {f"gnss_multipath_{a}": 2.5 for a in "ned"}

@@ -58,7 +58,7 @@ def fusion_readings() -> Any:
     """What is found in an IMU's readings by themselves."""
     from automap.fusion.rest_noise import rest_density
     from automap.fusion.shocks import shock_noise
-    from automap.fusion.steady_rate import steady_rate, wiener_weights
+    from automap.fusion.steady_readings import steady, wiener_weights
     from automap.fusion.stuck_readings import clipped_axes, frozen_axes
     from automap.fusion.unusable_readings import bridge_noise, bridge_unusable
     from automap.fusion.wheel_match import runs, step_of
@@ -73,7 +73,7 @@ def fusion_readings() -> Any:
     speed = np.repeat(np.round(np.abs(np.sin(np.arange(60.0))) * 20.0, 1), 3)
     return {
         "shocks": shock_noise(imu.gyro, imu.accel, 0.04),
-        "steady": steady_rate(t, imu.gyro),
+        "steady": steady(t, imu.gyro),
         "wiener": wiener_weights(imu.gyro[:, 2], 0.04, 40),
         "frozen": frozen_axes(hurt, np.ones(len(imu.t_ns), bool)),
         "clipped": clipped_axes(hurt),

@@ -299,7 +299,7 @@ def small_problem(seed: int = 0, **options: Any) -> tuple[Any, Any, Any]:
 @scenario
 def fusion_bridges() -> Any:
     """Wild and frozen readings at the ends and in the middle, axes that hang, noise of shocks."""
-    from automap.fusion import rest_noise, shocks, steady_rate, unusable_readings
+    from automap.fusion import rest_noise, shocks, steady_readings, unusable_readings
     from automap.fusion.options import FusionOptions
     from automap.fusion.stuck_readings import clipped_axes, frozen_axes
 
@@ -370,9 +370,11 @@ def fusion_bridges() -> Any:
     rate = np.column_stack([0.3 * np.sin(0.8 * at), 0.1 * np.cos(9.0 * at), 0.2 * np.sin(3.0 * at)])
     rate += 0.05 * rng.normal(size=(m, 3)) + 0.1
     found["steady"] = [
-        steady_rate.steady_rate(at * scale, rate) for scale in (1.0, 0.4, 3.0, 8.0, 0.0)
-    ] + [steady_rate.steady_rate(at[:k], rate[:k]) for k in (1, 2, 799, 801)]
-    found["weights"] = [steady_rate.wiener_weights(rate[:, 1], 0.02, half) for half in (100, 31, 6)]
+        steady_readings.steady(at * scale, rate) for scale in (1.0, 0.4, 3.0, 8.0, 0.0)
+    ] + [steady_readings.steady(at[:k], rate[:k]) for k in (1, 2, 799, 801)]
+    found["weights"] = [
+        steady_readings.wiener_weights(rate[:, 1], 0.02, half) for half in (100, 31, 6)
+    ]
     return found
 
 

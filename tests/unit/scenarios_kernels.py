@@ -227,8 +227,7 @@ def _samples(rng: np.random.Generator, n: int, extra: int) -> Any:
         t,
         raw,
         rng.normal(size=(n, extra)),
-        rng.normal(0.0, 5.0, (n, 3)),
-        rng.normal(0.0, 0.2, (n, 3)),
+        rng.normal(size=(n, 6)) * np.repeat([0.2, 5.0], 3),
         rng.uniform(0.1, 0.5, (n, 2)),
     )
 
@@ -281,11 +280,11 @@ def kernels_readings() -> Any:
     from automap.fusion.kernels.integrate import reading_at
     from automap.fusion.kernels.readings import (
         acceleration,
-        calm_rate,
         correct,
         correction_of,
         raw_at,
         shift_of,
+        take_noise_out,
     )
 
     rng = _rng(5)
@@ -301,7 +300,7 @@ def kernels_readings() -> Any:
         "inverse": after(correction_of, TERMS, theta, samples.extra[2], matrix, shift),
         "shift": after(shift_of, TERMS, theta, samples.extra[3], matrix, shift),
         "correct": after(correct, samples.raw[2], matrix, shift, np.zeros(6)),
-        "calm": [after(calm_rate, samples, 3, t, np.ones(3)) for t in times],
+        "calm": [after(take_noise_out, samples, 3, t, 6, np.ones(6)) for t in times],
         "force": [
             after(acceleration, samples, 3, t, 9.7, c, np.array([0.3, -0.8, -9.1]), np.zeros(3))
             for t in times

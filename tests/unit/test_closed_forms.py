@@ -14,7 +14,7 @@ from automap.earth import from_local_ned
 from automap.errors import InputError
 from automap.fusion.doubts.path import Misses, contradicted
 from automap.fusion.limits import ROAD_ACCELERATION_PSD
-from automap.fusion.steady_rate import steady_rate
+from automap.fusion.steady_readings import steady
 from automap.fusion.wheel_limits import WHEELS_GAP_S
 from automap.fusion.wheel_match import between
 from automap.geolocation.bearing_rays import in_plane
@@ -286,7 +286,7 @@ def test_a_rate_is_calmed_but_where_its_window_has_a_gap() -> None:
     t = np.arange(0.0, 60.0, 0.01)
     rate = 0.3 * np.sin(0.5 * t)[:, None] + rng.normal(0.0, 0.01, (len(t), 3))
     t[2500:] += 5.0
-    out = steady_rate(t, rate)
+    out = steady(t, rate)
     changed = np.flatnonzero((out != rate).any(axis=1))
     half = int(changed[0])
     assert half > 50

@@ -46,7 +46,7 @@ def test_there_is_room_for_every_step(seed: int) -> None:
     inner = rng.uniform(times[0], times[-1], int(rng.choice([0, 1, 40])))
     nodes = np.sort(np.concatenate([inner, [times[0] - beyond[0], times[-1] + beyond[1]]]))
     wide = np.zeros((len(times), 6))
-    samples = Samples(times, wide, wide[:, :0], wide[:, :3], wide[:, :3], wide[:, :2])
+    samples = Samples(times, wide, wide[:, :0], wide, wide[:, :2])
     problem: Any = SimpleNamespace(
         arrays=SimpleNamespace(longest_step=GAP_S), model=SimpleNamespace(size=20)
     )

@@ -12,7 +12,6 @@ import pytest
 from automap.fusion import limits
 from automap.fusion.alignment import start_state
 from automap.fusion.layout import CHANNELS, NHC, ODOMETER, STANDSTILL, UNSIGNED, WHEEL_SPEED
-from automap.fusion.limits import FORCE_WINDOW_S
 from automap.fusion.measurements.velocity import told_later
 from automap.fusion.measurements.wheel_speed import Odometer
 from automap.fusion.model import build_state_model
@@ -223,21 +222,6 @@ def test_nodes_are_the_instants_of_all_that_was_measured_and_no_further_apart(se
     # an end of the span at which something was measured is no node of its own
     alone = np.sum((row < 0) & (wheel_row < 0) & ~filler)
     assert alone == 2 - np.isin(span, np.concatenate([fixes, wheels])).sum()
-
-
-def test_the_force_of_a_sample_is_the_mean_about_it() -> None:
-    """Of as many readings as there are within the window, an odd number of them."""
-    motion = city_drive(3.0, 3)
-    imu = record(motion, PERFECT, 1)
-    noise = np.random.default_rng(3).normal(size=imu.accel.shape)
-    imu = replace(imu, accel=imu.accel + noise)
-    problem = make_problem(imu, build_state_model(OPTIONS), OPTIONS)
-    step = float(np.median(np.diff(problem.t)))
-    beside = round(0.5 * FORCE_WINDOW_S / step)
-    assert beside > 2
-    for k in (beside, 70, len(imu.t_ns) - 1 - beside):
-        mean = imu.accel[k - beside : k + beside + 1].mean(axis=0)
-        assert problem.samples.force[k] == pytest.approx(mean)
 
 
 def test_late_courses_are_put_where_they_belong() -> None:

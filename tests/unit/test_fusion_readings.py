@@ -10,12 +10,12 @@ import pytest
 
 from automap.fusion.filtered import full_covariance
 from automap.fusion.kernel_runs import run_dense, run_forward
-from automap.fusion.kernels.readings import acceleration, calm_rate
+from automap.fusion.kernels.readings import acceleration, take_noise_out
 from automap.fusion.model import build_state_model
 from automap.fusion.nodes import Shift
 from automap.fusion.options import FusionOptions
 from automap.fusion.problem import Problem, make_problem
-from automap.fusion.steady_rate import steady_rate
+from automap.fusion.steady_readings import steady
 from automap.fusion.unusable_readings import gap_noise
 from automap.records import ImuData
 from tests.unit.fusion_drive import BASE_NS
@@ -106,26 +106,25 @@ def _growth(problem: Problem, t: tuple[float, float]) -> np.ndarray:
     return np.diag(cov[1] - cov[0])
 
 
-def test_a_calmed_rate_is_the_steady_one_at_any_instant() -> None:
-    """Reading and what is taken out of it add up to the best estimate of the rate, between samples
-    as well."""
+def test_a_reading_without_its_noise_is_the_steady_one_at_any_instant() -> None:
+    """Reading and what is taken out of it add up to the best estimate, between samples as well."""
     rng = np.random.default_rng(3)
     t = np.arange(6000) / 100.0
     turning = np.column_stack([0.1 * np.sin(0.8 * t), 0.05 * np.cos(1.1 * t), 0.3 * np.sin(t)])
     gyro = turning + 0.01 * rng.normal(size=turning.shape)
-    accel = np.tile([0.0, 0.0, -9.8], (len(t), 1))
+    accel = 4.0 * turning + [0.0, 0.0, -9.8] + 0.3 * rng.normal(size=turning.shape)
     imu = ImuData(BASE_NS + np.rint(t * 1e9).astype(np.int64), gyro, accel, None)
     problem = make_problem(imu, build_state_model(OPTIONS), OPTIONS)
-    steady = steady_rate(t, gyro)
+    best = np.column_stack([steady(t, gyro), steady(t, accel)])
     # the noise of the readings is out of it, the turns are not
     inside = slice(500, -500)
-    assert np.std((steady - turning)[inside]) < 0.5 * np.std((gyro - turning)[inside])
+    assert np.std((best[:, :3] - turning)[inside]) < 0.5 * np.std((gyro - turning)[inside])
     for at in (10.0, 20.004, 30.0075, 59.99):
-        i = int(np.searchsorted(t, at, "right")) - 1
-        rate = np.array([np.interp(at, t, problem.samples.raw[:, a]) for a in range(3)])
-        calm_rate(problem.samples, i, at, rate)
-        expected = [np.interp(at, t, steady[:, a]) for a in range(3)]
-        np.testing.assert_allclose(rate, expected, rtol=0.0, atol=1e-12)
+        i = min(int(np.searchsorted(t, at, "right")) - 1, len(t) - 2)
+        reading = np.array([np.interp(at, t, problem.samples.raw[:, a]) for a in range(6)])
+        take_noise_out(problem.samples, i, at, 6, reading)
+        expected = [np.interp(at, t, best[:, a]) for a in range(6)]
+        np.testing.assert_allclose(reading, expected, rtol=0.0, atol=1e-12)
 
 
 def test_a_gap_of_the_samples_adds_what_the_vehicle_may_have_done_in_it() -> None:
@@ -181,22 +180,22 @@ def test_a_shock_adds_noise_to_the_sensor_that_shows_it(first: int, column: int)
 
 
 @pytest.mark.parametrize(("t", "share"), [(2.0, 0.0), (2.15, 0.75), (2.9, 1.0)])
-def test_acceleration_and_calm_rate_are_those_between_two_samples(t: float, share: float) -> None:
+def test_acceleration_and_reading_without_noise_between_two_samples(t: float, share: float) -> None:
     rng = np.random.default_rng(2)
-    force, c, out = rng.normal(size=(3, 3)), rng.normal(size=(3, 3)), np.zeros(3)
+    c, out = rng.normal(size=(3, 3)), np.zeros(3)
     problem = make_problem(
         ImuData(BASE_NS + np.arange(40) * 20_000_000, np.zeros((40, 3)), np.ones((40, 3))),
         build_state_model(OPTIONS),
         OPTIONS,
     )
-    calm, raw, now = rng.normal(size=(3, 3)), rng.normal(size=(3, 6)), rng.normal(size=3)
-    samples: Any = problem.samples._replace(
-        t=np.array([1.0, 2.0, 2.2]), raw=raw, force=force, calm=calm
-    )
+    calm, now = rng.normal(size=(3, 6)), rng.normal(size=3)
+    samples: Any = problem.samples._replace(t=np.array([1.0, 2.0, 2.2]), calm=calm)
     acceleration(samples, 1, t, 9.8, c, now, out)
-    noise = raw[:, 3:] - force
+    noise = -calm[:, 3:]
     wanted = c @ (now - (1.0 - share) * noise[1] - share * noise[2]) + [0.0, 0.0, 9.8]
     assert out == pytest.approx(wanted)
-    rate = np.ones(3)
-    calm_rate(samples, 1, t, rate)
-    assert rate == pytest.approx(1.0 + (1.0 - share) * calm[1] + share * calm[2])
+    wanted = 1.0 + (1.0 - share) * calm[1] + share * calm[2]
+    for n in (3, 6):
+        reading = np.ones(6)
+        take_noise_out(samples, 1, t, n, reading)
+        assert reading == pytest.approx(np.where(np.arange(6) < n, wanted, 1.0))

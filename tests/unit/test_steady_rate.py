@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.signal import welch
 
-from automap.fusion.steady_rate import _spectrum, steady_rate
+from automap.fusion.steady_readings import _spectrum, steady
 from automap.records import FloatArray
 
 NOISE = 0.015
@@ -34,9 +34,9 @@ def test_noise_goes_and_motion_stays() -> None:
     true = swaying(t)
     noise = np.random.default_rng(1).normal(0.0, NOISE, true.shape)
     inner = slice(200, -200)
-    found = steady_rate(t, true + noise)[inner]
+    found = steady(t, true + noise)[inner]
     assert np.all(np.std(found - true[inner], axis=0) < 0.25 * NOISE)
-    assert np.all(np.std(steady_rate(t, true)[inner] - true[inner], axis=0) < 2e-3)
+    assert np.all(np.std(steady(t, true)[inner] - true[inner], axis=0) < 2e-3)
 
 
 def test_an_arm_by_such_a_rate_is_the_true_one() -> None:
@@ -49,7 +49,7 @@ def test_an_arm_by_such_a_rate_is_the_true_one() -> None:
         for axis in (0, 1):
             slopes = [
                 float(rate[inner, axis] @ true[:, axis] / (rate[inner, axis] @ rate[inner, axis]))
-                for rate in (readings, steady_rate(t, readings))
+                for rate in (readings, steady(t, readings))
             ]
             assert slopes[0] < 0.7
             assert slopes[1] == pytest.approx(1.0, abs=0.03)
@@ -59,14 +59,14 @@ def test_vibration_moves_no_antenna() -> None:
     t = at_100_hz(12_000)
     shaken = swaying(t) + 0.05 * np.sin(2 * np.pi * 25.0 * t)[:, None]
     inner = slice(200, -200)
-    assert np.all(np.std(steady_rate(t, shaken)[inner] - swaying(t)[inner], axis=0) < 2e-3)
+    assert np.all(np.std(steady(t, shaken)[inner] - swaying(t)[inner], axis=0) < 2e-3)
 
 
 def test_readings_beside_a_gap_and_at_the_ends_stay_as_they_are() -> None:
     t = np.concatenate([np.arange(0.0, 20.0, 0.01), np.arange(22.0, 40.0, 0.01)])
     rate = swaying(at_100_hz(len(t)))
     rate = rate + np.random.default_rng(2).normal(0.0, 0.01, rate.shape)
-    out = steady_rate(t, rate)
+    out = steady(t, rate)
     edge = int(np.searchsorted(t, 21.0))
     for rows in (slice(0, 200), slice(edge - 200, edge + 200), slice(len(t) - 200, None)):
         assert np.array_equal(out[rows], rate[rows])
@@ -77,14 +77,14 @@ def test_readings_beside_a_gap_and_at_the_ends_stay_as_they_are() -> None:
 def test_what_is_too_short_or_too_slow_stays_as_it_is(n: int) -> None:
     rate = np.random.default_rng(n).normal(0.0, 0.01, (n, 3))
     for step in (0.01, 0.2) if n < 300 else (0.2,):
-        assert np.array_equal(steady_rate(step / 0.01 * at_100_hz(n), rate), rate)
+        assert np.array_equal(steady(step / 0.01 * at_100_hz(n), rate), rate)
 
 
 def test_stamps_that_stand_still_and_axes_without_a_reading_do_no_harm() -> None:
     rate = swaying(at_100_hz(500))
-    assert np.array_equal(steady_rate(np.zeros(500), rate), rate)
+    assert np.array_equal(steady(np.zeros(500), rate), rate)
     t = at_100_hz(3000)
-    assert np.array_equal(steady_rate(t, np.zeros((3000, 3))), np.zeros((3000, 3)))
+    assert np.array_equal(steady(t, np.zeros((3000, 3))), np.zeros((3000, 3)))
 
 
 def test_the_spectrum_is_welchs() -> None:

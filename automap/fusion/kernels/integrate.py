@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from automap.fusion.arrays import Legs, ModelArrays, Samples
-from automap.fusion.kernels.readings import calm_rate, correct, correction_of, raw_at, shift_of
+from automap.fusion.kernels.readings import correct, correction_of, raw_at, shift_of, take_noise_out
 from automap.fusion.kernels.state import load_state, subtract
 from automap.fusion.kernels.transition import add_noise, add_transition, start_interval
 from automap.fusion.mechanisation import earth_terms, strapdown_step
@@ -43,7 +43,7 @@ def integrate(
     ``i`` the sample at or before ``t``; returns the one at or before ``t_end``, and the number of
     steps that there are then: those from ``done`` on are noted (see ``Legs``). ``rate`` [3]
     receives the mean corrected rate, ``now`` [6] the corrected reading at the end, ``mid`` [6 + e]
-    the last corrected reading and extra signals.
+    the last corrected reading, without its noise, and extra signals.
     """
     # taken out of the tuples once: in the loop that would count references at every access
     times, readings, extra = samples.t, samples.raw, samples.extra
@@ -85,6 +85,10 @@ def integrate(
         dt = nxt - t
         for a in range(6):
             mid[a] = 0.5 * (ra[a] + rb[a])
+        for a in range(3):
+            rate[a] += mid[a] * dt
+        # a noisy reading would bend the size that its own error is found to have
+        take_noise_out(samples, i, 0.5 * (t + nxt), 6, mid)
         for a in range(n_extra):
             mid[6 + a] = extra[i, a]
         if dt > 0.0:
@@ -100,8 +104,6 @@ def integrate(
                 dvns[done, a] = dvn[a]
             dts[done], since[done] = dt, i
             done += 1
-        for a in range(3):
-            rate[a] += mid[a] * dt
         for a in range(6):
             ra[a] = rb[a]
         t = nxt
@@ -203,7 +205,7 @@ def go(
             legs.dt,
             legs.since,
         )
-        calm_rate(samples, i, t_end, legs.now[k])
+        take_noise_out(samples, i, t_end, 3, legs.now[k])
     legs.at[k], legs.steps[k] = i, done
 
 
@@ -219,7 +221,8 @@ def begin(
     earth_terms(pos, model.earth_on, legs.place[0])
     reading_at(samples, model, i, t, xi, legs.rate[0], legs.mid[0])
     legs.now[0, :] = legs.mid[0, :6]
-    calm_rate(samples, i, t, legs.now[0])
+    take_noise_out(samples, i, t, 3, legs.now[0])
+    take_noise_out(samples, i, t, 6, legs.mid[0])
     legs.at[0], legs.steps[0] = i, 0
 
 

@@ -87,13 +87,14 @@ def correct(raw: FloatArray, matrix: FloatArray, shift: FloatArray, out: FloatAr
 
 
 @kernel
-def calm_rate(samples: Samples, i: int, t: float, rate: FloatArray) -> None:
-    """Take the noise of a single reading out of the rate [3] at ``t`` between samples i, i + 1."""
+def take_noise_out(samples: Samples, i: int, t: float, n: int, out: FloatArray) -> None:
+    """Take the noise of a single reading out of the first ``n`` of a corrected reading [6] at ``t``
+    between samples i, i + 1."""
     s = (t - samples.t[i]) / (samples.t[i + 1] - samples.t[i])
     s = min(max(s, 0.0), 1.0)
     d = samples.calm
-    for a in range(3):
-        rate[a] += d[i, a] + s * (d[i + 1, a] - d[i, a])
+    for a in range(n):
+        out[a] += d[i, a] + s * (d[i + 1, a] - d[i, a])
 
 
 @kernel
@@ -107,13 +108,12 @@ def acceleration(
     out: FloatArray,
 ) -> None:
     """Acceleration over ground NED [3] at ``t`` between samples i and i + 1, to first order:
-    of the corrected ``force`` [3] there, without what a single reading is off the mean by."""
+    of the corrected ``force`` [3] there, without the noise of a single reading."""
     s = (t - samples.t[i]) / (samples.t[i + 1] - samples.t[i])
     s = min(max(s, 0.0), 1.0)
-    raw, mean = samples.raw, samples.force
+    d = samples.calm
     out[0], out[1], out[2] = 0.0, 0.0, gravity
     for b in range(3):
-        before, after = mean[i, b] - raw[i, 3 + b], mean[i + 1, b] - raw[i + 1, 3 + b]
-        steady = force[b] + before + s * (after - before)
+        steady = force[b] + d[i, 3 + b] + s * (d[i + 1, 3 + b] - d[i, 3 + b])
         for a in range(3):
             out[a] += c[a, b] * steady

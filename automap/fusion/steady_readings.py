@@ -1,10 +1,12 @@
-"""Turn rates without the noise of single readings.
+"""Turn rates and specific forces without the noise of single readings.
 
-What a lever arm adds to a velocity is the turn rate times the arm. With the noise of a single
-reading in the rate, a short arm fits better than the true one, which adds that noise to every
-prediction (errors in variables; Fuller, 1987): low-cost gyros had antennas a metre off. A rate
-that is the best estimate from the readings does not do so: what it misses is not correlated with
-it (regression calibration; Carroll et al., Measurement Error in Nonlinear Models, 2006, chapter 4).
+What a lever arm adds to a velocity is the turn rate times the arm, and what a scale error adds to a
+force is the force times the error. With the noise of a single reading in these, a short arm fits
+better than the true one, which adds that noise to every prediction, and a sensor that seems to read
+too much better than a right one (errors in variables; Fuller, 1987): low-cost gyros had antennas a
+metre off, and accelerometers that were shaken by 1.2 m/s^2 a scale error of up to 20 %. What is the
+best estimate from the readings does not do so: what it misses is not correlated with it (regression
+calibration; Carroll et al., Measurement Error in Nonlinear Models, 2006, chapter 4).
 """
 
 from __future__ import annotations
@@ -24,29 +26,29 @@ STRETCHES = 256
 """Stretches of a spectrum at a time; bounds the memory."""
 
 
-def steady_rate(t: FloatArray, rate: FloatArray) -> FloatArray:
-    """Rates [n, 3] rad/s at times [n] s as a Wiener filter of both directions sees them; as they
-    are within ``SPECTRUM_S / 2`` of gaps and ends, and where sampling is too slow for it."""
+def steady(t: FloatArray, readings: FloatArray) -> FloatArray:
+    """Readings [n, 3] at times [n] s as a Wiener filter of both directions sees them; as they are
+    within ``SPECTRUM_S / 2`` of gaps and ends, and where sampling is too slow for it."""
     from scipy.signal import oaconvolve
 
     if len(t) < 2:
-        return rate.copy()
+        return readings.copy()
     step = np.diff(t)
     usual = float(np.median(step))
     half = round(0.5 * SPECTRUM_S / usual) if usual > 0.0 else 0
     if half < 2 or 0.5 / usual < 2.0 * SWAY_HZ or len(t) < 4 * half:
-        return rate.copy()
-    out, mean = rate.copy(), rate.mean(axis=0)
-    for axis in range(rate.shape[1]):
-        weights = wiener_weights(rate[:, axis], usual, half)
-        moved = oaconvolve(rate[:, axis] - mean[axis], weights, mode="valid")
+        return readings.copy()
+    out, mean = readings.copy(), readings.mean(axis=0)
+    for axis in range(readings.shape[1]):
+        weights = wiener_weights(readings[:, axis], usual, half)
+        moved = oaconvolve(readings[:, axis] - mean[axis], weights, mode="valid")
         out[half:-half, axis] = mean[axis] + moved
     gaps = np.flatnonzero(step > STEADY_GAP_STEPS * usual)
     near = np.zeros(len(t) + 1, np.int64)
     np.add.at(near, np.maximum(gaps + 1 - half, 0), 1)
     np.add.at(near, np.minimum(gaps + 1 + half, len(t)), -1)
     raw = np.cumsum(near[:-1]) > 0
-    out[raw] = rate[raw]
+    out[raw] = readings[raw]
     return out
 
 
