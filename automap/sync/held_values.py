@@ -183,12 +183,16 @@ def told_again(fixes: Fixes) -> BoolArray:
 
 
 def held_at_rest(fixes: Fixes) -> BoolArray:
-    """Rows [n] that repeat the position of the row before, to the digit, where no speed is told.
+    """Rows [n] that repeat the position of the row before, to the digit and for long, where no
+    speed is told.
 
     A receiver that holds still measures nothing there, and is still held while a vehicle begins to
     move; with these rows the noise of its positions would seem as small.
     """
-    same = np.zeros(len(fixes), np.bool_)
+    held = np.zeros(len(fixes), np.bool_)
     place = np.column_stack([fixes.lat_rad, fixes.lon_rad])
-    same[1:] = np.all(place[1:] == place[:-1], axis=1)
-    return np.asarray(same & np.all(fixes.vel_ned[:, :2] == 0.0, axis=1))
+    same = np.all(place[1:] == place[:-1], axis=1) & np.all(fixes.vel_ned[1:, :2] == 0.0, axis=1)
+    for first, last in repeated(same):
+        if last - first >= limits.LEAST_REPEATS:
+            held[first + 1 : last + 1] = True
+    return held

@@ -100,7 +100,7 @@ def recorded(
     result = fuse_imu_gnss(
         imu, select(fixes, ~mask), clock, FusionOptions(), Prior(0.0, 0.1), lever_arm=None
     )
-    good = mask & (fixes.fix_type == FixType.FIXED)
+    good = mask & (fixes.fix_type == FixType.FIXED) & np.isfinite(fixes.lat_rad)
     forward, smoothed = [], []
     for trajectory, out in ((result.filtered, forward), (result.trajectory, smoothed)):
         horizontal = antenna_errors(trajectory, result, select(fixes, good))
