@@ -7,14 +7,14 @@ no network is referred to.
 from __future__ import annotations
 
 import base64
-import re
-from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from xml.etree import ElementTree as Xml
 
-from automap.export.fields import ROAD_FIELDS, SIGN_FIELDS, Field
-from automap.export.icons import sign_words
+from automap.export.assemblies import ASSEMBLY_FIELDS
+from automap.export.dictionary import OBSERVATION_FIELDS, TRACK_FIELDS
+from automap.export.fields import ROAD_FIELDS, SIGN_FIELDS, STAMP_FIELDS, Field
+from automap.export.icons import words_apart
 from automap.export.kml_cells import clean_text
 from automap.export.kml_track import SIGMA_COLOURS, UNKNOWN_COLOUR
 from automap.export.sld import ellipse_sld, sign_sld, track_sld
@@ -38,9 +38,12 @@ class QgisStyle:
     sld: str = ""
 
 
+_OF_SIGNS = (*SIGN_FIELDS, *ROAD_FIELDS, *STAMP_FIELDS)
 _SIZE_MM = "CASE WHEN @map_scale < 5000 THEN 7 WHEN @map_scale < 30000 THEN 4 ELSE 2 END"
 """Of a sign: faces to be read in a street, dots in a town, where thousands would cover it."""
 _ARROW_SCALE = 5000
+_ARROW = {"name": "arrow", "offset": "0,-5.5", "offset_unit": "MM"}
+"""Beyond the face's 3.5 mm. No triangle: turned by 120 deg it looks the same."""
 _TIP = """<b>[% coalesce("name", "class") %]</b> [% coalesce("code", '') %]<br>
 <img height="90" src="[% 'file:///' || regexp_replace(decode_uri(@layer, 'path'), '[^/]*$', '') ||
 "picture_file" %]"><br>
@@ -79,7 +82,7 @@ def sign_style(
     A class without a picture is a dot in its colour (#rrggbb). The form has the columns ``fields``.
     """
     root, renderer = _document("categorizedSymbol", {"attr": "class"})
-    names = _legend_names(colours)
+    names = words_apart(colours)
     categories = Xml.SubElement(renderer, "categories")
     symbols = Xml.SubElement(renderer, "symbols")
     for number, (name, colour) in enumerate(sorted(colours.items())):
@@ -97,8 +100,7 @@ def sign_style(
     _range_or_category(categories, "category", len(colours), "other", value="")
     _symbol(symbols, len(colours), "marker", "SimpleMarker", _dot(UNKNOWN_COLOUR, "3"))
     _labels(root, "name", scale=2500)
-    _columns(root, (*SIGN_FIELDS, *ROAD_FIELDS))
-    Xml.SubElement(root, "previewExpression").text = 'concat("name", \' \', "id")'
+    _columns(root, _OF_SIGNS, 'concat("name", \' \', "id")')
     Xml.SubElement(root, "mapTip").text = _TIP
     _form(root, fields)
     return QgisStyle("signs", _text(root), "faces by class", sign_sld(colours, names))
@@ -126,6 +128,7 @@ def track_style(limits: Sequence[float], labels: Sequence[str]) -> QgisStyle:
             {"line_color": _rgba(colour), "line_width": "1", "line_width_unit": "MM",
              "capstyle": "round", "joinstyle": "round"},
         )  # fmt: skip
+    _columns(root, TRACK_FIELDS, '"utc"')
     return QgisStyle("trajectory", _text(root), "horizontal sigma", track_sld(limits, labels))
 
 
@@ -141,6 +144,7 @@ def ellipse_style() -> QgisStyle:
         {"color": _rgba("#888888", 64), "outline_color": _rgba("#444444"), "style": "solid",
          "outline_width": "0.26", "outline_width_unit": "MM", "outline_style": "solid"},
     )  # fmt: skip
+    _columns(root, _OF_SIGNS, 'concat("name", \' \', "id")')
     return QgisStyle("ellipses", _text(root), "95 % of the horizontal position", ellipse_sld())
 
 
@@ -150,6 +154,7 @@ def assembly_style() -> QgisStyle:
     _symbol(
         Xml.SubElement(renderer, "symbols"), 0, "marker", "SimpleMarker", _dot("#444444", "1.2")
     )
+    _columns(root, ASSEMBLY_FIELDS, 'concat("kind", \' \', "id")')
     return QgisStyle("assemblies", _text(root), "posts and gantries")
 
 
@@ -158,9 +163,10 @@ def observation_style() -> QgisStyle:
     root, renderer = _document("singleSymbol", {})
     shown = {"hasScaleBasedVisibilityFlag": "1", "minScale": str(_SEEN_SCALE), "maxScale": "0"}
     root.attrib.update(shown)
-    _symbol(
-        Xml.SubElement(renderer, "symbols"), 0, "marker", "SimpleMarker", _dot(UNKNOWN_COLOUR, "1")
-    )
+    # without a rim: rims of hundreds would hide the path below
+    dot = _dot(UNKNOWN_COLOUR, "0.8") | {"outline_style": "no"}
+    _symbol(Xml.SubElement(renderer, "symbols"), 0, "marker", "SimpleMarker", dot)
+    _columns(root, OBSERVATION_FIELDS, 'concat("class", \' \', "utc")')
     return QgisStyle("observations", _text(root), "where signs were seen from")
 
 
@@ -178,23 +184,14 @@ def _range_or_category(
     Xml.SubElement(parent, tag, common | values)
 
 
-def _legend_names(classes: Iterable[str]) -> dict[str, str]:
-    """Classes in words; those of the same words with what tells them apart."""
-    words = {name: sign_words(name) for name in classes}
-    count = Counter(words.values())
-    return {
-        name: f"{text} ({name.rpartition('--')[2]})" if count[text] > 1 else text
-        for name, text in words.items()
-    }
-
-
-def _columns(root: Xml.Element, fields: Sequence[Field]) -> None:
-    """Readable names of the columns, with their units."""
+def _columns(root: Xml.Element, fields: Sequence[Field], shown_as: str) -> None:
+    """Readable names of the columns, with their units, and what stands for a feature in lists."""
+    Xml.SubElement(root, "previewExpression").text = shown_as
     aliases = Xml.SubElement(root, "aliases")
     for number, field in enumerate(fields):
-        words = re.sub(r"_(m|deg|m2)$", "", field.name).replace("_", " ")
         unit = f" ({field.unit})" if field.unit else ""
-        Xml.SubElement(aliases, "alias", field=field.name, index=str(number), name=words + unit)
+        alias = field.title + unit
+        Xml.SubElement(aliases, "alias", field=field.name, index=str(number), name=alias)
 
 
 def _form(root: Xml.Element, fields: Sequence[Field]) -> None:
@@ -234,8 +231,7 @@ def _by_expression(layer: Xml.Element, **properties: str) -> None:
 
 def _arrow(symbol: Xml.Element, colour: str) -> None:
     """An arrow from the sign the way its face looks."""
-    values = _dot(colour, "2.8") | {"name": "triangle", "offset": "0,-5.6", "offset_unit": "MM"}
-    layer = _layer(symbol, "SimpleMarker", values)
+    layer = _layer(symbol, "SimpleMarker", _dot(colour, "4") | _ARROW)
     shown = f'"facing_deg" IS NOT NULL AND @map_scale < {_ARROW_SCALE}'
     _by_expression(layer, angle='"facing_deg"', enabled=shown)
 

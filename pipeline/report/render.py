@@ -183,12 +183,5 @@ def sign_list(signs: Signs) -> dict[str, Any]:
                 value = words[str(value)]
             cells.append("" if value is None else str(value))
         rows.append(cells)
-    called = {"ce95_m": "95 % radius", "n_views": "views"}
-    heads = [
-        (
-            called.get(f.name, f.name.removesuffix("_m").removesuffix("_deg").replace("_", " ")),
-            f,
-        )
-        for f in fields
-    ]
+    heads = [(f.title, f) for f in fields]
     return {"heads": heads, "rows": rows, "left_out": max(0, len(signs) - TABLE_LIMIT)}

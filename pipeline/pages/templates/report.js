@@ -176,9 +176,9 @@
     data.fields.forEach((field, k) => {
       if (field.name === "id" || row[k] === null || row[k] === "") return;
       const value = Array.isArray(row[k]) ? row[k].join(", ") : String(row[k]);
-      const unit = field.unit && field.unit !== "UTC" ? " " + field.unit : "";
-      if (field.kind === "time") line(field.name.replace(/_/g, " "), value.replace("T", " ").replace("Z", " UTC"), field.meaning);
-      else if (value) line(field.name.replace(/_(m|deg|m2)$/, "").replace(/_/g, " "), value + unit, field.meaning);
+      // without a clock times are stamps
+      const text = field.kind === "time" ? value.replace("T", " ").replace("Z", " UTC") : value + field.unit;
+      if (value) line(field.title, text, field.meaning);
     });
     if (own && own.budget.length) {
       element("h4", "Where the error comes from (σ per axis)", box);
