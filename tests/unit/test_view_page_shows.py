@@ -24,7 +24,7 @@ from automap.records import Detections
 from pipeline.view.command import serving
 from tests.browser import launched, violations, watched
 from tests.slow_cases import others_slow
-from tests.unit.view_page_case import on_screen, opened, status, until
+from tests.unit.view_page_case import on_screen, opened, saw, status, until
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page
@@ -286,6 +286,11 @@ def test_a_phone_has_map_decisions_and_time_at_once(browser: Browser, tmp_path: 
         page.locator("#move").tap()
         page.locator("#mode-keep").tap()
         page.wait_for_selector(".badge.corrected")
+        # no key is needed to go on
+        page.locator("#next").tap()
+        saw(page, "s0004")
+        page.locator("#previous").tap()
+        saw(page, "s0003")
         # what has the focus is reached in the order in which it is seen
         page.locator("#accept").focus()
         page.keyboard.press("Tab")
