@@ -231,8 +231,11 @@ def test_what_openstreetmap_has_is_left_to_people() -> None:
         "moved", 0.9, "yes", "s1", "node/42", "regulatory--stop--g1", "regulatory--stop--g1",
         "DE:206", 8.0, 8.0, 0.0, 0.5, 90.0, 5.0, 7.1, 50.7, 7.0, 50.7,
     )  # fmt: skip
-    assert _entry(moved, {}, {})["distance"] == "8.0 ± 0.5 E"
-    assert _entry(replace(moved, kind="class"), {}, {})["distance"] == "8.0 ± 0.5"
+    assert _entry(moved, {}, {}, {})["distance"] == "8.0 ± 0.5 E"
+    assert _entry(replace(moved, kind="class"), {}, {}, {})["distance"] == "8.0 ± 0.5"
+    # of what no drive had in view nothing is said, and not how surely
+    unseen = replace(moved, kind="not_seen", class_name="")
+    assert [_entry(r, {}, {}, {})["probability"] for r in (moved, unseen)] == ["0.90", ""]
     gone = replace(moved, kind="missing", class_name="", lon_deg=np.nan)
     new = replace(moved, kind="new", listed_id="", listed_class="", listed_code="")
     doubtful = replace(new, sure="no")
