@@ -268,3 +268,14 @@ def test_errors_that_wander_have_a_unit() -> None:
     # of the one the state counts what the receiver states of its positions
     assert units == {"gnss_correlated_noise": "stated σ", "gnss_velocity_wander": "m/s"}
     assert _unit_of(CATALOGUE["accel_bias"], ("x", "y", "z")) == "m/s^2"
+
+
+def test_warnings_name_files_and_no_folder_however_the_drive_was_given(out: Path) -> None:
+    record = json.loads((out / names.RUN).read_text())
+    record["drive"] = {"name": "monday", "path": "/home/anna/drives/monday"}
+    given = ("/home/anna/drives/monday", "drives/monday", "../drives/monday", "monday")
+    record["warnings"] = [f"{folder}/gnss.ubx: 5 of 9 epochs (see monday)" for folder in given]
+    (out / names.RUN).write_text(json.dumps(record))
+    told = html.fromstring(run_stage(out)[0]).xpath('//section[@class="warnings"]//li/text()')
+    assert "gnss.ubx: 5 of 9 epochs (see monday)" in told
+    assert not [text for text in told if "drives" in text]
