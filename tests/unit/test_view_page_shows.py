@@ -252,6 +252,23 @@ def test_the_page_is_accessible(
     assert troubles == []
 
 
+def test_a_tablet_shows_its_whole_head_and_the_map(browser: Browser, tmp_path: Path) -> None:
+    out = write_run(tmp_path / "out", signs=2)
+    with serving(out) as server:
+        context = browser.new_context(viewport={"width": 720, "height": 900})
+        page = context.new_page()
+        page.goto(server.url)
+        page.wait_for_selector("html[data-paths]")
+        beyond = "[...document.querySelectorAll('header *')].filter((e) => e.checkVisibility() && "
+        beyond += "e.getBoundingClientRect().right > innerWidth).map((e) => e.id)"
+        assert page.evaluate(beyond) == []
+        assert page.evaluate("document.getElementById('title').clientWidth") > 20
+        box = page.locator("#map").bounding_box()
+        assert box is not None
+        assert box["width"] > 0.5 * 720
+        context.close()
+
+
 def test_a_phone_has_map_decisions_and_time_at_once(browser: Browser, tmp_path: Path) -> None:
     out = write_run(tmp_path / "out", signs=4)
     with serving(out) as server:
