@@ -169,6 +169,13 @@ def test_video_boxes_and_time(browser: Browser, tmp_path: Path) -> None:
             "[...document.querySelector('#seen').getContext('2d').getImageData(64, 64, 1, 1).data]"
         )
         assert shown[3] == 255
+        # what is chosen no longer leaves no ticks on the line of time
+        ticks = "document.querySelector('#marks').getContext('2d')"
+        ticks = f"{ticks}.getImageData(0, 0, innerWidth, 9).data.some(Boolean)"
+        assert page.evaluate(ticks)
+        page.keyboard.press("Escape")
+        until(page, f"!{ticks}")
+        page.keyboard.press("n")
         page.keyboard.press("n")
         until(page, "document.querySelector('#seen').hidden")
         page.close()

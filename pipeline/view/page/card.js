@@ -29,7 +29,15 @@ export class Card {
   async show(row) {
     if (row !== this.row) this.seen.hidden = true;
     this.row = row;
-    if (row === null) { this.sign = null; this.draw(); return; }
+    if (row === null) {
+      this.sign = null;
+      this.boxes.clear();
+      this.draw();
+      // its boxes and ticks are nobody's now
+      this.app.player.paint();
+      this.app.player.marks();
+      return;
+    }
     let sign;
     try { sign = await api.json(`api/sign/${row}`); } catch (error) { this.app.hint(error.message); return; }
     // another sign may have been chosen in the meantime
