@@ -117,7 +117,8 @@ def _seen_section(seen_by: IntArray, radius: FloatArray) -> Section:
     counts = Counter(seen_by.tolist())
     for number in sorted(counts)[:30]:
         text = f"{np.median(radius[seen_by == number]):.2f}"
-        section.rows.append((str(number), str(counts[number]), text))
+        seen = str(number) if number else "none: a reviewer added it"
+        section.rows.append((seen, str(counts[number]), text))
     return section
 
 

@@ -244,6 +244,13 @@ def test_classes_that_are_said_alike_are_told_apart() -> None:
     assert told == ["roundabout (warning)", "roundabout (regulatory)", "stop"]
 
 
+def test_the_page_says_why_no_drive_saw_a_sign() -> None:
+    from pipeline.merge.report import _seen_section
+
+    rows = _seen_section(np.array([2, 0, 2]), np.array([1.0, 2.4, 3.0])).rows
+    assert rows == [("none: a reviewer added it", "1", "2.40"), ("2", "2", "2.00")]
+
+
 def test_a_warning_of_the_page_names_the_drive_and_no_folder() -> None:
     from pipeline.merge.report import _without_folders
 
