@@ -5,6 +5,7 @@ Every format writes these fields under these names, and the report shows these m
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from typing import Literal
 
@@ -20,6 +21,59 @@ class Field:
     unit: str
     meaning: str
     decimals: int | None = None
+
+    @property
+    def title(self) -> str:
+        """What people call it, without its unit."""
+        bare = re.sub(r"_(m2?|deg)$", "", self.name).replace("_", " ")
+        return _TITLES.get(self.name, bare)
+
+    @property
+    def unit_text(self) -> str:
+        """The unit as it stands behind a number, with the space before it; none of a time, which
+        says itself that it is UTC."""
+        own = {"deg": "°", "m^2": " m²", "UTC": ""}
+        return own.get(self.unit, f" {self.unit}" if self.unit else "")
+
+
+_TITLES = {
+    "class_probability": "probability of the class",
+    "group_probability": "probability of shape and colour",
+    "n_views": "views",
+    "sd_above_road_m": "σ of height above road",
+    "height_msl_m": "height above sea level",
+    "facing_sd_deg": "σ of facing",
+    "size_m": "height of the face",
+    "path_offset_m": "offset from the path",
+    "support": "post",
+    "face_order": "place from the top",
+    "main_sign": "plate of",
+    "n_back_views": "views of its back",
+    "contrast_sd": "σ of contrast",
+    "contrast_note": "why no contrast",
+    "seen_share": "share that shows it",
+    "n_looked": "frames it should be in",
+    "picture_file": "picture",
+    "street_file": "picture of the street",
+    "cov_ee_m2": "variance east",
+    "cov_en_m2": "covariance east, north",
+    "cov_nn_m2": "variance north",
+    "sd_u_m": "σ of height",
+    "ce95_m": "95 % radius",
+    "offset_m": "offset from the road",
+    "road_check": "doubt about the road",
+    "sd_h_m": "σ of the place",
+    "sd_d_m": "σ of height",
+    "speed_m_s": "speed",
+    "n_faces": "number of faces",
+    "ways": "directions of its faces",
+    "first_seen_t_ns": "clock at the first sighting",
+    "last_seen_t_ns": "clock at the last sighting",
+    "t_ns": "clock",
+    "residual_x_px": "residual right",
+    "residual_y_px": "residual down",
+}
+"""Of names that do not tell by themselves."""
 
 
 SIGN_FIELDS: tuple[Field, ...] = (

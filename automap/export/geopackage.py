@@ -13,7 +13,7 @@ from pathlib import Path
 
 from automap.errors import StageError
 from automap.export.dictionary import LAYERS
-from automap.export.qgis_style import QgisStyle
+from automap.export.qml import QgisStyle
 
 _DATE = "1980-01-01T00:00:00.000Z"
 """In place of the time of writing, as in a .kmz: the same map is then the same file."""

@@ -24,7 +24,7 @@ from automap.export.dictionary import plane_fields
 from automap.export.geopackage import complete_geopackage, lost_of
 from automap.export.layers import Layer, LayerParts, in_one
 from automap.export.projected import Plane
-from automap.export.qgis_style import QgisStyle
+from automap.export.qml import QgisStyle
 from automap.export.sign_columns import SignColumns
 from automap.io.atomic import atomic_path, write_failure
 

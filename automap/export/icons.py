@@ -57,16 +57,19 @@ def sign_words(class_name: str) -> str:
 
 
 def words_apart(class_names: Iterable[str]) -> dict[str, str]:
-    """The words of several classes, with the kind where two share them: a roundabout is warned of,
-    and ordered."""
+    """The words of several classes, with what tells apart those that share them: the kind (a
+    roundabout is warned of, and ordered), the number of the version."""
     said = {name: sign_words(name) for name in class_names}
-    shared = Counter(said.values())
-    return {
-        name: f"{words} ({name.partition('--')[0]})"
-        if shared[words] > 1 and "--" in name
-        else words
-        for name, words in said.items()
-    }
+    kind = {name: name.partition("--")[0] for name in said}
+    alike = Counter(said.values())
+    same_kind = Counter((words, kind[name]) for name, words in said.items())
+    apart = {}
+    for name, words in said.items():
+        own = same_kind[words, kind[name]]
+        told = [kind[name]] if own < alike[words] else []
+        told += [name.rpartition("--")[2]] if own > 1 else []
+        apart[name] = f"{words} ({', '.join(told)})" if told and "--" in name else words
+    return apart
 
 
 @cache

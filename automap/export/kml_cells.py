@@ -30,6 +30,7 @@ _KML_TYPES = {"real": "double", "integer": "int", "text": "string", "time": "str
 Pieces = list[str | TextColumn]
 
 BALLOON_FIELDS = (
+    "code",
     "confidence",
     "ce95_m",
     "sd_u_m",
@@ -163,15 +164,10 @@ def balloon_cells(cells: Mapping[str, Cells]) -> Pieces:
     for name in (name for name in BALLOON_FIELDS if name in cells):
         field = by_name[name]
         # the ends of rows and cells may be left out in HTML
-        head = f"<tr><td>{html_text(_short_label(field))}<td>"
-        unit = f" {field.unit}" if field.unit not in ("", "UTC") else ""
+        head = f"<tr><td>{html_text(field.title)}<td>"
+        unit = field.unit_text
         pieces += _framed(head, cells[name].html, html_text(unit), cells[name].known)
     return pieces
-
-
-def _short_label(field: Field) -> str:
-    bare = field.name.removesuffix("_m").removesuffix("_deg").replace("_", " ")
-    return {"ce95": "95 % radius", "sd u": "height ±", "n views": "views"}.get(bare, bare)
 
 
 def name_column(values: list[Any]) -> TextColumn:

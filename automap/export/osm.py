@@ -56,13 +56,16 @@ def sign_tags(columns: SignColumns, row: int, country: str | None = None) -> dic
         tags["note"] = values["note"][row]
     # what a person has looked at needs no second look
     if values["status"][row] not in ("accepted", "corrected", "added"):
-        tags["fixme"] = _review(columns, row)
+        tags["fixme"] = _review(columns, row, coded=tags.get("traffic_sign") != "yes")
     return tags
 
 
-def _review(columns: SignColumns, row: int) -> str:
+def _review(columns: SignColumns, row: int, coded: bool) -> str:
     values = columns.values
-    parts = [f"check: {sign_words(values['class'][row]) or 'sign'}"]
+    kind, apart, _ = values["class"][row].partition("--")
+    words = sign_words(values["class"][row]) or "sign"
+    # where no code tells it: a roundabout is warned of, and ordered
+    parts = [f"check: {words}" + (f" ({kind})" if apart and not coded else "")]
     confidence, radius = float(values["confidence"][row]), float(values["ce95_m"][row])
     if np.isfinite(confidence):
         parts.append(f"confidence {belief_text(confidence)}")

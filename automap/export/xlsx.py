@@ -29,6 +29,11 @@ LAST_ROW = 1_048_575
 """Excel's last row of a sheet that has a head."""
 _PICTURE_PX, _ROW_PT = 56, 44
 """Of a picture's longer side, and the height of a row that shows it: 56 px are 42 pt."""
+_WIDE = {
+    "class": 36, "name": 24, "first_seen": 18, "last_seen": 18, "picture_file": 26,
+    "street_file": 30, "drives": 24, "note": 40, "contrast_note": 16, "reviewed": 28,
+}  # fmt: skip
+"""Characters; what is cut off by its neighbour cannot be read."""
 _DATE = datetime(1980, 1, 1)
 """In place of the time of writing: the same map is then the same file."""
 
@@ -74,13 +79,20 @@ def write_xlsx(
         sheet = book.add_worksheet("map")
         for row, (key, value) in enumerate((lineage or {}).items()):
             sheet.write_string(row, 0, str(key))
-            sheet.write_string(row, 1, clean_text(value)[:32_000])
+            sheet.write_string(row, 1, clean_text(_said(value))[:32_000])
         sheet.set_column(0, 1, 30)
         try:
             book.close()
         except xlsxwriter.exceptions.FileCreateError as error:
             # its own wrapping of what the disk said
             raise error.args[0] if isinstance(error.args[0], OSError) else error from None
+
+
+def _said(value: Any) -> str:
+    """What a file says of itself, as people write lists and tables."""
+    if isinstance(value, Mapping):
+        return ", ".join(f"{key}: {own}" for key, own in value.items())
+    return ", ".join(map(str, value)) if isinstance(value, (list, tuple)) else str(value)
 
 
 def _places(columns: SignColumns, plane: Plane | None) -> dict[Field, Any]:
@@ -116,6 +128,8 @@ def _write_signs(
     sheet.set_column(0, 0, 10)
     sheet.set_column(1, len(fields), 12)
     for number, field in enumerate(fields, start=1):
+        if field.name in _WIDE:
+            sheet.set_column(number, number, _WIDE[field.name])
         values = columns.get(field.name)
         cell_format = (
             degrees

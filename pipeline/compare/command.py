@@ -64,6 +64,7 @@ def compare_with_inventory(
         maproulette_tasks,
         osm_change,
     )
+    from automap.export.inventory_style import comparison_styles
     from automap.inventory.comparison import compare_inventory
     from automap.io.inventory_file import read_inventory
     from automap.signs.classes import country_set, load_classes
@@ -98,7 +99,8 @@ def compare_with_inventory(
     rows = [_row(finding, signs, listed, read, rows_of, country) for finding in findings]
     summary = _summary(result, rows, read, inventory, len(signs), country)
     make_folder(out)
-    write_layers(out / GPKG, comparison_layers(rows), crs="OGC:CRS84")
+    layers = comparison_layers(rows)
+    write_layers(out / GPKG, layers, crs="OGC:CRS84", styles=comparison_styles())
     write_text(out / CSV, comparison_csv(rows))
     write_text(out / OSM, osm_change(rows, country))
     write_text(out / TASKS, maproulette_tasks(rows))

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from automap import __version__
 from automap.export.beliefs import belief_text
-from automap.export.icons import class_icon, sign_words
+from automap.export.icons import class_icon, words_apart
 from automap.export.inventory import WORK
 from automap.inventory.limits import SURE
 from pipeline.pages.render import render
@@ -41,8 +41,9 @@ _TITLES = {
     ),
     "unconfirmed": (
         "Unconfirmed",
-        "In view and not found, but a sign that stands is overlooked as often. So many more drives "
-        "past it that do not find it either would tell that it is gone.",
+        "In view and not found, but a sign that stands is overlooked as often. Where a number of "
+        "more drives stands, so many past it that do not find it either would tell that it is "
+        "gone.",
     ),
     "not_seen": ("Not seen", "No drive had them in view: nothing is said of them."),
 }
@@ -69,11 +70,12 @@ def comparison_report(
         for s in products.signs or []
         if s.class_probability < SURE
     }
+    words = words_apart({name for r in rows for name in (r.class_name, r.listed_class)})
     parts = []
     for kind, (title, meaning) in _TITLES.items():
         own = sorted((r for r in rows if _part(r) == kind), key=lambda r: -r.probability)
         if own:
-            shown = [_entry(row, pictures, doubted) for row in own[:_MOST]]
+            shown = [_entry(row, words, pictures, doubted) for row in own[:_MOST]]
             parts.append({"title": title, "meaning": meaning, "n": len(own), "rows": shown})
     kinds = Counter(_part(row) for row in rows)
     shift = summary["inventory_shift_m"]
@@ -100,7 +102,9 @@ def _part(row: ComparedSign) -> str:
     return row.kind if row.is_sure or row.kind not in WORK else "unsure"
 
 
-def _entry(row: ComparedSign, pictures: dict[str, str], doubted: dict[str, str]) -> dict[str, str]:
+def _entry(
+    row: ComparedSign, words: dict[str, str], pictures: dict[str, str], doubted: dict[str, str]
+) -> dict[str, str]:
     lon, lat = row.place
     kind = _TITLES[row.kind][0].lower() if _part(row) == "unsure" else ""
     shown = row.class_name or row.listed_class
@@ -111,14 +115,16 @@ def _entry(row: ComparedSign, pictures: dict[str, str], doubted: dict[str, str])
         distance += (
             f" {_POINTS[round(math.degrees(math.atan2(row.east_m, row.north_m)) / 45.0) % 8]}"
         )
+    # of what nobody saw there is no probability
+    belief = "" if row.kind == "not_seen" else belief_text(row.probability)
     return {
         "icon": f"data:image/png;base64,{icon}" if icon else "",
         "picture": pictures.get(row.id, ""),
         "id": row.id,
         "listed_id": row.listed_id,
-        "words": " ".join([sign_words(row.class_name), doubted.get(row.id, "")]).strip(),
-        "listed_words": sign_words(row.listed_class) or row.listed_code,
-        "probability": f"{kind} {belief_text(row.probability)}".strip()
+        "words": " ".join([words.get(row.class_name, ""), doubted.get(row.id, "")]).strip(),
+        "listed_words": words.get(row.listed_class, "") or row.listed_code,
+        "probability": f"{kind} {belief}".strip()
         + (f", {row.more_drives:.0f} more drives" if more else ""),
         "distance": distance,
         "place": f"{lat:.6f}, {lon:.6f}",

@@ -7,6 +7,7 @@ from typing import Any
 
 from pipeline.pages.render import sections_page
 from pipeline.pages.section import Figure, Section
+from pipeline.report.figures import duration_text, metres_text
 from pipeline.shared.values import mapping
 
 _ROWS = 500
@@ -15,8 +16,9 @@ _ROWS = 500
 def status_page(told: dict[str, Any], drives: Sequence[dict[str, Any]]) -> str:
     """The page of what ``status`` tells."""
     made = told["map"]
+    driven = f"{duration_text(3600.0 * told['hours'])}, {metres_text(1000.0 * told['km'])}"
     figures = [
-        Figure(str(told["done"]), "drives done", f"{told['hours']:.1f} h, {told['km']:.0f} km"),
+        Figure(str(told["done"]), "drives done", driven),
         Figure(str(told["waiting"]), "waiting", ""),
         Figure(str(told["aside"]), "put aside", ""),
         Figure(str(told["doubtful"]), "doubtful", "or unusable"),
@@ -83,10 +85,11 @@ def _cost(told: dict[str, Any]) -> Section:
         return Section(absent="The drives that are done do not say how long they took.")
     return Section(
         sentences=[
-            f"The drives that are done took {told['machine_hours']:.1f} hours of a process, "
-            f"{told['hours_per_machine_hour']:.1f} hours and {told['km_per_machine_hour']:.0f} km "
-            f"of road in each; {told['largest_peak_bytes'] / 1e9:.2f} GB of memory at most, and "
-            f"{told['stored_bytes'] / 1e9:.2f} GB in the store."
+            f"The drives that are done took {duration_text(3600.0 * told['machine_hours'])} of a "
+            f"process, for {told['hours_per_machine_hour']:.1f} hours and "
+            f"{told['km_per_machine_hour']:.0f} km of road in each hour; "
+            f"{told['largest_peak_bytes'] / 1e9:.2f} GB of memory at most, and "
+            f"{told['stored_bytes'] / 1e9:.3g} GB in the store."
         ]
     )
 

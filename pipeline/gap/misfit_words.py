@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from automap.fusion.layout import CHANNELS
-from pipeline.gap.effect_words import listed, sentence_case
+from automap.gap.misfit import AFTER
+from pipeline.gap.effect_words import in_a_word, listed, sentence_case
 from pipeline.gap.sizes import about
 
 if TYPE_CHECKING:
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
 SHOWN = 3
 LEAST = 1e-4
 WAYS = {"n": "north", "e": "east", "d": "down"}
+ALONG = {"along": "along the way", "across": "across the way"}
 
 
 def misfit_words(misfits: Sequence[Misfit], after: Sequence[Fit] = ()) -> tuple[str, str]:
@@ -44,12 +46,14 @@ def misfit_words(misfits: Sequence[Misfit], after: Sequence[Fit] = ()) -> tuple[
 def channel_name(channel: str) -> str:
     """A channel of the receiver as a person calls it."""
     what, _, way = channel.rpartition("_")
-    return f"the {WAYS[way]} {what}" if way in WAYS else f"the {channel.replace('_', ' ')}"
+    if way in WAYS:
+        return f"the {WAYS[way]} {what}"
+    return f"the {what} {ALONG[way]}" if way in ALONG else f"the {channel.replace('_', ' ')}"
 
 
 def _channel(name: str, ones: Sequence[Misfit], after: Sequence[Fit]) -> str:
     sized = [m for m in ones if not m.suspected]
-    follows = " ".join(sentence_case(f"{m}.") for m in ones if m.suspected)
+    follows = " ".join(_follows(m) for m in ones if m.suspected)
     if not sized:
         return follows
     worst = max(sized, key=lambda m: m.size)
@@ -70,6 +74,21 @@ def _channel(name: str, ones: Sequence[Misfit], after: Sequence[Fit]) -> str:
     elif not times:
         text += "; at no time more than at others"
     return f"{text}. {follows}".rstrip()
+
+
+def _follows(one: Misfit) -> str:
+    """What a channel follows, more than chance lets it, though no name is sure."""
+    channel = sentence_case(channel_name(one.channel))
+    what, after, manoeuvre = one.where.partition(f" {AFTER} ")
+    if one.kind == AFTER and after:
+        return (
+            f"{channel} shows that {channel_name(what)} is off after {manoeuvre}, at once or up to "
+            "a minute later, more than chance lets it."
+        )
+    return (
+        f"{channel} follows what {in_a_word(one.where)} would do more than chance lets it, though "
+        "not so surely that this is its name."
+    )
 
 
 def _where(one: Misfit) -> str:

@@ -13,6 +13,7 @@ from automap.gates import mean_square_limits
 from automap.records import FloatArray
 from pipeline.pages.section import Plot, draw, draw_over_time
 from pipeline.pages.svg_plot import Series
+from pipeline.report.channels import channel_name
 
 if TYPE_CHECKING:
     from automap.gap.camera.fit import CameraFit
@@ -66,7 +67,7 @@ def overlay(before: Fit, after: Fit, name: str, unit: str) -> list[Plot]:
     first = settled + int(np.argmax(np.convolve(errs[settled:], np.ones(count), mode="valid")))
     rows = slice(first, first + count)
     t = new.t[rows] - new.t[rows][0]
-    title = f"{name.replace('_', ' ')}, from {new.t[first]:.0f} s into the held-out data"
+    title = f"{channel_name(name)}, from {new.t[first]:.0f} s into the held-out data"
     band = 2.0 * new.sd[rows]
     return draw_over_time(
         title,
@@ -88,7 +89,7 @@ def running(before: Fit, after: Fit, name: str) -> list[Plot]:
         return []
     (x0, y0), (x1, y1) = lines[0], lines[1]
     return draw_over_time(
-        name.replace("_", " "),
+        channel_name(name),
         [Series("before", x0, y0, "line", "bad"), Series("after", x1, y1, "line", 0)],
         "innovation / sd",
         float(x0[-1]),
@@ -123,7 +124,7 @@ def spectrum(before: Fit, after: Fit, name: str) -> list[Plot]:
         return []
     (f0, p0, k), (f1, p1, _) = curves[0], curves[1]
     low, high = (float(limit) for limit in mean_square_limits(2 * k))
-    title = f"spectrum of {name.replace('_', ' ')}"
+    title = f"spectrum of {channel_name(name)}"
     series = [
         Series("simulated, 95 %", f1, np.full(len(f1), low), "band", 1, np.full(len(f1), high)),
         Series("before", f0, p0, "line", "bad"),

@@ -12,6 +12,7 @@ from pipeline.gap.plots import WINDOW_S, camera_plots, error_bars, overlay, runn
 from pipeline.gap.words import in_words
 from pipeline.pages.render import sections_page
 from pipeline.pages.section import Figure, Plot, Section
+from pipeline.report.channels import channel_name
 
 if TYPE_CHECKING:
     from automap.gap import GapResult
@@ -187,7 +188,7 @@ def _where(result: GapResult) -> Section:
     for place in result.places[:PLACES]:
         section.rows.append(
             (
-                place.channel.replace("_", " "),
+                channel_name(place.channel),
                 place.manoeuvre,
                 str(place.count),
                 f"{place.before:.2f}",
@@ -207,7 +208,7 @@ def _misfits(result: GapResult) -> Section:
         "sigmas are off by the root of these factors there."
     )
     section.rows = [
-        (m.channel.replace("_", " "), m.where, f"{m.size:.2f}", p_text(m.p_value))
+        (channel_name(m.channel), m.where, f"{m.size:.2f}", p_text(m.p_value))
         for m in result.misfits
     ]
     return section
@@ -224,7 +225,7 @@ def _channels(result: GapResult) -> Section:
     for c in result.channels:
         section.rows.append(
             (
-                c.channel.replace("_", " "),
+                channel_name(c.channel),
                 f"{c.gap_before:.3f}",
                 f"{c.gap_after:.3f}",
                 f"{c.rms_before:.2f}",

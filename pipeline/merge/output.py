@@ -144,6 +144,8 @@ def write_files(
         if rest is not None
         else map_content(out, outcome.name, on_roads=False, fresh=True)
     )
+    # what a review says of itself; that there is no path is nothing new of a merge
+    outcome.warnings.extend(content.products.problems)
     told = len(content.warnings)
     rows = [] if rest is not None else tried_on_roads(content, outcome.roads)
     if rows:

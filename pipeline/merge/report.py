@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -56,14 +57,23 @@ def merge_report(outcome: MapOutcome, summary: dict[str, Any], content: MapConte
     ]
     previous = _FOLDERS.sub("", str(summary.get("previous", "none")))
     facts = [("version", __version__), ("previous map", previous)]
-    figures = _figures(radius, summary)
+    figures = _figures(len(signs), radius, summary)
+    drives = {drive["folder"]: drive["name"] for drive in summary["drives"]}
     return sections_page(
         "Merged map", outcome.name, figures, parts,
-        # where files lie is this computer's business
-        [_FOLDERS.sub("", text) for text in outcome.warnings], facts,
+        [_without_folders(text, drives) for text in outcome.warnings], facts,
         map=map_data(_with_first(content), signs, content.pictures, background),
         sign_table=sign_list(signs),
     )  # fmt: skip
+
+
+def _without_folders(text: str, drives: Mapping[str, str]) -> str:
+    """A sentence without where files lie, which is this computer's business: of a ``drives`` folder
+    the drive's name."""
+    if _FOLDERS.search(text):
+        for folder, name in drives.items():
+            text = text.replace(f"{folder}/", f"{name}/")
+    return _FOLDERS.sub("", text)
 
 
 def _with_first(content: MapContent) -> RunProducts:
@@ -77,10 +87,11 @@ def _with_first(content: MapContent) -> RunProducts:
     return replace(content.products, signs=first_signs(path, int(shown.max(initial=-1)) + 1))
 
 
-def _figures(radius: FloatArray, summary: dict[str, Any]) -> list[Figure]:
+def _figures(signs: int, radius: FloatArray, summary: dict[str, Any]) -> list[Figure]:
+    """``signs`` are those of the map, after its review."""
     one = len(summary["drives"]) == 1
     figures = [
-        Figure(str(summary["signs"]), "signs", f"from {summary['sightings']} sightings"),
+        Figure(str(signs), "signs", f"from {summary['sightings']} sightings"),
         Figure(str(len(summary["drives"])), "drive" if one else "drives", ""),
     ]
     if len(radius):
@@ -106,7 +117,8 @@ def _seen_section(seen_by: IntArray, radius: FloatArray) -> Section:
     counts = Counter(seen_by.tolist())
     for number in sorted(counts)[:30]:
         text = f"{np.median(radius[seen_by == number]):.2f}"
-        section.rows.append((str(number), str(counts[number]), text))
+        seen = str(number) if number else "none: a reviewer added it"
+        section.rows.append((seen, str(counts[number]), text))
     return section
 
 
@@ -148,7 +160,7 @@ def change_row(change: Any) -> tuple[str, ...]:
 def _drives_section(summary: dict[str, Any]) -> Section:
     section = Section(
         header=(
-            "drive", "start", "signs", "in the map", "off east, m", "north", "up",
+            "drive", "start, UTC", "signs", "in the map", "off east, m", "north", "up",
             "seen of those in view",
         ),
         folded="All drives" if len(summary["drives"]) > 40 else "",

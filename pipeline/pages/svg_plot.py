@@ -17,7 +17,8 @@ import numpy as np
 from automap.records import FloatArray, IntArray
 
 WIDTH, HEIGHT = 400, 190
-LEFT, RIGHT, TOP, BOTTOM = 52, 8, 8, 32
+LEFT, RIGHT, TOP, BOTTOM = 64, 8, 8, 32
+"""Seven digits of a tick and the axis's label find room at the left."""
 COLUMNS = 300
 LINE_ROWS = 200_000
 """Rows of a line that are looked at, hundreds for each pixel column."""

@@ -49,7 +49,13 @@ def map_data(
     data: dict[str, Any] = {
         "origin": [round(origin[1], 9), round(origin[0], 9)],
         "fields": [
-            {"name": f.name, "unit": f.unit, "meaning": f.meaning, "kind": f.kind}
+            {
+                "name": f.name,
+                "title": f.title,
+                "unit": f.unit_text,
+                "meaning": f.meaning,
+                "kind": f.kind,
+            }
             for f in signs.fields
         ],
         "path": _path(products, origin),

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from pathlib import Path
 from typing import Any
 
 from automap import __version__
@@ -100,6 +102,9 @@ def _warnings(products: RunProducts, record: dict[str, Any]) -> list[str]:
         for folder in folders:
             # where it lies is this computer's business
             text = text.replace(f"{folder.rstrip('/')}/", "")
+            # as it was given from somewhere above
+            given = rf"(?<![^\s'\"(])(?:[^\s/'\"(]+/)*{re.escape(Path(folder).name)}/"
+            text = re.sub(given, "", text) if Path(folder).name else text
         told.append(text)
     return list(dict.fromkeys(told))
 
@@ -183,12 +188,5 @@ def sign_list(signs: Signs) -> dict[str, Any]:
                 value = words[str(value)]
             cells.append("" if value is None else str(value))
         rows.append(cells)
-    called = {"ce95_m": "95 % radius", "n_views": "views"}
-    heads = [
-        (
-            called.get(f.name, f.name.removesuffix("_m").removesuffix("_deg").replace("_", " ")),
-            f,
-        )
-        for f in fields
-    ]
+    heads = [(f.title, f) for f in fields]
     return {"heads": heads, "rows": rows, "left_out": max(0, len(signs) - TABLE_LIMIT)}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -16,6 +17,8 @@ from pipeline.shared.products import RunProducts
 
 if TYPE_CHECKING:
     import pyarrow as pa
+
+    from automap.effects.effect import Effect
 
 
 def uncertainty_section(products: RunProducts) -> Section:
@@ -104,7 +107,9 @@ def sensor_section(products: RunProducts) -> Section:
     """Estimated sensor errors with their uncertainty over time."""
     from automap.effects.catalogue import CATALOGUE
 
-    section = Section(header=("sensor error", "unit", "at the end", "σ at the end"))
+    section = Section(
+        header=("sensor error", "unit", "at the end", "σ at the end", f"in {names.IMU_ERRORS}")
+    )
     table = products.table(names.IMU_ERRORS, ("t_ns",))
     if table is None or table.num_rows == 0:
         section.absent = "No sensor errors were estimated."
@@ -116,11 +121,10 @@ def sensor_section(products: RunProducts) -> Section:
         if column != "t_ns" and not column.startswith("sd_"):
             groups.setdefault(_effect_of(column, tuple(CATALOGUE)), []).append(column)
     for effect, columns in groups.items():
-        units = (
-            {p.name: p.unit for p in CATALOGUE[effect].parameters} if effect in CATALOGUE else {}
-        )
+        known = CATALOGUE.get(effect)
+        title = effect.replace("_", " ") if known is None else known.summary
         parameters = [column.removeprefix(f"{effect}_") for column in columns]
-        unit = next((units[p] for p in parameters if p in units), "")
+        unit = "" if known is None else _unit_of(known, parameters).replace("^2", "²")
         series: list[Series] = []
         for number, (column, parameter) in enumerate(zip(columns, parameters, strict=True)):
             value, sd = _column(table, column), _column(table, f"sd_{column}")
@@ -130,11 +134,21 @@ def sensor_section(products: RunProducts) -> Section:
                 series.append(band)
             if value is not None:
                 series.append(Series(parameter, seconds, value, colour=colour))
+                words = f"{title}, {parameter}" if len(columns) > 1 else title
                 final_sd = "" if sd is None else f"{sd[-1]:.2g}"
-                section.rows.append((column, unit, f"{value[-1]:.4g}", final_sd))
-        title = effect.replace("_", " ")
-        section.plots += draw_over_time(title, series, unit or "1", float(seconds[-1]))
+                section.rows.append((words, unit, f"{value[-1]:.4g}", final_sd, column))
+        titled = title[:1].upper() + title[1:]
+        section.plots += draw_over_time(titled, series, unit, float(seconds[-1]))
     return section
+
+
+def _unit_of(effect: Effect, parameters: Sequence[str]) -> str:
+    """The unit of an effect's parameters, or of what they are where it makes them wander."""
+    units = {p.name: p.unit for p in effect.parameters}
+    if effect.markov is not None and not units.keys() & set(parameters):
+        stated = effect.terms[0].signal.startswith("position_sd")
+        return "stated σ" if stated else effect.parameters[0].unit
+    return next((units[p] for p in parameters if p in units), "")
 
 
 def _effect_of(column: str, effects: tuple[str, ...]) -> str:

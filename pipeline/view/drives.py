@@ -198,10 +198,14 @@ class MapDrive:
 
     def view(self, k: int) -> dict[str, Any]:
         """One box as the page lists it."""
+        from automap.effects.lens import cut_off
+
         boxes = self.boxes
         assert boxes is not None
+        size = np.array(self._sizes[boxes.camera[k]], np.float64)
         return {
             "row": k,
+            "cut": bool(cut_off(boxes.box[k : k + 1], size)[0]),
             "camera": boxes.camera[k],
             "frame": int(boxes.frame[k]),
             "t": round((int(boxes.t_ns[k]) - self.start_ns) * 1e-9, 3),
@@ -252,8 +256,7 @@ class MapDrive:
             rows = np.flatnonzero(self.boxes.camera == name)
             frame, first = np.unique(self.boxes.frame[rows], return_index=True)
             t_ns = self.boxes.t_ns[rows[first]]
-        camera = self.drive.cameras().get(name) if self.drive is not None else None
-        width, height = (camera.width, camera.height) if camera else self._extent(name)
+        width, height = self._sizes[name]
         return {
             "name": name,
             "video": name in self.readers,
@@ -263,8 +266,16 @@ class MapDrive:
             "t": np.round((t_ns - start_ns) * 1e-9, 3).tolist(),
         }
 
+    @cached_property
+    def _sizes(self) -> dict[str, tuple[int, int]]:
+        """Width and height of the cameras' frames; where unknown, what holds all their boxes."""
+        known = self.drive.cameras() if self.drive is not None else {}
+        return {
+            name: (known[name].width, known[name].height) if name in known else self._extent(name)
+            for name in self.cameras()
+        }
+
     def _extent(self, camera: str) -> tuple[int, int]:
-        """A size that holds all boxes of a camera of unknown size."""
         assert self.boxes is not None
         box = self.boxes.box[self.boxes.camera == camera]
         return tuple(int(v) + 1 for v in np.nan_to_num(box[:, 2:]).max(axis=0))  # type: ignore[return-value]

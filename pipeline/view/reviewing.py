@@ -247,8 +247,13 @@ def _as_told(verdict: Verdict, row: int | None) -> dict[str, Any]:
         told |= _ellipse(np.array([ee]), np.array([en]), np.array([nn]))
     if place is not None and verdict.facing_deg is None:
         told["facing_deg"] = place.facing_deg
-    kept = {k: v for k, v in told.items() if v not in (None, "", (), False) or k == "status"}
-    return {"row": row, **{k: v for k, v in kept.items() if v == v}}
+    kept = {k: v for k, v in told.items() if k == "status" or _says_something(v)}
+    return {"row": row, **kept}
+
+
+def _says_something(value: Any) -> bool:
+    """Whether it is no gap; zero is none, it faces north, or lies on the meridian."""
+    return value is not None and value is not False and value not in ("", ()) and value == value
 
 
 def _rows_told(table: SignTable, first: int) -> list[dict[str, Any]]:

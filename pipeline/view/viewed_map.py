@@ -77,7 +77,7 @@ class ViewedMap:
             "signs": len(self.table),
             "drives": [drive.name for drive in self.drives],
             "fields": [
-                {"name": f.name, "unit": f.unit, "meaning": f.meaning}
+                {"name": f.name, "title": f.title, "unit": f.unit_text, "meaning": f.meaning}
                 for f in (*SIGN_FIELDS, *(ROAD_FIELDS if self._on_roads.rows else ()))
             ],
             "known": [{"name": name, "codes": codes.get(name, "")} for name in known],
@@ -107,7 +107,9 @@ class ViewedMap:
             "lon_deg": _number(signs.lon_deg[k], 7),
             "lat_deg": _number(signs.lat_deg[k], 7),
             "height_m": _number(signs.height_m[k], 2),
-            "values": self._values(signs, k) | self._road_of(signs.ids[k], row, now),
+            "values": self._values(signs, k)
+            | self._code_of(row, now)
+            | self._road_of(signs.ids[k], row, now),
             "views": views + self._clicks(row, now),
         }
 
@@ -273,6 +275,19 @@ class ViewedMap:
             "status": signs.statuses[int(signs.status_index[row])],
         }
         return {name: value for name, value in values.items() if value not in (None, "", [])}
+
+    @cached_property
+    def _country(self) -> str | None:
+        from pipeline.shared.run_record import country_of
+        from pipeline.shared.values import json_object
+
+        return country_of(json_object(self.out / names.RUN))
+
+    def _code_of(self, row: int, now: Snapshot) -> dict[str, str]:
+        from automap.signs.national import national_code
+
+        code = national_code(self.class_of(row, now), self._country)
+        return {"code": code} if code else {}
 
     @cached_property
     def _on_roads(self) -> SignRoads:

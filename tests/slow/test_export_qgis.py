@@ -105,6 +105,8 @@ def test_qgis_opens_the_map_with_its_styles(tmp_path: Path) -> None:
     assert "name" in found["signs"]["shown_as"]
     assert found["signs"]["aliases"]["height_above_road_m"] == "height above road (m)"
     assert len(set(found["signs"]["legend"])) == len(found["signs"]["legend"])
+    # ellipses are clicked as often as signs
+    assert found["ellipses"]["aliases"]["ce95_m"] == "95 % radius (m)"
     assert found["observations"]["scales"] == 1000
     assert not found["signs"]["scales"]
     assert found["trajectory"]["renderer"] == "graduatedSymbol"

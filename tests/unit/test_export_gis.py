@@ -5,11 +5,13 @@ from __future__ import annotations
 import csv
 import io
 import json
+import re
 import sqlite3
 from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
+from xml.etree import ElementTree as Xml
 
 import numpy as np
 import pyarrow as pa
@@ -19,9 +21,11 @@ from export_inputs import CLOCK, HOSTILE, sign, trajectory
 
 from automap.errors import StageError
 from automap.export import geoparquet, gis, layers
+from automap.export.dictionary import LAYERS
 from automap.export.fields import SIGN_FIELDS
 from automap.export.geopackage import complete_geopackage, lost_of
 from automap.export.path import simplified_path
+from automap.export.qgis_style import sign_style
 from automap.export.sign_columns import sign_columns
 
 NAN = float("nan")
@@ -216,3 +220,19 @@ def test_a_geopackage_that_sqlite_cannot_finish_is_one_sentence(tmp_path: Path) 
     (tmp_path / "map.gpkg").mkdir()
     with pytest.raises(StageError, match=r"cannot write .*map\.gpkg \(unable to open"):
         complete_geopackage(tmp_path / "map.gpkg", [], [])
+
+
+def test_every_layer_calls_its_columns_by_words_that_tell_them_apart() -> None:
+    for layer, _, fields in LAYERS:
+        titles = [field.title for field in fields]
+        assert len(set(titles)) == len(titles), layer
+        short = [t for t in titles if re.search(r"_|\b(sd|cov|ce95|msl|n)\b", t)]
+        assert short == [], layer
+
+
+def test_an_arrow_of_qgis_points_one_way_only() -> None:
+    style = sign_style({"a--stop--g1": b"png"}, {"a--stop--g1": "#112233"})
+    _, turned, *_ = Xml.fromstring(style.qml.partition("\n")[2]).iter("layer")
+    shape = {o.get("name"): o.get("value") for o in turned.findall("Option/Option")}["name"]
+    # an equilateral triangle looks the same after a third of a turn
+    assert (turned.get("class"), shape) == ("SimpleMarker", "arrow")

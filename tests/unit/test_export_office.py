@@ -62,6 +62,9 @@ def test_a_workbook_has_every_column_typed_and_the_pictures_in_their_rows(run: P
     assert picture.anchor._from.row == 2
     meanings = {row[0].value: row[2].value for row in book["columns"].iter_rows(min_row=2)}
     assert meanings["ce95_m"].startswith("radius")
+    lineage = {row[0].value: row[1].value for row in book["map"].iter_rows()}
+    assert lineage["drives"] == "demo"
+    assert not [text for text in lineage.values() if text.startswith(("[", "{"))]
 
 
 def test_texts_of_a_recording_are_texts_in_a_workbook(run: Path) -> None:

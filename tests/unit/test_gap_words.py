@@ -326,3 +326,13 @@ def test_what_is_too_small_to_matter_is_told_as_that() -> None:
     assert about(0.0004, "m", 0.001) == "less than 0.001 m"
     assert about(0.0234, "m", 0.001) == "0.023 m"
     assert about(-12.3, "°", 0.001) == "12°"
+
+
+def test_what_is_suspected_is_told_in_words() -> None:
+    left = (
+        Misfit("velocity_n", "like", "gyro_warm_up", 1.2, 1e-6),
+        Misfit("position_n", "after", "position_along after changes of speed", 1.2, 1e-6),
+    )
+    text = text_of(misfits=left)
+    assert "The north velocity follows what gyro_warm_up (bias that dies away" in text
+    assert "The north position shows that the position along the way is off after" in text

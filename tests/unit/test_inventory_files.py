@@ -21,6 +21,7 @@ from pyproj import Transformer
 
 from automap.errors import InputError
 from automap.export.inventory import ComparedSign, maproulette_tasks, osm_change
+from automap.export.inventory_style import comparison_styles
 from automap.inventory.findings import (
     Inventory,
 )
@@ -28,6 +29,7 @@ from automap.io.inventory_file import read_inventory
 from automap.io.vector_layer import read_layer
 from automap.signs.codes import classes_of
 from pipeline.cli.root import run_command
+from pipeline.compare.command import KINDS
 from pipeline.compare.listing import listed_signs
 from pipeline.compare.report import _entry
 from tests.slow_cases import others_slow
@@ -163,7 +165,7 @@ def test_every_form_of_inventory_gives_the_same(
     rows = list(csv.DictReader((out / "comparison.csv").open(encoding="utf-8", newline="")))
     assert sum(kinds.values()) == len(rows)
     layers = {str(name) for name, _ in pyogrio.list_layers(out / "comparison.gpkg")}
-    assert layers == {"comparison", "shifts"}
+    assert layers == {"comparison", "shifts", "layer_styles"}
     assert pyogrio.read_info(out / "comparison.gpkg", layer="comparison")["features"] == len(rows)
     change = ElementTree.parse(out / "comparison.osc").getroot()
     assert len(change.findall("create/node")) == sure["new"]
@@ -231,8 +233,11 @@ def test_what_openstreetmap_has_is_left_to_people() -> None:
         "moved", 0.9, "yes", "s1", "node/42", "regulatory--stop--g1", "regulatory--stop--g1",
         "DE:206", 8.0, 8.0, 0.0, 0.5, 90.0, 5.0, 7.1, 50.7, 7.0, 50.7,
     )  # fmt: skip
-    assert _entry(moved, {}, {})["distance"] == "8.0 ± 0.5 E"
-    assert _entry(replace(moved, kind="class"), {}, {})["distance"] == "8.0 ± 0.5"
+    assert _entry(moved, {}, {}, {})["distance"] == "8.0 ± 0.5 E"
+    assert _entry(replace(moved, kind="class"), {}, {}, {})["distance"] == "8.0 ± 0.5"
+    # of what no drive had in view nothing is said, and not how surely
+    unseen = replace(moved, kind="not_seen", class_name="")
+    assert [_entry(r, {}, {}, {})["probability"] for r in (moved, unseen)] == ["0.90", ""]
     gone = replace(moved, kind="missing", class_name="", lon_deg=np.nan)
     new = replace(moved, kind="new", listed_id="", listed_class="", listed_code="")
     doubtful = replace(new, sure="no")
@@ -359,3 +364,11 @@ def test_columns_of_degrees_have_umlauts(tmp_path: Path, encoding: str) -> None:
     (tmp_path / "list.csv").write_text("Nr;Zeichen;Breite;Länge\n1;206;49,5;8,5\n", encoding)
     read = read_inventory(tmp_path / "list.csv")
     assert np.degrees([read.lat_rad[0], read.lon_rad[0]]) == pytest.approx([49.5, 8.5])
+
+
+def test_qgis_tells_the_kinds_of_a_comparison_apart() -> None:
+    points, _ = comparison_styles()
+    root = ElementTree.fromstring(points.qml.partition("\n")[2])
+    assert {c.get("value") for c in root.iter("category")} == set(KINDS)
+    colours = [o.get("value") for o in root.iter("Option") if o.get("name") == "color"]
+    assert len(set(colours)) == len(colours) == len(KINDS)

@@ -244,6 +244,21 @@ def test_classes_that_are_said_alike_are_told_apart() -> None:
     assert told == ["roundabout (warning)", "roundabout (regulatory)", "stop"]
 
 
+def test_the_page_says_why_no_drive_saw_a_sign() -> None:
+    from pipeline.merge.report import _seen_section
+
+    rows = _seen_section(np.array([2, 0, 2]), np.array([1.0, 2.4, 3.0])).rows
+    assert rows == [("none: a reviewer added it", "1", "2.40"), ("2", "2", "2.00")]
+
+
+def test_a_warning_of_the_page_names_the_drive_and_no_folder() -> None:
+    from pipeline.merge.report import _without_folders
+
+    text = "/home/anna/runs/2/_automap/signs.parquet was changed; /mnt/b/list.csv was not."
+    told = _without_folders(text, {"/home/anna/runs/2/_automap": "tuesday"})
+    assert told == "tuesday/signs.parquet was changed; list.csv was not."
+
+
 @pytest.mark.slow
 def test_rejected_signs_of_a_merged_map_stand_apart_until_the_rejection_is_taken_back(
     merged: Path, tmp_path: Path
@@ -257,7 +272,14 @@ def test_rejected_signs_of_a_merged_map_stand_apart_until_the_rejection_is_taken
     when = "2026-11-24T10:00:00Z"
     reject = ReviewAction("b1", when, first, "reject", sign.class_name, lon, lat, note="no sign")
     append_action(out / names.REVIEW, reject)
+    other, at = read_signs(out / names.SIGNS_RAW)[1], (0.0, 0.0)
+    for who, kind in (("Anna", "reject"), ("Ben", "accept")):
+        said = ReviewAction(who, when, other.id, kind, other.class_name, *at, reviewer=who)
+        append_action(out / names.REVIEW, said)
     assert run_command(["merge", *runs, "-o", str(out)]) == 0
+    page = (out / names.REPORT).read_text(encoding="utf-8")
+    assert f"Reviewers disagree about 1 sign, as about {other.id} (Ben against Anna)" in page
+    assert f"<b>{len(features(out))}</b><span>signs</span>" in page
     apart = json.loads((out / names.REJECTED).read_text())["features"]
     assert [f["id"] for f in apart] == [first]
     assert first not in {s["id"] for s in features(out)}

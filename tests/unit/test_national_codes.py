@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from automap.export.osm import sign_tags
 from automap.export.osm_tags import traffic_sign_tags
 from automap.export.sign_columns import sign_columns
 from automap.signs.classes import load_classes
@@ -75,6 +76,16 @@ def test_each_code_that_is_written_is_read_as_the_same_sign() -> None:
 def test_the_map_of_roads_has_codes_of_countries_only() -> None:
     assert traffic_sign_tags("regulatory--keep-left--g1", "AU") == {"traffic_sign": "yes"}
     assert traffic_sign_tags("regulatory--stop--g1", "US")["traffic_sign"] == "US:R1-1"
+
+
+def test_what_no_code_tells_a_mapper_the_fixme_does() -> None:
+    names = ["regulatory--roundabout--g1", "warning--roundabout--g2"]
+    columns = sign_columns([sign(k, class_name=name) for k, name in enumerate(names, 1)])
+    blue, yellow = (sign_tags(columns, row, "AU") for row in (0, 1))
+    assert blue["traffic_sign"] == "yes"
+    assert blue["fixme"].startswith("check: roundabout (regulatory), ")
+    assert yellow["traffic_sign"].startswith("AU:")
+    assert yellow["fixme"].startswith("check: roundabout, ")
 
 
 def test_columns_of_a_map_have_them() -> None:

@@ -14,6 +14,7 @@ import pytest
 from export_inputs import CLOCK, HOSTILE, fixes, sign, trajectory, write_run
 from lxml import html
 
+from automap.effects.catalogue import CATALOGUE
 from automap.export.sign_columns import sign_columns
 from automap.export.uncertainty import sigma_classes
 from automap.io import names
@@ -23,6 +24,7 @@ from pipeline.report.figures import distance_m, duration_text, metres_text
 from pipeline.report.map_data import map_data
 from pipeline.report.outages import outages
 from pipeline.report.render import report_html
+from pipeline.report.sections import _unit_of
 from pipeline.run.stage import StageContext
 from pipeline.run.stages.report import STAGE
 from pipeline.settings.report import ReportSettings
@@ -79,7 +81,7 @@ def test_whole_run_shows_every_section(out: Path) -> None:
         "GPS position north",
         "never ran",
         "pixel_sd",
-        "gyro bias",
+        "Constant gyro offset",
     ):
         assert words in text, words
     assert len(tree.xpath('//table[@id="sign-table"]/tbody/tr')) == 12
@@ -256,3 +258,24 @@ def test_report_of_a_run_is_the_same_twice(out: Path) -> None:
     products = load_products(out)
     record = products.json(names.RUN)
     assert report_html(products, "a", record) == report_html(load_products(out), "a", record)
+
+
+def test_errors_that_wander_have_a_unit() -> None:
+    units = {
+        name: _unit_of(CATALOGUE[name], ("n", "e", "d"))
+        for name in ("gnss_correlated_noise", "gnss_velocity_wander")
+    }
+    # of the one the state counts what the receiver states of its positions
+    assert units == {"gnss_correlated_noise": "stated σ", "gnss_velocity_wander": "m/s"}
+    assert _unit_of(CATALOGUE["accel_bias"], ("x", "y", "z")) == "m/s^2"
+
+
+def test_warnings_name_files_and_no_folder_however_the_drive_was_given(out: Path) -> None:
+    record = json.loads((out / names.RUN).read_text())
+    record["drive"] = {"name": "monday", "path": "/home/anna/drives/monday"}
+    given = ("/home/anna/drives/monday", "drives/monday", "../drives/monday", "monday")
+    record["warnings"] = [f"{folder}/gnss.ubx: 5 of 9 epochs (see monday)" for folder in given]
+    (out / names.RUN).write_text(json.dumps(record))
+    told = html.fromstring(run_stage(out)[0]).xpath('//section[@class="warnings"]//li/text()')
+    assert "gnss.ubx: 5 of 9 epochs (see monday)" in told
+    assert not [text for text in told if "drives" in text]

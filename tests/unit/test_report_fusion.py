@@ -202,3 +202,10 @@ def test_classes_that_are_said_alike_are_told_apart() -> None:
         "stop",
         "",
     ]
+    versions = ["warning--children--g1", "warning--children--g2", "information--children--g1"]
+    assert list(words_apart(versions[:2]).values()) == ["children (g1)", "children (g2)"]
+    assert list(words_apart(versions).values()) == [
+        "children (warning, g1)",
+        "children (warning, g2)",
+        "children (information)",
+    ]

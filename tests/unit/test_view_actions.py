@@ -9,6 +9,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 from export_inputs import sign, trajectory, write_run
 from fake_stages import make_drive
@@ -318,3 +320,34 @@ def test_the_report_has_what_reviewers_did(drive: Path) -> None:
     assert '"Ben"' in page
     assert "s0003" not in page.split('id="map-data"')[1].split("</script>")[0].split('"cards"')[0]
     assert "Reviewers disagree about 1 sign" in page
+
+
+def test_what_is_zero_is_told_too(drive: Path) -> None:
+    shown = Reviewing(open_map(drive))
+    zero = {"facing_deg": 0.0, "height_above_road_m": 0.0}
+    (verdict,) = shown.add({"row": 0, "kind": "correct", **zero})["verdicts"]
+    assert {name: verdict.get(name) for name in zero} == zero
+    place = {name: shown.sign(0)[name] for name in ("lon_deg", "lat_deg")}  # type: ignore[index]
+    told = shown.add({"kind": "add", "class_name": "stop", **place})
+    # a circle's axes point anywhere, but somewhere
+    assert told["verdicts"][-1]["azimuth"] == told["made"][0]["azimuth"] == 0.0
+
+
+def test_a_view_that_the_edge_of_the_frame_cuts_off_says_so(drive: Path) -> None:
+    path = drive / names.OBSERVATIONS
+    table = pq.read_table(path)
+    right = table["x_max"].to_numpy().copy()
+    right[-2] = WIDE - 1.0
+    at = table.column_names.index("x_max")
+    pq.write_table(table.set_column(at, "x_max", pa.array(right)), path)
+    shown = Reviewing(open_map(drive))
+    cut = {v["row"]: v["cut"] for row in (0, 1) for v in shown.sign(row)["views"]}  # type: ignore[index]
+    assert [row for row, own in cut.items() if own] == [len(right) - 2]
+
+
+def test_the_card_names_the_code_of_the_class_that_the_review_gave(drive: Path) -> None:
+    record = json.loads((drive / names.RUN).read_text())
+    (drive / names.RUN).write_text(json.dumps({**record, "country": "DE"}))
+    shown = Reviewing(open_map(drive))
+    shown.add({"row": 0, "kind": "correct", "class_name": "regulatory--yield--g1"})
+    assert shown.sign(0)["values"]["code"] == "DE:205"  # type: ignore[index]

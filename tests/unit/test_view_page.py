@@ -40,7 +40,7 @@ def test_a_sign_is_clicked_judged_and_still_so_after_a_reload(
         page.mouse.click(*on_screen(page, 2))
         page.wait_for_selector("#accept")
         assert "s0003" in page.locator("#card").inner_text()
-        assert "ce95" in page.locator("#card").inner_text()
+        assert "95 % radius" in page.locator("#card").inner_text()
         page.click("#reject")
         page.wait_for_selector(".badge.rejected")
         page.mouse.click(*on_screen(page, 4))

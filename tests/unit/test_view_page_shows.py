@@ -24,7 +24,7 @@ from automap.records import Detections
 from pipeline.view.command import serving
 from tests.browser import launched, violations, watched
 from tests.slow_cases import others_slow
-from tests.unit.view_page_case import on_screen, opened, status, until
+from tests.unit.view_page_case import on_screen, opened, saw, status, until
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page
@@ -169,6 +169,13 @@ def test_video_boxes_and_time(browser: Browser, tmp_path: Path) -> None:
             "[...document.querySelector('#seen').getContext('2d').getImageData(64, 64, 1, 1).data]"
         )
         assert shown[3] == 255
+        # what is chosen no longer leaves no ticks on the line of time
+        ticks = "document.querySelector('#marks').getContext('2d')"
+        ticks = f"{ticks}.getImageData(0, 0, innerWidth, 9).data.some(Boolean)"
+        assert page.evaluate(ticks)
+        page.keyboard.press("Escape")
+        until(page, f"!{ticks}")
+        page.keyboard.press("n")
         page.keyboard.press("n")
         until(page, "document.querySelector('#seen').hidden")
         page.close()
@@ -252,6 +259,23 @@ def test_the_page_is_accessible(
     assert troubles == []
 
 
+def test_a_tablet_shows_its_whole_head_and_the_map(browser: Browser, tmp_path: Path) -> None:
+    out = write_run(tmp_path / "out", signs=2)
+    with serving(out) as server:
+        context = browser.new_context(viewport={"width": 720, "height": 900})
+        page = context.new_page()
+        page.goto(server.url)
+        page.wait_for_selector("html[data-paths]")
+        beyond = "[...document.querySelectorAll('header *')].filter((e) => e.checkVisibility() && "
+        beyond += "e.getBoundingClientRect().right > innerWidth).map((e) => e.id)"
+        assert page.evaluate(beyond) == []
+        assert page.evaluate("document.getElementById('title').clientWidth") > 20
+        box = page.locator("#map").bounding_box()
+        assert box is not None
+        assert box["width"] > 0.5 * 720
+        context.close()
+
+
 def test_a_phone_has_map_decisions_and_time_at_once(browser: Browser, tmp_path: Path) -> None:
     out = write_run(tmp_path / "out", signs=4)
     with serving(out) as server:
@@ -286,6 +310,11 @@ def test_a_phone_has_map_decisions_and_time_at_once(browser: Browser, tmp_path: 
         page.locator("#move").tap()
         page.locator("#mode-keep").tap()
         page.wait_for_selector(".badge.corrected")
+        # no key is needed to go on
+        page.locator("#next").tap()
+        saw(page, "s0004")
+        page.locator("#previous").tap()
+        saw(page, "s0003")
         # what has the focus is reached in the order in which it is seen
         page.locator("#accept").focus()
         page.keyboard.press("Tab")

@@ -36,9 +36,13 @@
     L.circleMarker(at(p), { radius: 1.8, stroke: false, fillColor: css("--soft"), fillOpacity: 0.6, interactive: false }).addTo(fixes);
   }
   const track = L.layerGroup().addTo(map);
-  for (const run of data.tracks) {
-    L.polyline(run.map(at), { color: UNKNOWN, weight: 1.5, opacity: 0.7, smoothFactor: 0.5, interactive: false }).addTo(map);
-  }
+  // on a picture from the air lines have a rim
+  const line = (points, style, to) => {
+    const own = { smoothFactor: 0.5, interactive: false, ...style };
+    if (below && map.hasLayer(below)) L.polyline(points, { ...own, color: css("--card"), weight: own.weight + 2.5, opacity: 0.85 }).addTo(to);
+    L.polyline(points, own).addTo(to);
+  };
+  for (const run of data.tracks) line(run.map(at), { color: UNKNOWN, weight: 1.5, opacity: 0.7 }, map);
   if (data.path) {
     for (const run of data.path.outages) {
       L.polyline(run.map(at), { color: css("--c3"), weight: 12, opacity: 0.35, interactive: false }).addTo(map);
@@ -113,9 +117,8 @@
       const reach = markers[i].setRadius ? 19 : 27;
       const tip = [p[0] + reach * metre * Math.sin(a), p[1] + reach * metre * Math.cos(a)];
       const side = (turn) => [tip[0] - 6 * metre * Math.sin(a + turn), tip[1] - 6 * metre * Math.cos(a + turn)];
-      L.polyline([at(p), at(tip), at(side(0.5)), at(tip), at(side(-0.5))], {
-        color: signs.colours[signs.rows[i][column["class"]]] || UNKNOWN, weight: 1.6, interactive: false,
-      }).addTo(arrows);
+      const colour = signs.colours[signs.rows[i][column["class"]]] || UNKNOWN;
+      line([at(p), at(tip), at(side(0.5)), at(tip), at(side(-0.5))], { color: colour, weight: 1.6 }, arrows);
     });
     markers.forEach((marker) => { if (marker.bringToFront) marker.bringToFront(); });
   }
@@ -176,9 +179,9 @@
     data.fields.forEach((field, k) => {
       if (field.name === "id" || row[k] === null || row[k] === "") return;
       const value = Array.isArray(row[k]) ? row[k].join(", ") : String(row[k]);
-      const unit = field.unit && field.unit !== "UTC" ? " " + field.unit : "";
-      if (field.kind === "time") line(field.name.replace(/_/g, " "), value.replace("T", " ").replace("Z", " UTC"), field.meaning);
-      else if (value) line(field.name.replace(/_(m|deg|m2)$/, "").replace(/_/g, " "), value + unit, field.meaning);
+      // without a clock times are stamps
+      const text = field.kind === "time" ? value.replace("T", " ").replace("Z", " UTC") : value + field.unit;
+      if (value) line(field.title, text, field.meaning);
     });
     if (own && own.budget.length) {
       element("h4", "Where the error comes from (σ per axis)", box);
@@ -289,7 +292,7 @@
     tick.type = "checkbox";
     tick.checked = true;
     element("span", data.background.text, label);
-    tick.addEventListener("change", () => { if (tick.checked) below.addTo(map); else below.remove(); drawGrid(); });
+    tick.addEventListener("change", () => { if (tick.checked) below.addTo(map); else below.remove(); drawGrid(); drawArrows(); });
   }
 
   // on paper the map is narrower

@@ -83,7 +83,7 @@ def _roads_file(drive: Drive, stated: str) -> Path | None:
 
 STAGE = Stage(
     name="export",
-    version=12,
+    version=13,
     run=run,
     inputs=_inputs,
     needs=(

@@ -14,6 +14,7 @@ const WORDS = {
   accept: "accepted", reject: "rejected", correct: "corrected", note: "note", reset: "reset", undo: "undone",
   add: "added", split: "split", merge: "made one with another",
 };
+const TIME = /^(\d{4}-\d\d-\d\d)T([\d:.]+)Z$/;
 const EMPTY = "Click a sign, or press n for the first one. ? lists the keys.";
 
 export class Card {
@@ -28,7 +29,15 @@ export class Card {
   async show(row) {
     if (row !== this.row) this.seen.hidden = true;
     this.row = row;
-    if (row === null) { this.sign = null; this.draw(); return; }
+    if (row === null) {
+      this.sign = null;
+      this.boxes.clear();
+      this.draw();
+      // its boxes and ticks are nobody's now
+      this.app.player.paint();
+      this.app.player.marks();
+      return;
+    }
     let sign;
     try { sign = await api.json(`api/sign/${row}`); } catch (error) { this.app.hint(error.message); return; }
     // another sign may have been chosen in the meantime
@@ -38,7 +47,8 @@ export class Card {
     this.draw();
     this.app.player.marks();
     if (sign.views.length) {
-      const size = (v) => v.height_px ?? 0;
+      // the largest that shows all of it
+      const size = (v) => (v.height_px ?? 0) * (v.cut ? 0.01 : 1);
       const largest = sign.views.reduce((best, v, i) => (size(v) > size(sign.views[best]) ? i : best), 0);
       await this.showView(largest);
     }
@@ -65,11 +75,13 @@ export class Card {
   // what was seen beside what it was taken for, until the next of its frames
   closeUp(picture, [x0, y0, x1, y1], frame) {
     const { seen } = this;
-    const side = 1.3 * Math.max(x1 - x0, y1 - y0), at = (a, b) => (a + b - side) / 2;
+    const side = 1.3 * Math.max(x1 - x0, y1 - y0);
+    // beyond the edge of the frame there is nothing
+    const at = (a, b, end) => Math.min(Math.max((a + b - side) / 2, 0), Math.max(end - side, 0));
     const ctx = seen.getContext("2d");
     ctx.clearRect(0, 0, seen.width, seen.height);
     ctx.imageSmoothingQuality = "high";
-    ctx.drawImage(picture, at(x0, x1), at(y0, y1), side, side, 0, 0, seen.width, seen.height);
+    ctx.drawImage(picture, at(x0, x1, picture.width), at(y0, y1, picture.height), side, side, 0, 0, seen.width, seen.height);
     seen.hidden = false;
     seen.setAttribute("aria-label", `As seen in frame ${frame}`);
   }
@@ -199,16 +211,31 @@ export class Card {
       element("dd", value, list);
     };
     const { sign } = this;
-    if (verdict?.lon_deg !== undefined) line(verdict.computed ? "now at" : "set by hand", `${verdict.lat_deg.toFixed(7)}°, ${verdict.lon_deg.toFixed(7)}°`);
-    if (sign.lat_deg !== null) line("computed at", `${sign.lat_deg.toFixed(7)}°, ${sign.lon_deg.toFixed(7)}°`, "latitude, longitude (WGS-84)");
+    const at = (p) => `${p.lat_deg.toFixed(7)}°, ${p.lon_deg.toFixed(7)}°`;
+    const where = "latitude, longitude (WGS-84)";
+    const now = verdict?.lon_deg === undefined ? "" : at(verdict);
+    const computed = sign.lat_deg === null ? "" : at(sign);
+    if (now && now !== computed) line(verdict.computed ? "now at" : "set by hand", now, where);
+    if (computed) line(now && now !== computed ? "computed at" : "position", computed, where);
     if (sign.height_m !== null) line("height", `${sign.height_m.toFixed(2)} m`, "above the ellipsoid");
     for (const field of this.app.overview.fields) {
       const value = sign.values[field.name];
       if (value === undefined || field.name === "id") continue;
-      const unit = field.unit && field.unit !== "UTC" ? ` ${field.unit}` : "";
-      const text = Array.isArray(value) ? value.join(", ") : String(value);
-      line(field.name.replace(/_(m|deg|m2)$/, "").replace(/_/g, " "), text + unit, field.meaning);
+      const text = Array.isArray(value) ? value.join(", ") : String(value).replace(TIME, "$1 $2 UTC");
+      const decided = this.decided(verdict, field.name);
+      const other = decided !== undefined && decided !== value;
+      if (other) line(`${field.title}, reviewed`, `${decided}${field.unit}`, field.meaning);
+      line(field.title + (other ? ", computed" : ""), text + field.unit, field.meaning);
     }
+  }
+
+  // what the review says in place of a figure
+  decided(verdict, name) {
+    if (name === "class") return verdict?.class_name;
+    if (name === "status") return verdict?.status || undefined;
+    if (name !== "facing_deg" && name !== "height_above_road_m") return undefined;
+    const value = verdict?.[name];
+    return value === undefined ? value : Number(value.toFixed(name === "facing_deg" ? 1 : 2));
   }
 
   history(box) {

@@ -30,8 +30,8 @@ export class Filters {
       for (const label of this.ticks) label.style.display = label.hidden ? "none" : "";
     };
     byId("toggle-filters").onclick = () => this.toggle();
-    // on a phone they would cover the map
-    if (matchMedia("(max-width: 700px)").matches) this.toggle();
+    // where it is narrow they would cover the map
+    if (matchMedia("(max-width: 1000px)").matches) this.toggle();
   }
 
   tick(box, flags, k, text, title, count, colour) {

@@ -54,6 +54,8 @@ export function listenToKeys(app) {
     }
     app.hint("No further sign.");
   };
+  byId("previous").onclick = () => next(-1);
+  byId("next").onclick = () => next(1);
   const doubtful = () => {
     const row = ordered(state.signs, "doubt").find((i) => state.signs.shown[i] && !state.signs.verdicts.get(i)?.status && i !== state.selected);
     if (row === undefined) return app.hint("No further sign.");

@@ -73,10 +73,8 @@ function layBelow(map) {
   const box = byId("below"), tick = byId("below-on");
   box.hidden = false;
   box.lastElementChild.textContent = background.name;
-  byId("map").classList.add("over");
   tick.onchange = () => {
     map.below.on = tick.checked;
-    byId("map").classList.toggle("over", tick.checked);
     map.redraw();
   };
   app.toggleBelow = () => tick.click();

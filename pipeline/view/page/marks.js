@@ -145,8 +145,10 @@ function single(map, state, row, faces) {
   const colour = COLOURS[signs.class[row] % COLOURS.length];
   const facing = chosen && state.turning !== null ? state.turning : facingOf(signs, row);
   if (facing === facing && (faces || chosen)) {
-    if (map.below?.on) arrow(ctx, sx, sy, r, facing * Math.PI / 180, map.colour("--card"), 4.5);
-    arrow(ctx, sx, sy, r, facing * Math.PI / 180, chosen && state.turning !== null ? map.colour("--warn") : colour);
+    // of the chosen one from its rings on, which would hide it
+    const from = chosen ? r + 6 : r, angle = facing * Math.PI / 180;
+    if (map.below?.on) arrow(ctx, sx, sy, from, angle, map.colour("--card"), 4.5);
+    arrow(ctx, sx, sy, from, angle, chosen && state.turning !== null ? map.colour("--warn") : colour, chosen ? 2.6 : 1.8);
   }
   const face = faces ? state.face(classOf(signs, row)) : null;
   ctx.globalAlpha = verdict?.status === "rejected" ? 0.35 : 1;
@@ -193,7 +195,7 @@ function ring(map, sx, sy, r, colour, crossed) {
   ctx.stroke();
 }
 
-function arrow(ctx, sx, sy, r, angle, colour, width = 1.8) {
+function arrow(ctx, sx, sy, r, angle, colour, width) {
   const far = r + 13, s = Math.sin(angle), c = -Math.cos(angle);
   ctx.strokeStyle = colour; ctx.lineWidth = width;
   ctx.beginPath();

@@ -131,20 +131,29 @@ export class Player {
     const { selected } = this.app.state;
     const chosen = selected === null ? null : this.app.card?.sign ?? null;
     const line = Math.max(1.5, width / 500);
-    ctx.font = `600 ${Math.round(width / 55)}px system-ui, sans-serif`;
+    // to be read in the panel, which is narrower than the frame
+    const high = Math.round(Math.max(width / 60, 11 * width / (this.canvas.clientWidth || width)));
+    ctx.font = `600 ${high}px system-ui, sans-serif`;
     ctx.textBaseline = "bottom";
-    for (const box of boxes) {
+    const taken = [];
+    const isOwn = (box) => chosen !== null && this.app.card.boxes.has(`${this.drive.number}/${box.row}`);
+    const rank = (box) => (isOwn(box) ? Infinity : box.box[3] - box.box[1]);
+    // the chosen one first, then the near ones: labels that would lie on those are left out
+    for (const box of [...boxes].sort((a, b) => rank(b) - rank(a))) {
       const [x0, y0, x1, y1] = box.box.map((v) => v * scale);
-      const own = chosen !== null && this.app.card.boxes.has(`${this.drive.number}/${box.row}`);
+      const own = isOwn(box);
       if (own && picture) this.app.card.closeUp(picture, [x0, y0, x1, y1], this.frame);
       ctx.strokeStyle = own ? "#ffd33d" : box.sign ? "#58d68d" : "#9aa5b1";
       ctx.lineWidth = own ? 2 * line : line;
       ctx.strokeRect(x0, y0, x1 - x0, y1 - y0);
       const label = `${words(box.class)} ${box.score.toFixed(2)}`;
       const wide = ctx.measureText(label).width;
-      const x = Math.min(x0, Math.max(0, width - wide - 6)), y = y0 > 30 ? y0 - 2 : y1 + width / 45;
+      const x = Math.min(x0, Math.max(0, width - wide - 6)), y = y0 > 1.3 * high ? y0 - 2 : y1 + 1.2 * high;
+      const place = [x, y - 1.1 * high, x + wide + 6, y + 0.1 * high];
+      if (taken.some((t) => place[0] < t[2] && t[0] < place[2] && place[1] < t[3] && t[1] < place[3])) continue;
+      taken.push(place);
       ctx.fillStyle = "rgba(11, 13, 16, 0.72)";
-      ctx.fillRect(x, y - width / 50, wide + 6, width / 48);
+      ctx.fillRect(place[0], place[1], wide + 6, 1.2 * high);
       ctx.fillStyle = ctx.strokeStyle;
       ctx.fillText(label, x + 3, y);
     }

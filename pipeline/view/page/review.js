@@ -132,6 +132,8 @@ export class Review {
     this.begin();
     this.app.byId("frame").tabIndex = 0;
     this.app.byId("side").classList.add("adding");
+    // the frame is to be clicked in
+    this.app.byId("side").scrollTop = 0;
     card.drawAdding();
     this.app.hint("");
   }
@@ -203,6 +205,7 @@ export class Review {
     state.splitting = new Set(views.map((_, i) => i).filter((i) => i > 0 && i >= card.view));
     this.begin();
     card.draw();
+    this.app.byId("views").scrollIntoView({ block: "center" });
     hint("Choose the views of the other sign, then Make two signs. Esc leaves it.");
   }
 
