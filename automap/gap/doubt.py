@@ -11,8 +11,7 @@ where levels are higher than stated, candidates are judged under what was stated
 
 from __future__ import annotations
 
-import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -161,19 +160,4 @@ def in_noise(
         ):
             no_likelier = of_sensors and one.evidence_nats < least
             out.append(replace(one, p_value=1.0) if no_likelier else one)
-    return tuple(out)
-
-
-def in_drift(found: Found, told: Collection[str]) -> tuple[Misfit, ...]:
-    """What drift says nearly as well, of drifts that are not ``told``, where it is a hundred to one
-    by the filter: where nothing is there chance makes such odds no more often (Markov)."""
-    known, out = found.selection.given(found.chosen), list[Misfit]()
-    for walk, its in found.as_drift.items():
-        name, odds = next(iter(its.items()))
-        candidate = found.selection.candidates[name]
-        surely = odds >= -math.log(limits.SUSPECTED) and not follows_time(candidate.terms)
-        if surely and walk not in told:
-            part = tuple(i for its in candidate.parts for i in its)
-            channel, size = shown_by(known, part)
-            out.append(Misfit(CHANNELS[channel], LIKE, name, size, math.exp(-odds)))
     return tuple(out)

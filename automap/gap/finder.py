@@ -21,7 +21,6 @@ from automap.gap.dictionary import forget_formulas
 from automap.gap.doubt import (
     doubt_of_usual,
     doubts,
-    in_drift,
     in_noise,
     strongest_refused,
     suspected,
@@ -227,8 +226,7 @@ def _result(
     refused = strongest_refused(found)
     kept_out = _by_formula(found, stands.kept_out)
     hidden = in_noise(found, screening, stated.factors)
-    swallowed = in_drift(found, [f.effect for f in noise])
-    likened = {m.where: m for m in (*suspected((*refused, *hidden)), *swallowed, *later)}
+    likened = {m.where: m for m in (*suspected((*refused, *hidden)), *later)}
     left = (*misfits(with_states), *likened.values())
     noisy = {n: noise_levels(n) for n in (*(f.effect for f in noise), *(c.level for c in claims))}
     paid = costs(held_out, final, values, noisy, stated.factors, stands.without)

@@ -5,18 +5,16 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from types import SimpleNamespace
-from typing import Any, cast
+from typing import cast
 
 import numpy as np
 import pytest
 
 from automap.gap import base_model, limits
-from automap.gap import doubt as module
 from automap.gap.candidates import Candidate
 from automap.gap.doubt import (
     doubt,
     formula_in_place,
-    in_drift,
     in_noise,
     strongest_beside,
     suspected,
@@ -137,39 +135,3 @@ def test_what_raised_noise_took_is_told_under_the_noise_as_stated(
     # whatever is looked at counts, likelier than its noise or not
     lasts = level != "position_h"
     assert len(looked) == (lasts and raised > limits.SCALE_FACTOR)
-
-
-@pytest.mark.parametrize(
-    ("odds", "terms", "already", "told"),
-    [
-        (9.0, (), (), True),
-        # not a hundred to one
-        (4.0, (), (), False),
-        # the drift itself is told, with the name beside it
-        (9.0, (), ("gyro_bias_walk",), False),
-        # courses of time follow any sway
-        (9.0, (("gyro_z", "step(time - 20.5)"),), (), False),
-    ],
-)
-def test_what_drift_says_nearly_as_well_is_missing(
-    monkeypatch: pytest.MonkeyPatch,
-    odds: float,
-    terms: tuple[tuple[str, str], ...],
-    already: tuple[str, ...],
-    told: bool,
-) -> None:
-    asked: list[tuple[int, ...]] = []
-
-    def shown(known: Any, part: tuple[int, ...]) -> tuple[int, float]:
-        asked.append(part)
-        return 2, 1.5
-
-    monkeypatch.setattr(module, "shown_by", shown)
-    warm = Candidate("gyro_temperature", ((3,), (4,), (5,)), -4.0, terms=terms)
-    selection = SimpleNamespace(given=lambda chosen: None, candidates={warm.name: warm})
-    as_drift = {"gyro_bias_walk": {warm.name: odds}}
-    found: Any = SimpleNamespace(selection=selection, chosen=None, as_drift=as_drift)
-    missing = in_drift(found, already)
-    assert [m.where for m in missing] == ([warm.name] if told else [])
-    assert asked == ([(3, 4, 5)] if told else [])
-    assert all(m.p_value < limits.SUSPECTED for m in missing)
