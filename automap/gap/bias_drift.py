@@ -3,7 +3,9 @@
 A random walk follows whatever is slow. So what acts on a sensor is worth what it says beyond the
 same set without it, the drift fitted anew; and a drift that says as much as a name must be worth is
 asked whether it is one: what follows temperature or time has the same value on another day, which a
-walk has not.
+walk has not. That one of the two is there a thousand to one tells; which of them is told as of any
+rivals, by twenty to one, priors included, and beyond their scatter. Of a hundred drives that drift
+less than one is so told otherwise (Markov: what is slow has a seventh of the prior probability).
 """
 
 from __future__ import annotations
@@ -63,7 +65,8 @@ class BiasDrift:
         return with_levels(self.screening.states(here, selection, chosen.without(name)), walks)
 
     def needed(self, here: Fitted, selection: Selection, found: Chosen) -> Chosen:
-        """The set less what acts on a sensor and is worth less than a name beyond what drift says:
+        """The set less what acts on a sensor and is worth less than a name beyond what drift says,
+        or, where it changes a bias as drift does, is not told apart from that:
         beside biases that are steady because of it, it always seems needed. It must be worth that
         by all drives, and beyond their scatter from stretch to stretch: noise as modelled makes D
         nats scatter by sqrt(2 D), so that this asks no more of what is worth a name, but what one
@@ -84,15 +87,19 @@ class BiasDrift:
             of_vehicle = loose(selection, found, {name})
             ahead, sigmas = self.judge.beyond_drift(here, other, of_vehicle)
             worth[name] = ahead + prior if sigmas > limits.APART else min(ahead + prior, 0.0)
-            if worth[name] < limits.LEAST_ODDS:
+            if name in SLOW:
+                # a fitted drive alone is little surer of what is slow than drift is
+                self.nats[name] = max(self.nats[name], ahead + prior)
+            worth[name] -= limits.CLOSE_NATS if name in SLOW else limits.LEAST_ODDS
+            if worth[name] < 0.0:
                 self._note(selection, found, name, ahead + prior, sigmas)
         weakest = min(worth, key=lambda n: worth[n], default="")
-        return found.without(weakest) if worth.get(weakest, np.inf) < limits.LEAST_ODDS else found
+        return found.without(weakest) if worth.get(weakest, np.inf) < 0.0 else found
 
     def behind(self, here: Fitted, selection: Selection, found: Chosen) -> Chosen | None:
-        """The set with what is surely there in the place of a drift, of each set asked once; what a
-        drift says nearly as well is noted."""
-        best, instead = limits.LEAST_ODDS, None
+        """The set with what is told apart from a drift in the place of that, of each set asked
+        once; what a drift says nearly as well is noted."""
+        best, instead = limits.CLOSE_NATS, None
         asked = frozenset(found.names)
         if asked in self.asked:
             return None

@@ -11,8 +11,7 @@ where levels are higher than stated, candidates are judged under what was stated
 
 from __future__ import annotations
 
-import math
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -23,7 +22,7 @@ from automap.fusion.layout import CHANNELS
 from automap.fusion.levels import RECEIVER_LEVELS
 from automap.gap import limits
 from automap.gap.candidates import follows_time, is_course
-from automap.gap.chance import p_value
+from automap.gap.chance import strongest_by_chance
 from automap.gap.evidence import shown_by
 from automap.gap.fit import Values
 from automap.gap.found import Found, in_layout
@@ -31,11 +30,10 @@ from automap.gap.misfit import LIKE, Misfit
 from automap.gap.neighbours import Terms
 from automap.gap.noise import INERTIAL_LEVELS, Fitted, fitted_about, noise_score
 from automap.gap.reading_steps import cut_off
-from automap.gap.result import Drift
+from automap.gap.result import Drift, Refused
 from automap.gap.screening import Screening
-from automap.gap.selection import Chosen, Selection
+from automap.gap.selection import Chosen, Selection, twins_of
 from automap.gap.stepwise import rivals, told_apart
-from automap.records import FloatArray
 
 SWALLOW = ((tuple(bias_walks()), True), (INERTIAL_LEVELS, True), (RECEIVER_LEVELS, False))
 """Levels of noise that swallow effects, and whether they are sensors': drift, noise that adds up on
@@ -100,62 +98,66 @@ def _of_a_constant(terms: Terms) -> bool:
     return not is_course(terms) or terms[0][0] in INSTALLED
 
 
-def given_up(found: Found, maxima: FloatArray) -> tuple[Misfit, ...]:
-    """The likeliest candidate beside what was found where something surely is, and has no name."""
-    return _likeliest(found.selection, found.chosen, maxima)
+def strongest_refused(found: Found) -> tuple[Refused, ...]:
+    """The strongest candidate that is not named, and how likely chance makes one as strong."""
+    selection = found.nothing_else
+    return strongest_beside(
+        selection, in_layout(found.chosen, found.selection.linear.layout, selection)
+    )
+
+
+def strongest_beside(selection: Selection, chosen: Chosen) -> tuple[Refused, ...]:
+    """The same of a selection in which nothing else acts than what is chosen."""
+    known, has = selection.given(chosen), {part for _, part, _ in chosen.parts}
+    barred = twins_of(chosen.names)
+    # the likeliest of many is not drawn anew: its chance would be told too small
+    left = [
+        (c.name, part)
+        for c in selection.candidates.values()
+        if c.choices == 1.0 and c.name not in barred
+        for part in c.parts
+        if part not in has
+    ]
+    best = strongest_by_chance(known, [part for _, part in left], limits.NULL_DRAWS)
+    if best is None:
+        return ()
+    name, part = left[best.number]
+    channel, size = shown_by(best.known, part)
+    return (Refused(name, best.nats, best.p_value, channel, size),)
+
+
+def suspected(refused: Sequence[Refused]) -> tuple[Misfit, ...]:
+    """Candidates that were not named and yet no chance, each of which was the strongest under a
+    noise of its own (Bonferroni): something is missing, whatever it is."""
+    chances = [min(1.0, len(refused) * one.p_value) for one in refused]
+    return tuple(
+        Misfit(CHANNELS[one.channel], LIKE, one.effect, one.size, p)
+        for one, p in zip(refused, chances, strict=True)
+        if p <= limits.SUSPECTED
+    )
 
 
 def in_noise(
-    found: Found, screening: Screening, stated: Mapping[str, float], maxima: FloatArray
-) -> tuple[Misfit, ...]:
-    """The same under the noise as stated, kind by kind, where that was raised."""
-    here = found.fitted
+    found: Found, screening: Screening, stated: Mapping[str, float]
+) -> tuple[Refused, ...]:
+    """The strongest candidate that is not named under the noise as stated, kind by kind, where that
+    was raised; of sensors' noise no chance where the noise that was raised explains more."""
+    here, out = found.fitted, list[Refused]()
     fitted = here.model.factors
     for levels, of_sensors in SWALLOW:
         held = {k: stated[k] for k in levels if fitted[k] > limits.SCALE_FACTOR * stated[k]}
         if not held:
             continue
         factors = {**fitted, **held}
+        model = replace(here.model, factors=factors)
+        louder = fitted_about(model, here.estimate, here.fits)
+        loud = screening.selection(louder, slow=False, may_act=False)
         # a path bends with its sensors' noise as with an effect: what explains less is no likelier
         least = noise_score(here.fits, fitted) - noise_score(here.fits, factors)
         least -= limits.OCCAM_NATS * len(held)
-        model = replace(here.model, factors=factors)
-        loud = screening.selection(fitted_about(model, here.estimate, here.fits), slow=False)
-        chosen = in_layout(found.chosen, found.selection.linear.layout, loud)
-        told = _likeliest(loud, chosen, maxima, least if of_sensors else 0.0)
-        if told:
-            return told
-    return ()
-
-
-def in_drift(found: Found, told: Collection[str]) -> tuple[Misfit, ...]:
-    """What drift says nearly as well, of drifts that are not ``told``, where it is a hundred to one
-    by the filter: where nothing is there chance makes such odds no more often (Markov)."""
-    known, out = found.selection.given(found.chosen), list[Misfit]()
-    for walk, its in found.as_drift.items():
-        name, odds = next(iter(its.items()))
-        candidate = found.selection.candidates[name]
-        surely = odds >= -math.log(limits.SUSPECTED) and not follows_time(candidate.terms)
-        if surely and walk not in told:
-            part = tuple(i for its in candidate.parts for i in its)
-            channel, size = shown_by(known, part)
-            out.append(Misfit(CHANNELS[channel], LIKE, name, size, math.exp(-odds)))
+        for one in strongest_beside(
+            loud, in_layout(found.chosen, found.selection.linear.layout, loud)
+        ):
+            no_likelier = of_sensors and one.evidence_nats < least
+            out.append(replace(one, p_value=1.0) if no_likelier else one)
     return tuple(out)
-
-
-def _likeliest(
-    selection: Selection, chosen: Chosen, maxima: FloatArray, least: float = 0.0
-) -> tuple[Misfit, ...]:
-    """The likeliest of what may be missing beside a choice, where anything surely is."""
-    # what the filter gave up may be there in another form, but courses of time follow any sway
-    courses = {c.name for c in selection.candidates.values() if follows_time(c.terms)}
-    refused = frozenset(key for key in selection.refused if key[0] in courses)
-    asked = replace(selection, refused=refused)
-    moves = asked.suspected(chosen, least)
-    if not moves:
-        return ()
-    first = moves[0]
-    channel, size = shown_by(asked.given(chosen), first.part)
-    # of many of which one is likeliest by chance
-    nats = first.evidence.nats - math.log(selection.candidates[first.name].choices)
-    return (Misfit(CHANNELS[channel], LIKE, first.name, size, p_value(nats, maxima)),)

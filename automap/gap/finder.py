@@ -18,7 +18,13 @@ from automap.gap.candidates import library
 from automap.gap.confirm import costs, levels_for_runs
 from automap.gap.constancy import drifts
 from automap.gap.dictionary import forget_formulas
-from automap.gap.doubt import doubt_of_usual, doubts, given_up, in_drift, in_noise
+from automap.gap.doubt import (
+    doubt_of_usual,
+    doubts,
+    in_noise,
+    strongest_refused,
+    suspected,
+)
 from automap.gap.drive import GapDrive, OpenDrive, in_vehicle_axes, open_drive
 from automap.gap.fit import Fit, GapModel, Values, base_model, fit_drive, without
 from automap.gap.found import Beside, Found
@@ -29,8 +35,6 @@ from automap.gap.naming import (
     chance,
     describe,
     identifiability,
-    strongest_refused,
-    suspected,
     verdict,
 )
 from automap.gap.nodes import NodeMotion
@@ -221,10 +225,8 @@ def _result(
     claims = noise_claims(under, stated.factors, final)
     refused = strongest_refused(found)
     kept_out = _by_formula(found, stands.kept_out)
-    hidden = given_up(found, maxima)
-    hidden = hidden or in_noise(found, screening, stated.factors, maxima)
-    swallowed = in_drift(found, [f.effect for f in noise])
-    likened = {m.where: m for m in (*suspected(refused), *hidden, *swallowed, *later)}
+    hidden = in_noise(found, screening, stated.factors)
+    likened = {m.where: m for m in (*suspected((*refused, *hidden)), *later)}
     left = (*misfits(with_states), *likened.values())
     noisy = {n: noise_levels(n) for n in (*(f.effect for f in noise), *(c.level for c in claims))}
     paid = costs(held_out, final, values, noisy, stated.factors, stands.without)

@@ -8,16 +8,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from automap.effects import CATALOGUE
-from automap.fusion.layout import CHANNELS
 from automap.gap import limits
-from automap.gap.chance import null_maxima, p_value, strongest_by_chance
+from automap.gap.chance import null_maxima, p_value
 from automap.gap.columns import named_columns
-from automap.gap.evidence import between_channels, shown_by
+from automap.gap.evidence import between_channels
 from automap.gap.fit import ORIGIN, Fit, Values
-from automap.gap.found import Found, in_layout
+from automap.gap.found import Found
 from automap.gap.limits import ALIKE, SHOWS
 from automap.gap.linear import Part
-from automap.gap.misfit import LIKE, Misfit
+from automap.gap.misfit import Misfit
 from automap.gap.nodes import motions_of
 from automap.gap.result import (
     Drift,
@@ -25,7 +24,6 @@ from automap.gap.result import (
     KeptOut,
     NoiseClaim,
     ParameterValue,
-    Refused,
     Term,
     Unexplained,
     advice,
@@ -135,37 +133,6 @@ def chance(found: Found) -> FloatArray:
     once = [c for c in selection.candidates.values() if c.choices == 1.0]
     parts = [p for c in once for p in c.parts if known.shows(p)]
     return null_maxima(known, parts, limits.NULL_DRAWS)
-
-
-def strongest_refused(found: Found) -> tuple[Refused, ...]:
-    """The strongest candidate that is not named, and how likely chance makes one as strong."""
-    selection = found.nothing_else
-    chosen = in_layout(found.chosen, found.selection.linear.layout, selection)
-    known, has = selection.given(chosen), {part for _, part, _ in chosen.parts}
-    barred = twins_of(chosen.names)
-    # the likeliest of many is not drawn anew: its chance would be told too small
-    left = [
-        (c.name, part)
-        for c in selection.candidates.values()
-        if c.choices == 1.0 and c.name not in barred
-        for part in c.parts
-        if part not in has
-    ]
-    best = strongest_by_chance(known, [part for _, part in left], limits.NULL_DRAWS)
-    if best is None:
-        return ()
-    name, part = left[best.number]
-    channel, size = shown_by(best.known, part)
-    return (Refused(name, best.nats, best.p_value, channel, size),)
-
-
-def suspected(refused: Sequence[Refused]) -> tuple[Misfit, ...]:
-    """Candidates that were not named and yet no chance: something is missing, whatever it is."""
-    return tuple(
-        Misfit(CHANNELS[one.channel], LIKE, one.effect, one.size, one.p_value)
-        for one in refused
-        if one.p_value <= limits.SUSPECTED
-    )
 
 
 def _formula(found: Found, name: str, nats: float, p: float, nearest: str | None) -> Unexplained:

@@ -257,10 +257,9 @@ class Selection:
         """Whether a move's odds are high, and other stretches predict what it explains."""
         return move.odds >= limits.LEAST_ODDS and move.evidence.predicted_without_best > 0.0
 
-    def suspected(self, chosen: Chosen, least: float = 0.0) -> list[Move]:
-        """The strongest parts beside a choice, best first, of ``least`` nats, where it is a hundred
-        to one that any of them is there: forms of one thing share what speaks for it, and none
-        alone need be sure.
+    def suspected(self, chosen: Chosen) -> list[Move]:
+        """The strongest parts beside a choice, best first, where it is a hundred to one that any of
+        them is there: forms of one thing share what speaks for it, and none alone need be sure.
 
         All is lowered by what candidates say too much together, for noise that is not as modelled,
         but beside the likeliest: what is missing makes all that resemble it say more.
@@ -271,7 +270,7 @@ class Selection:
                 m
                 for m in asked.best(chosen)
                 if m.name not in chosen.names
-                and m.evidence.nats >= least
+                and m.evidence.nats >= 0.0
                 and m.evidence.predicted_without_best > 0.0
             ]
             if not moves:

@@ -32,11 +32,11 @@ class Drifting(BiasDrift):
         return fit_of("drift")
 
 
-def on_sensor() -> Selection:
+def on_sensor(its: str = LOW_PASSED) -> Selection:
     """A selection of which one acts on a sensor, with 2000 nats."""
     move = SimpleNamespace(evidence=SimpleNamespace(nats=2000.0))
     told = dict(
-        sensors=lambda chosen, name: {0} if name == LOW_PASSED else set(),
+        sensors=lambda chosen, name: {0} if name == its else set(),
         of_vehicle=lambda chosen, names: False,
         odds_of=lambda chosen, name: (1997.0, [move]),
         log_prior=lambda chosen: -3.0 * len(chosen.names),
@@ -57,32 +57,43 @@ def test_no_body_sways_as_slowly_as_a_sensor_warms(
     asked = Drifting()
     monkeypatch.setattr(asked.judge, "beyond_drift", ahead)
     monkeypatch.setattr(bias_drift, "likelier", lambda one, other: (40.0, 9.0))
-    selection = on_sensor()
-    monkeypatch.setattr(selection, "sensors", lambda chosen, its: {0} if its == name else set())
-    asked.needed(HERE, selection, Chosen((*only(LATE).parts, (name, (1,), 1.0))))
+    asked.needed(HERE, on_sensor(name), Chosen((*only(LATE).parts, (name, (1,), 1.0))))
     assert heard == [of_vehicle]
 
 
 @pytest.mark.parametrize(
-    ("nats", "sigmas", "stays"),
+    ("name", "nats", "sigmas", "stays"),
     [
-        (20.0, 2.0, True),
+        (LOW_PASSED, 20.0, 2.0, True),
         # one stretch alone says all of it
-        (20.0, 1.0, False),
+        (LOW_PASSED, 20.0, 1.0, False),
         # the other drive says the opposite
-        (5.0, 2.0, False),
+        (LOW_PASSED, 5.0, 2.0, False),
+        (LOW_PASSED, 7.0, 2.0, False),
+        # what is slow and drift are rivals of which one is there
+        (WARM, 7.0, 2.0, True),
+        (WARM, 5.0, 2.0, False),
     ],
 )
 def test_what_acts_on_a_sensor_must_say_more_than_drift_on_all_drives(
-    monkeypatch: pytest.MonkeyPatch, nats: float, sigmas: float, stays: bool
+    monkeypatch: pytest.MonkeyPatch, name: str, nats: float, sigmas: float, stays: bool
 ) -> None:
-    asked = Drifting()
+    asked, selection = Drifting(), on_sensor(name)
     monkeypatch.setattr(asked.judge, "beyond_drift", lambda *about: (nats, sigmas))
     monkeypatch.setattr(bias_drift, "likelier", lambda one, other: (40.0, 9.0))
-    both = Chosen((*only(LATE).parts, (LOW_PASSED, (1,), 1.0)))
-    assert asked.needed(HERE, on_sensor(), both) == (both if stays else only(LATE))
+    both = Chosen((*only(LATE).parts, (name, (1,), 1.0)))
+    assert asked.needed(HERE, selection, both) == (both if stays else only(LATE))
     # asked without it, and of the other, which acts on no sensor, nothing
     assert asked.sets == [(LATE,)]
+
+
+def test_what_is_slow_is_worth_what_all_drives_say(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked = Drifting()
+    monkeypatch.setattr(asked.judge, "beyond_drift", lambda *about: (12.0, 3.0))
+    monkeypatch.setattr(bias_drift, "likelier", lambda one, other: (4.0, 1.0))
+    for name, nats in ((WARM, 9.0), (LOW_PASSED, 4.0)):
+        asked.needed(HERE, on_sensor(name), Chosen(((name, (1,), 1.0),)))
+        assert asked.nats == {name: nats}
 
 
 @pytest.mark.parametrize(
@@ -121,7 +132,9 @@ def test_what_drift_says_nearly_as_well_is_told_beside_the_drift(
     [
         (12.0, 3.0, True, True),
         (12.0, 1.0, False, True),
-        (5.0, 3.0, False, True),
+        # a thousand to one says that something is there, twenty to one which of the two
+        (3.5, 3.0, True, True),
+        (2.5, 3.0, False, True),
         (-9.0, -3.0, False, False),
     ],
 )

@@ -5,19 +5,23 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from types import SimpleNamespace
-from typing import Any, cast
+from typing import cast
 
 import numpy as np
 import pytest
 
 from automap.gap import base_model, limits
-from automap.gap import doubt as module
 from automap.gap.candidates import Candidate
-from automap.gap.chance import p_value
-from automap.gap.doubt import doubt, formula_in_place, given_up, in_drift, in_noise
+from automap.gap.doubt import (
+    doubt,
+    formula_in_place,
+    in_noise,
+    strongest_beside,
+    suspected,
+)
 from automap.gap.linear import Column
-from automap.gap.naming import chance
 from automap.gap.noise import Fitted
+from automap.gap.result import Refused
 from automap.gap.screening import Screening
 from automap.gap.selection import Chosen, Selection
 from automap.records import FloatArray
@@ -25,6 +29,8 @@ from tests.unit.gap_linear import PRIOR_SD, linear_of
 from tests.unit.test_gap_naming import found_with
 
 ROWS = 2400
+LONG_S = 0.3
+"""Rows so far apart make ten minutes, of which chance can tell."""
 FORMULA = "accel_x += k * force_x^3"
 
 
@@ -62,15 +68,21 @@ def test_held_out_data_that_are_no_likelier_with_a_name_cast_doubt_on_it() -> No
     assert "held-out" in doubt(selection, NAMED, "accel_scale", -0.1)
 
 
-def test_what_the_filter_gave_up_is_told_without_a_name() -> None:
-    missing = found_with({0: 0.3})
-    maxima = chance(missing)
-    nothing = replace(missing, chosen=Chosen())
-    (told,) = given_up(nothing, maxima)
+def test_what_is_missing_is_told_without_a_name() -> None:
+    missing = found_with({0: 0.3}, step_s=LONG_S)
+    (told,) = suspected(strongest_beside(missing.selection, Chosen()))
     assert (told.kind, told.where) == ("like", "gyro_scale")
-    assert told.p_value < math.exp(-limits.LEAST_ODDS)
-    assert p_value(0.0, maxima) > told.p_value
-    assert given_up(missing, maxima) == ()
+    assert told.p_value < limits.SUSPECTED
+    assert suspected(strongest_beside(missing.selection, missing.chosen)) == ()
+
+
+def test_what_was_looked_for_under_several_noises_is_the_likelier_by_chance() -> None:
+    one = Refused("gyro_scale", 9.0, 0.006)
+    other = Refused("accel_scale", 1.0, 0.7)
+    assert [m.p_value for m in suspected([one])] == [0.006]
+    assert suspected([one, other]) == ()
+    (told,) = suspected([replace(one, p_value=0.004), other])
+    assert told.p_value == 0.008
 
 
 @pytest.mark.parametrize(("size", "told"), [(0.135, True), (0.0, False)])
@@ -86,9 +98,7 @@ def test_forms_of_one_thing_share_what_speaks_for_it(size: float, told: bool) ->
         for i, text in enumerate(texts)
     }
     selection = Selection(linear_of(phi, size * one + noise, layout), candidates)
-    found = replace(found_with({}), selection=selection, chosen=Chosen())
-    misfits = given_up(found, chance(found))
-    assert [m.kind for m in misfits] == ["like"] * told
+    assert bool(selection.suspected(Chosen())) == told
     # no form is so sure by itself, and what is missing makes all that resemble it say too much
     assert not [m for m in selection.best(Chosen()) if m.odds > -math.log(limits.SUSPECTED)]
     selection.inflate(Chosen())
@@ -114,47 +124,14 @@ def test_what_raised_noise_took_is_told_under_the_noise_as_stated(
     model = base_model()
     stated = dict(model.factors)
     louder = replace(model, factors={**stated, level: raised})
-    missing = found_with({0: 0.3})
+    missing = found_with({0: 0.3}, step_s=LONG_S)
     here = Fitted(louder, {}, ())
     nothing = replace(missing, chosen=Chosen(), fitted=here)
     monkeypatch.setattr("automap.gap.doubt.noise_score", lambda fits, f: worth * (f[level] > 1.0))
     monkeypatch.setattr("automap.gap.doubt.fitted_about", lambda model, *about: model)
-    screening = SimpleNamespace(selection=lambda here, slow: missing.selection)
-    found = in_noise(nothing, cast(Screening, screening), stated, chance(missing))
-    assert [one.where for one in found] == ["gyro_scale"] * told
-
-
-@pytest.mark.parametrize(
-    ("odds", "terms", "already", "told"),
-    [
-        (9.0, (), (), True),
-        # not a hundred to one
-        (4.0, (), (), False),
-        # the drift itself is told, with the name beside it
-        (9.0, (), ("gyro_bias_walk",), False),
-        # courses of time follow any sway
-        (9.0, (("gyro_z", "step(time - 20.5)"),), (), False),
-    ],
-)
-def test_what_drift_says_nearly_as_well_is_missing(
-    monkeypatch: pytest.MonkeyPatch,
-    odds: float,
-    terms: tuple[tuple[str, str], ...],
-    already: tuple[str, ...],
-    told: bool,
-) -> None:
-    asked: list[tuple[int, ...]] = []
-
-    def shown(known: Any, part: tuple[int, ...]) -> tuple[int, float]:
-        asked.append(part)
-        return 2, 1.5
-
-    monkeypatch.setattr(module, "shown_by", shown)
-    warm = Candidate("gyro_temperature", ((3,), (4,), (5,)), -4.0, terms=terms)
-    selection = SimpleNamespace(given=lambda chosen: None, candidates={warm.name: warm})
-    as_drift = {"gyro_bias_walk": {warm.name: odds}}
-    found: Any = SimpleNamespace(selection=selection, chosen=None, as_drift=as_drift)
-    missing = in_drift(found, already)
-    assert [m.where for m in missing] == ([warm.name] if told else [])
-    assert asked == ([(3, 4, 5)] if told else [])
-    assert all(m.p_value < limits.SUSPECTED for m in missing)
+    screening = SimpleNamespace(selection=lambda here, slow, may_act: missing.selection)
+    looked = in_noise(nothing, cast(Screening, screening), stated)
+    assert [one.where for one in suspected(looked)] == ["gyro_scale"] * told
+    # whatever is looked at counts, likelier than its noise or not
+    lasts = level != "position_h"
+    assert len(looked) == (lasts and raised > limits.SCALE_FACTOR)

@@ -12,13 +12,13 @@ from automap.fusion.layout import CHANNELS
 from automap.gap import limits
 from automap.gap.candidates import candidates_of
 from automap.gap.confirm import Confirmed
-from automap.gap.doubt import doubts
+from automap.gap.doubt import doubts, strongest_refused, suspected
 from automap.gap.evidence import shown_by
 from automap.gap.fit import Values, base_model
 from automap.gap.found import Found
 from automap.gap.linear import Column, Given, conditional
 from automap.gap.misfit import Misfit
-from automap.gap.naming import chance, describe, strongest_refused, suspected, verdict
+from automap.gap.naming import chance, describe, verdict
 from automap.gap.noise import Fitted, Joint
 from automap.gap.result import (
     BODY,
@@ -62,10 +62,11 @@ def found_with(
     alike: tuple[int, int, float] | None = None,
     not_told_apart: Mapping[str, tuple[str, ...]] | None = None,
     varying: float = 0.0,
+    step_s: float = STEP_S,
 ) -> Found:
-    """Where a search on made-up rows ended, with columns of these sizes missing, which vary by so
-    much from one stretch of eight seconds to another; the second of two that are ``alike`` is the
-    first and so much of its own."""
+    """Where a search on made-up rows ended, ``step_s`` apart, with columns of these sizes missing,
+    which vary by so much from one stretch of ``STRETCH`` rows to another; the second of two that
+    are ``alike`` is the first and so much of its own."""
     rng = np.random.default_rng(1)
     layout = [*columns_named(*NAMED), Column("accel_x += k * speed", "k", 0.5, term=FORMULA)]
     phi = rng.standard_normal((ROWS, len(layout)))
@@ -77,7 +78,7 @@ def found_with(
         here = rng.normal(size, varying, ROWS // STRETCH + 1)
         w = w + np.repeat(here, STRETCH)[:ROWS] * phi[:, i]
     candidates = candidates_of(layout, [n.split(".")[0] for n in NAMED])
-    selection = Selection(linear_of(phi, w, layout), {c.name: c for c in candidates})
+    selection = Selection(linear_of(phi, w, layout, step_s), {c.name: c for c in candidates})
     chosen = select(selection, Chosen(), limits.MAX_FINDINGS)
     names = (("gyro_scale", "x"), ("gyro_scale", "y"), ("gyro_scale", "z"), ("gnss_latency", "s"))
     full = Joint(names, np.array([0.0, 0.01, 0.3, 0.25]), np.diag([0.02**2] * 4), 0.0)
@@ -256,7 +257,8 @@ def test_coefficients_of_several_terms_have_their_names() -> None:
 
 def test_a_candidate_that_is_no_chance_and_yet_not_named_is_no_silence() -> None:
     weak = Refused("accel_x += k * speed", 6.0, 1e-5, CHANNELS.index("velocity_n"), 1.2)
-    (one,) = suspected([weak, Refused("gyro_scale", 3.0, 0.2)])
+    assert suspected([Refused("gyro_scale", 3.0, 0.2)]) == ()
+    (one,) = suspected([weak])
     assert (one.channel, one.where, one.size, one.p_value) == (
         "velocity_n",
         "accel_x += k * speed",
