@@ -57,9 +57,6 @@ over the window."""
 ROAD_ACCELERATION_PSD = (1.0, 1.0, 0.1)
 """White acceleration of road traffic north, east, down, (m/s^2)^2/Hz: in a second the speed
 changes by 1 m/s (one sigma), downwards by a third of that."""
-MOST_HELD_SPEED = 2.55
-"""m/s, below which a receiver may be set to hold still (u-blox M8 receiver description, static
-hold: a byte of cm/s)."""
 OUTLIER_PROBABILITY = math.exp(-8.0)
 """A right fix is taken for wild so rarely: where it lies four sigmas off in the plane,
 exp(-4^2 / 2), five times in an hour of four fixes a second."""

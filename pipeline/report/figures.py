@@ -32,7 +32,9 @@ def distance_m(trajectory: Trajectory) -> float:
 
 
 def duration_text(seconds: float) -> str:
-    """A duration as h, min and s."""
+    """A duration as h, min and s; a damaged record may tell any number."""
+    if not np.isfinite(seconds):
+        return "unknown"
     whole = round(seconds)
     hours, minutes, rest = whole // 3600, whole % 3600 // 60, whole % 60
     if hours:

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from automap.effects.limits import COURSE_SPEED
 from automap.effects.measured_kernels import antenna_velocity
 from automap.fusion.arrays import ModelArrays, NodeArrays
 from automap.fusion.layout import CH_VEL, HAS_VEL_H, HAS_VEL_V
-from automap.fusion.limits import DOWN_FACTOR, MOST_HELD_SPEED
+from automap.fusion.limits import DOWN_FACTOR
 from automap.fusion.measurements.state import AtNode
 from automap.fusion.options import FusionOptions
 from automap.jit import kernel
@@ -18,19 +16,12 @@ from automap.records import BoolArray, Fixes, FixType, FloatArray
 
 
 def velocity_errors(fixes: Fixes, factor: FloatArray, options: FusionOptions) -> FloatArray:
-    """Sigma NED [n, 3] m/s of velocities: the receiver's figure times ``factor`` [n].
-
-    A receiver that tells no speed at all may hold still whatever is less than the least one that it
-    does tell, and the vehicle moves at any of these.
-    """
+    """Sigma NED [n, 3] m/s of velocities: the receiver's figure times ``factor`` [n]."""
     sd = np.where(
         np.isfinite(fixes.sd_vel_ned) & (fixes.sd_vel_ned > 0),
         fixes.sd_vel_ned,
         options.velocity_sd * np.array([1.0, 1.0, DOWN_FACTOR]),
     )
-    speed = np.hypot(fixes.vel_ned[:, 0], fixes.vel_ned[:, 1])
-    held = np.min(speed, where=speed > 0.0, initial=MOST_HELD_SPEED) / math.sqrt(3.0)
-    sd[speed == 0.0, :2] = np.maximum(sd[speed == 0.0, :2], held)
     return np.maximum(sd * factor[:, None], options.min_velocity_sd)
 
 
