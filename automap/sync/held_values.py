@@ -184,12 +184,14 @@ def told_again(fixes: Fixes) -> BoolArray:
 
 def held_at_rest(fixes: Fixes) -> BoolArray:
     """Rows [n] that repeat the position of the row before, to the digit and for long, where no
-    speed is told.
+    speed is told; none of a log that never tells one.
 
     A receiver that holds still measures nothing there, and is still held while a vehicle begins to
     move; with these rows the noise of its positions would seem as small.
     """
     held = np.zeros(len(fixes), np.bool_)
+    if not np.any(np.abs(fixes.vel_ned[:, :2]) > 0.0):
+        return held
     place = np.column_stack([fixes.lat_rad, fixes.lon_rad])
     same = np.all(place[1:] == place[:-1], axis=1) & np.all(fixes.vel_ned[1:, :2] == 0.0, axis=1)
     for first, last in repeated(same):

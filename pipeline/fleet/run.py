@@ -130,9 +130,10 @@ class _Round:
         running = {self._submit(one): one for one in tries}
         futures = as_completed(list(running), loop=self.client.loop)
         while running:
-            if told_to_end.wait(0.0 if futures.has_ready() else _LOOK_S):
+            ready = futures.has_ready()
+            if told_to_end.wait(0.0 if ready else _LOOK_S):
                 raise KeyboardInterrupt
-            if not futures.has_ready():
+            if not ready:
                 continue
             future = next(futures)
             one = running.pop(future)

@@ -178,3 +178,9 @@ def test_a_receiver_that_holds_still_measures_nothing_meanwhile() -> None:
     repeats = np.arange(len(fixes)) > last_row
     assert (np.isnan(usable.lat_rad) == repeats).all()
     assert np.isfinite(usable_fixes(fixes, velocity_consistency(fixes)).lat_rad).all()
+    # a drive that stands has no others
+    one = np.zeros(len(fixes), np.int64)
+    stands = replace(
+        held, lat_rad=held.lat_rad[one], lon_rad=held.lon_rad[one], vel_ned=0.0 * held.vel_ned
+    )
+    assert np.isfinite(usable_fixes(stands, velocity_consistency(stands)).lat_rad).all()

@@ -46,7 +46,7 @@ def integrate(
     the last corrected reading, without its noise, and extra signals.
     """
     # taken out of the tuples once: in the loop that would count references at every access
-    times, readings, extra = samples.t, samples.raw, samples.extra
+    times, readings, extra, calm = samples.t, samples.raw, samples.extra, samples.calm
     terms, longest = model.terms, model.longest_step
     n_imu = times.shape[0]
     full = np.empty(6)
@@ -88,7 +88,9 @@ def integrate(
         for a in range(3):
             rate[a] += mid[a] * dt
         # a noisy reading would bend the size that its own error is found to have
-        take_noise_out(samples, i, 0.5 * (t + nxt), 6, mid)
+        s = min(max((0.5 * (t + nxt) - times[i]) / width, 0.0), 1.0)
+        for a in range(6):
+            mid[a] += calm[i, a] + s * (calm[i + 1, a] - calm[i, a])
         for a in range(n_extra):
             mid[6 + a] = extra[i, a]
         if dt > 0.0:
