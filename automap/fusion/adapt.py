@@ -4,7 +4,8 @@ A sensor's data sheet says little about its noise in a car: vibration folds down
 flexes. So the filter asks the drive itself. Each level is moved up or down by a factor while
 that makes the measurements more likely; a level that does not matter stays where it is.
 ``adapt_noise`` does so coarsely for the white levels in every run; ``refine_noise`` climbs on along
-exact slopes, when tuning for random walks and the receiver's slow error too. The likelihood is that
+exact slopes, also in how large the receiver's lasting errors are and how long those of velocities
+last; when tuning in random walks and in how long positions err, too. The likelihood is that
 of the innovations (F. C. Schweppe, IEEE Transactions on Information Theory 11, 1965).
 """
 
@@ -27,6 +28,7 @@ from automap.fusion.levels import (
     LEVELS,
     RUN_LEVELS,
     VEHICLE_LEVELS,
+    VELOCITY_TAU,
     VELOCITY_WANDER,
     WHITE_LEVELS,
 )
@@ -37,6 +39,7 @@ from automap.fusion.limits import (
     REFINE_S,
     SHAKEN_SPREAD,
     STANDING_PART,
+    TIME_FACTORS,
 )
 from automap.fusion.nodes import Nodes, Shift
 from automap.fusion.problem import Problem, with_options
@@ -66,12 +69,16 @@ class Search:
         A gyro that shakes so takes turns and delays with it (28 deg/s of white noise on a made
         motorcycle: a delay of 0.6 s that was not there), and stays at its end.
         """
+        if level in TIME_FACTORS:
+            return TIME_FACTORS[level]
         most = self.factor * shaken.get(level, 0.0) if level == "accel" else 0.0
         return max(1.0 / self.limit, least.get(level, 0.0)), max(self.limit, most)
 
 
 COARSE = Search(WHITE_LEVELS, 2.0, 16.0, 180.0, 2, 3.0, True)
 """Of every run. Chosen: quick, and no step without odds of 20 to 1 (three nats)."""
+CURVED = 0.1
+"""Of a level's logarithm, to either side: over so much its slope is a straight line."""
 _LASTING_WHITE = {"wander": "position_h", "wander_v": "position_v", "multipath": "position_h"}
 """What lasts of positions, and the white level beside it."""
 FINE = Search(LEVELS, 2.0**0.5, 64.0, 1800.0, 6, 1.0, True)
@@ -176,13 +183,31 @@ def refine_noise(
     top = max(tops, key=lambda found: found.score)
     if VELOCITY_WANDER not in levels or not _below_white(part, problem, top.factors):
         return top.factors
-    others = tuple(level for level in levels if level != VELOCITY_WANDER)
-    absent = climb(likelihood, top.factors | {VELOCITY_WANDER: ABSENT}, others, bounds)
+    others = tuple(level for level in levels if level not in (VELOCITY_WANDER, VELOCITY_TAU))
+    without = {VELOCITY_WANDER: ABSENT, VELOCITY_TAU: 1.0}
+    absent = climb(likelihood, top.factors | without, others, bounds)
     some, none = (np.log(found.factors[VELOCITY_WANDER]) / LEVEL_SPREAD for found in (top, absent))
+    # of the sizes that were possible only those up to this one are left, of times those near it
     gain = absent.score + 0.5 * none**2 - (top.score + 0.5 * some**2)
-    # of the sizes that were possible only those up to this one are left
     gain -= math.log(0.5 * math.erfc(-some / math.sqrt(2.0)))
+    gain -= math.log(_share_left(likelihood, top.factors, VELOCITY_TAU))
     return absent.factors if gain > LASTING_ODDS_NATS else top.factors
+
+
+def _share_left(
+    likelihood: Callable[[dict[str, float]], LevelLikelihood],
+    factors: Mapping[str, float],
+    level: str,
+) -> float:
+    """What is left of a level's spread beforehand at the top of the likelihood (Laplace's
+    approximation: D. MacKay, Neural Computation 4, 1992)."""
+    row = ALL_LEVELS.index(level)
+    ends = [
+        likelihood({**factors, level: factors[level] * math.exp(side)}).slope[row]
+        for side in (-CURVED, CURVED)
+    ]
+    curvature = (ends[0] - ends[1]) / (2.0 * CURVED)
+    return 1.0 / max(math.sqrt(max(curvature, 0.0)) * LEVEL_SPREAD, 1.0)
 
 
 def _starts(initial: Mapping[str, float]) -> list[Mapping[str, float]]:

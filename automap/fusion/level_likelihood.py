@@ -51,8 +51,7 @@ def room_for(problem: Problem, nodes: Nodes, path: PathStates) -> Room:
 @dataclass(frozen=True)
 class LevelLikelihood:
     """Log-likelihood in nats, and by level in the order of ``ALL_LEVELS`` its slope along the
-    factor's logarithm [l] and that slope's variance where the level is right [l]; the slope
-    along ``wander_tau`` is left at zero."""
+    factor's logarithm [l] and that slope's variance where the level is right [l]."""
 
     score: float
     slope: FloatArray
@@ -118,7 +117,7 @@ def _slopes(
         problem.model.walk,
         problem.arrays.noise,
         _level_of_channel(),
-        _level_of_state(problem),
+        *_levels_of_states(problem),
         store,
         problem.arrays.gate[3],
         np.array(left_out),
@@ -136,13 +135,16 @@ def _level_of_channel() -> IntArray:
     return out
 
 
-def _level_of_state(problem: Problem) -> IntArray:
+def _levels_of_states(problem: Problem) -> tuple[IntArray, IntArray]:
+    """The level of each state's size, and of how long it lasts; -1 none."""
     model = problem.model
-    out = np.full(model.size, -1, dtype=np.int64)
+    size, time = (np.full(model.size, -1, dtype=np.int64) for _ in range(2))
     for row, term in zip(model.term_table[:, 3], model.terms, strict=True):
         if level := CATALOGUE[term.effect].walk_setting:
-            out[N_NAV + row] = ALL_LEVELS.index(level)
+            size[N_NAV + row] = ALL_LEVELS.index(level)
     for effect in model.places:
         if markov := CATALOGUE[effect].markov:
-            out[model.rows(effect)] = [ALL_LEVELS.index(level) for level in markov.size_levels]
-    return out
+            size[model.rows(effect)] = [ALL_LEVELS.index(level) for level in markov.size_levels]
+            if markov.time_level:
+                time[model.rows(effect)] = ALL_LEVELS.index(markov.time_level)
+    return size, time

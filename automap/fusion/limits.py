@@ -292,6 +292,9 @@ REFINE_S = 600.0
 """So much driving the levels are refined on at most."""
 LEVEL_SPREAD = math.log(4.0)
 """Data sheets and presets are right to a factor of four (one sigma of a level's logarithm)."""
+TIME_FACTORS = {"wander_tau": (0.02, 16.0), "velocity_wander_tau": (0.25, 16.0)}
+"""Between which factors it is looked for how long a receiver's errors last: of velocities from one
+fix to a minute, since what lasts longer is an offset; of positions to a quarter of an hour."""
 SHAKEN_SPREAD = math.log(2.0)
 """An accelerometer's noise is no less than what its readings differ by from one to the next, to
 a factor of two (one sigma of its logarithm): 0.5 times in a recorded car, 1.0 to 2.3 beside laser

@@ -16,7 +16,7 @@ from automap.fusion.adapt import (
 )
 from automap.fusion.kernel_runs import PathStates, Start, run_forward
 from automap.fusion.layout import BESIDE_FIXES
-from automap.fusion.levels import RECEIVER_LEVELS, SLOPED_LEVELS
+from automap.fusion.levels import LEVELS, RECEIVER_LEVELS
 from automap.fusion.nodes import Nodes, Shift
 from automap.fusion.problem import Problem
 
@@ -48,7 +48,7 @@ def tune_noise(
     half = nodes.first(max(len(nodes.t) // 2, 2))
     path = PathStates(linearised_at.nominal[: len(half.t)], linearised_at.params[: len(half.t)])
     found = adapt_noise(problem, half, start, shift, initial, FINE, progress, least, shaken)
-    found = refine_noise(problem, half, start, shift, path, found, SLOPED_LEVELS, least, shaken)
+    found = refine_noise(problem, half, start, shift, path, found, LEVELS, least, shaken)
 
     def unseen_half(factors: Mapping[str, float]) -> float:
         whole, first = (

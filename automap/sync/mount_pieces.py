@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from automap.earth import STANDARD_GRAVITY
+from automap.gates import exceeds_ratio
 from automap.records import ClockModel, Fixes, FloatArray, ImuData
 from automap.robust import cauchy_weight
 from automap.sync import limits
@@ -174,12 +175,20 @@ def level_axes(up: FloatArray) -> FloatArray:
     return np.stack([first, np.cross(up, first)])
 
 
+def _by_chance(seen: Followed) -> float:
+    """Probability that three channels explain as much of noise at one of the lags that were tried,
+    which differ where they are further apart than what is compared is long."""
+    ratio = seen.share / 3.0 / max((1.0 - seen.share) / (seen.count - 3.0), 1e-12)
+    lags = 1.0 + 2.0 * limits.AXES_LAG_S / limits.AXES_WINDOW_S
+    return lags * exceeds_ratio(ratio, 3, seen.count - 3.0)
+
+
 def _azimuth(
     seen: Followed | None, level: FloatArray, quarters: float
 ) -> tuple[float, float] | None:
     """The azimuth of the force that goes with what was ``seen``, in the axes ``level`` [2, 3], less
     ``quarters`` of pi to the right, and its sigma by least squares."""
-    if seen is None or seen.share < limits.LEAST_SHARE or seen.count <= 3.0:
+    if seen is None or seen.count <= 3.0 or _by_chance(seen) > limits.MISTAKEN_LAG:
         return None
     normal = level @ seen.xx @ level.T
     slope = np.linalg.solve(normal, level @ seen.xy)

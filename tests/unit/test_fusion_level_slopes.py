@@ -11,7 +11,7 @@ from automap.fusion.adapt import scale_nodes, scale_problem
 from automap.fusion.kernel_runs import PathStates, Start, run_forward
 from automap.fusion.layout import HAS_POS_H, HAS_POS_V, HAS_VEL_H, HAS_VEL_V, NHC
 from automap.fusion.level_likelihood import level_likelihood
-from automap.fusion.levels import ALL_LEVELS, TIME_LEVELS
+from automap.fusion.levels import ALL_LEVELS
 from automap.fusion.model import build_state_model
 from automap.fusion.nodes import Nodes, Shift
 from automap.fusion.options import FusionOptions
@@ -65,7 +65,7 @@ def drive() -> tuple[Problem, Nodes, Start, PathStates]:
 
 
 @pytest.mark.parametrize("surprising", [1e-12, 0.3])
-@pytest.mark.parametrize("level", [name for name in ALL_LEVELS if name not in TIME_LEVELS])
+@pytest.mark.parametrize("level", ALL_LEVELS)
 def test_slope_is_the_difference_of_the_likelihood(
     drive: tuple[Problem, Nodes, Start, PathStates], level: str, surprising: float
 ) -> None:

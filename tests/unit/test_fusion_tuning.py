@@ -10,7 +10,7 @@ import pytest
 
 from automap.fusion.adapt import FINE, _expected, adapt_noise, refine_noise
 from automap.fusion.kernel_runs import PathStates, Start
-from automap.fusion.layout import CH_NHC, HAS_POS_H, HAS_POS_V, HAS_VEL_H, HAS_VEL_V, NHC
+from automap.fusion.layout import CH_NHC, CH_VEL, HAS_POS_H, HAS_POS_V, HAS_VEL_H, HAS_VEL_V, NHC
 from automap.fusion.level_climb import climb
 from automap.fusion.level_likelihood import LevelLikelihood
 from automap.fusion.levels import ALL_LEVELS, LEVELS
@@ -95,6 +95,25 @@ def test_levels_are_refined_about_the_smoothed_path(drive: tuple[Problem, Nodes,
     # and that velocities here have nothing that lasts: it does not take the place of their noise
     assert found["velocity_wander"] * OPTIONS.velocity_wander_sd < VELOCITY_SD
     assert found["accel_bias_walk"] == found["wander_tau"] == 1.0
+
+
+def test_how_long_velocities_err_is_for_the_drive_to_say(
+    drive: tuple[Problem, Nodes, Start],
+) -> None:
+    """A quarter of a minute, where the setting says four seconds: velocities had been believed."""
+    _, nodes, _ = drive
+    rng, size, lasting_s = np.random.default_rng(3), 0.2, 15.0
+    error = size * rng.standard_normal((len(nodes.t), 3))
+    for k, step in enumerate(np.diff(nodes.t)):
+        keep = np.exp(-step / lasting_s)
+        error[k + 1] = keep * error[k] + np.sqrt(1.0 - keep**2) * error[k + 1]
+    values = nodes.values.copy()
+    values[:, CH_VEL : CH_VEL + 3] += error
+    found = _refined(drive, replace(nodes, values=values))
+    tau_s = OPTIONS.velocity_wander_tau_s * found["velocity_wander_tau"]
+    # two minutes hold eight of them
+    assert lasting_s / 2.5 < tau_s < lasting_s * 2.5
+    assert found["velocity_wander"] * OPTIONS.velocity_wander_sd == pytest.approx(size, rel=0.5)
 
 
 def test_refined_levels_do_not_ask_how_loose_the_rules_are(

@@ -9,7 +9,7 @@ from typing import cast
 import numpy as np
 import pytest
 
-from automap.fusion.levels import ALL_LEVELS, TIME_LEVELS
+from automap.fusion.levels import ALL_LEVELS
 from automap.gap import base_model, noise
 from automap.gap.drive import open_drive
 from automap.gap.fit import Fit, fit_drive
@@ -39,8 +39,6 @@ def test_slopes_are_those_of_the_likelihood(ungated: Fit, off: float) -> None:
     assert score == pytest.approx(noise_score([ungated], factors), rel=1e-9)
     assert (info >= 0.0).all()
     for i, level in enumerate(ALL_LEVELS):
-        if level in TIME_LEVELS:
-            continue
         ends = [
             noise_score([ungated], factors | {level: factors[level] * float(np.exp(s * STEP))})
             for s in (1.0, -1.0)
@@ -59,7 +57,7 @@ def test_the_climb_ends_where_no_level_wants_to_move(ungated: Fit) -> None:
     slope, info = there.slope, there.info
     for i, level in enumerate(ALL_LEVELS):
         inside = 0.21 < found[level] < 60.0 and not (level == "nhc_z" and found[level] < 1.01)
-        if inside and level not in TIME_LEVELS:
+        if inside:
             # nats by a factor of e: what is left to gain is less than one
             assert abs(slope[i]) < 2.0 + np.sqrt(max(info[i], 0.0)), level
 

@@ -3,8 +3,10 @@
 Koopman and Shephard (Exact score for time series models in state space form, Biometrika 79,
 1992): with the smoother's adjoint r and its information N, the slope along a measurement's
 variance R is 1/2 (u^2 - D), along the noise of an interval Q 1/2 tr((r r' - N) Q'), where u and
-D are the smoothed measurement error over R and its variance. So a dozen levels cost one run
-forward and one back, not two runs each.
+D are the smoothed measurement error over R and its variance. Along the share d of a correlated
+state that outlasts an interval, with m and P of the filter before it, it is r m + ((r r' - N) F P)
+at that state's place, and -2 d of that along its noise. So a dozen levels cost one run forward and
+one back, not two runs each.
 
 A block that surprised has its variance multiplied by f, just so that its NIS is at the gate; f
 follows the levels. What that adds to their slopes is a multiplier on the block's NIS (Nocedal and
@@ -37,6 +39,7 @@ def level_slopes(
     noise: FloatArray,
     level_of_channel: IntArray,
     level_of_state: IntArray,
+    level_of_time: IntArray,
     store: ForwardStore,
     most_factor: float,
     left_out: FloatArray,
@@ -50,7 +53,8 @@ def level_slopes(
 
     ``node_t`` [k] s, ``var`` [k, 15] by channel, ``keep`` [k, 3] and ``kept`` [n] as in the
     forward pass, ``tau``, ``walk`` [n], ``noise`` [2] PSD of force and rate. Levels of
-    channels [15] and states [n], -1 none; ``store`` of a forward run about given states.
+    channels [15], of states [n] and of how long these last [n], -1 none; ``store`` of a forward
+    run about given states.
     ``most_factor`` and ``left_out`` [2] as in ``undo_surprising``.
     """
     n_nodes, n = store.mean.shape
@@ -98,8 +102,58 @@ def level_slopes(
             slope[part[k], level] += q * (lam[j] ** 2 - big[j, j])
             info[part[k], level] += 2.0 * (q * big[j, j]) ** 2
         if k > 0 and span > 0.0:
+            _lasting(
+                *(lam, big, store, k, span, tau, walk, decay, level_of_time),
+                *(slope[part[k]], info[part[k]]),
+            )
             _inertial(lam, big, store.trans[k], noise, span, slope[part[k]], info[part[k]])
             undo_interval(lam, big, store.trans[k], decay)
+
+
+@kernel
+def _lasting(
+    lam: FloatArray,
+    big: FloatArray,
+    store: ForwardStore,
+    k: int,
+    span: float,
+    tau: FloatArray,
+    walk: FloatArray,
+    decay: FloatArray,
+    level_of_time: IntArray,
+    slope: FloatArray,
+    info: FloatArray,
+) -> None:
+    """Slopes along the times that correlated states last, over the interval before node ``k``.
+
+    Over a short one a longer time is less noise, to which half the variance of the slope along
+    the size belongs.
+    """
+    n = lam.shape[0]
+    before, moved = np.empty(n), np.empty(n)
+    for j in range(N_NAV, n):
+        level = level_of_time[j]
+        if level < 0 or tau[j] <= 0.0:
+            continue
+        first = 0
+        for i in range(n):
+            if i < j:
+                before[i] = store.cov[k - 1, first + j - i]
+                first += n - i
+            else:
+                before[i] = store.cov[k - 1, first + i - j]
+        for a in range(n):
+            moved[a] = decay[a] * before[a]
+        for a in range(N_NAV):
+            moved[a] = 0.0
+            for b in range(n):
+                moved[a] += store.trans[k, a, b] * before[b]
+        d, e = decay[j], lam[j] ** 2 - big[j, j]
+        by_share = -lam[j] * (store.params[k - 1, j - N_NAV] + store.mean[k - 1, j])
+        for a in range(n):
+            by_share += (lam[j] * lam[a] - big[j, a]) * moved[a]
+        slope[level] += span / tau[j] * d * (by_share - d * walk[j] * e)
+        info[level] += 0.5 * ((1.0 - d * d) * walk[j] * big[j, j]) ** 2
 
 
 @kernel

@@ -347,7 +347,7 @@ def _inputs(drive: Drive) -> list[Path]:
 
 STAGE = Stage(
     name="fuse",
-    version=45,
+    version=46,
     run=run,
     inputs=_inputs,
     needs=(names.IMU, names.FIXES, names.ODOMETER, names.SYNC, names.INGEST),
