@@ -16,7 +16,7 @@ import numpy as np
 
 from automap.fusion.adapt import scale_nodes, scale_problem
 from automap.fusion.kernel_runs import SmoothRun, run_forward
-from automap.fusion.level_climb import Maximum, climb
+from automap.fusion.level_climb import GAIN, Maximum, climb
 from automap.fusion.level_likelihood import LevelLikelihood, Room, level_likelihood, room_for
 from automap.fusion.levels import ALL_LEVELS
 from automap.fusion.limits import TIME_FACTORS
@@ -30,6 +30,7 @@ from automap.records import FloatArray
 
 Log = Callable[[str], None]
 INERTIAL_LEVELS = ("accel", "gyro")
+TAU_STEP = 2.0**0.5
 SHARES = 0.25, 0.5, 0.75
 """Of the way from one set of levels to another where a valley is looked for."""
 
@@ -39,6 +40,7 @@ _LIMITS = {
     "nhc_y": (0.2, 64.0),
     "nhc_z": (1.0, 64.0),
 }
+_BY_SLOPE = tuple(level for level in ALL_LEVELS if level not in TIME_FACTORS)
 
 
 @dataclass(frozen=True)
@@ -207,12 +209,23 @@ def _likeliest(
     factors = {
         k: float(np.clip(v, *limits_of(k))) if k in levels else v for k, v in initial.items()
     }
-    moved = [level for level in ALL_LEVELS if level in levels]
-    if inverse is not None and len(moved) < len(inverse):
-        at = [ALL_LEVELS.index(level) for level in moved]
+    smooth = [level for level in _BY_SLOPE if level in levels]
+    if inverse is not None and len(smooth) < len(inverse):
+        at = [_BY_SLOPE.index(level) for level in smooth]
         inverse = np.asarray(np.linalg.inv(np.linalg.inv(inverse)[np.ix_(at, at)]))
     rooms = rooms_of(fits)
-    return climb(lambda trial: noise_slopes(fits, trial, rooms), factors, moved, limits_of, inverse)
+    for _ in range(2):
+        top = climb(
+            lambda trial: noise_slopes(fits, trial, rooms), factors, smooth, limits_of, inverse
+        )
+        inverse = top.inverse
+        best, factors = top.score, top.factors
+        # sizes and times of what lasts lie along a ridge: times in steps that pay, or none
+        for level in (level for level in TIME_FACTORS if level in levels):
+            best, factors = _time_constant(level, fits, rooms, best, factors)
+        if best - top.score < GAIN:
+            break
+    return Maximum(best, factors, top.inverse)
 
 
 def rest_factors(fits: Sequence[Fit]) -> dict[str, float]:
@@ -306,6 +319,24 @@ def _limits(level: str) -> tuple[float, float]:
 
 def _relative(fits: Sequence[Fit], factors: Mapping[str, float]) -> dict[str, float]:
     return {k: factors[k] / fits[0].model.factors[k] for k in ALL_LEVELS}
+
+
+def _time_constant(
+    level: str, fits: Sequence[Fit], rooms: Sequence[Room], best: float, factors: dict[str, float]
+) -> tuple[float, dict[str, float]]:
+    """Move a time constant up or down while that helps."""
+    low, high = _limits(level)
+    start = factors[level]
+    for way in (TAU_STEP, 1.0 / TAU_STEP):
+        while low <= factors[level] * way <= high:
+            trial = factors | {level: factors[level] * way}
+            value = noise_score(fits, trial, rooms)
+            if not value > best + GAIN:
+                break
+            best, factors = value, trial
+        if factors[level] != start:
+            break
+    return best, factors
 
 
 def _scaled(fit: Fit, relative: Mapping[str, float], most: int) -> tuple[Problem, Nodes, SmoothRun]:
