@@ -294,7 +294,7 @@ def test_a_drive_that_was_put_aside_is_named_and_may_be_tried_again(tmp_path: Pa
 def test_doubtful_paths_and_metrics_are_told(tmp_path: Path) -> None:
     store = make_store(tmp_path, range(2))
     verdict = {"state": "doubtful", "reasons": [{"text": "The fixes jump."}]}
-    task = partial(publish_made, verdict=verdict)
+    task = partial(publish_made, verdict=verdict, warnings=["no IMU recording"])
     for entry in store.entries():
         task(store.place.url, entry.digest, entry.path, ORDER)
     merge(store)
@@ -304,12 +304,14 @@ def test_doubtful_paths_and_metrics_are_told(tmp_path: Path) -> None:
     assert any("The fixes jump." in line for line in summary_lines(told, drives))
     page = (tmp_path / "store" / "status" / "status.html").read_text()
     assert "The fixes jump." in page
-    assert f"{drives[0]['name']}: the path is doubtful: The fixes jump." in "\n".join(
+    # of two drives of one name each is told
+    assert f"{drives[0]['path']}: the path is doubtful: The fixes jump." in "\n".join(
         summary_lines(told, drives)
     )
     assert "the path is doubtful: The fixes jump." in page
     lines = (tmp_path / "store" / "status" / "drives.jsonl").read_text().splitlines()
     assert [json.loads(line)["verdict"] for line in lines] == ["doubtful"] * 2
+    assert json.loads(lines[0])["warnings"] == ["no IMU recording"]
     text = (tmp_path / "store" / "status" / "automap_fleet.prom").read_text()
     assert text == metrics(told)
     assert "automap_fleet_drives_done 2\n" in text
@@ -349,6 +351,16 @@ def test_the_key_of_settings_follows_settings_versions_and_files(
     echo = settings_of(store, None, ()).echo()
     with pytest.raises(ConfigError, match="another version of automap"):
         Order(echo, other, (), 1).settings()
+
+
+@pytest.mark.parametrize("text", ["{", "{}", '{"settings": 1, "key": "a"}'])
+def test_damaged_settings_are_not_taken_for_the_usual_ones(tmp_path: Path, text: str) -> None:
+    store = make_store(tmp_path, range(1))
+    (tmp_path / "store" / "settings.json").write_text(text)
+    with pytest.raises(ConfigError, match=r"settings.json is damaged; give the store's settings"):
+        settings_of(store, None, ())
+    settings_of(store, None, ("detect.min_score=0.7",))
+    assert settings_of(store, None, ()).detect.min_score == 0.7
 
 
 def test_where_the_files_lie_that_settings_name_is_none_of_the_key(tmp_path: Path) -> None:
