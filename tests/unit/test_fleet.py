@@ -230,6 +230,33 @@ def test_a_machine_without_room_is_no_fault_of_a_drive(
     assert result.error.startswith(f"{entry.path}: the disk of temporary files on ")
 
 
+def test_drives_that_are_not_there_are_no_damaged_ones(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """One of many is gone; one that was done with other settings; all are gone, with their disk."""
+    store = make_store(tmp_path, range(2))
+    entry, other = store.entries()
+
+    def answered(drive: Path, out: Path, scratch: Path, order: Order) -> dict[str, str]:
+        return {"kind": "data", "error": f"{drive}: there is no such drive folder."}
+
+    def kind() -> str:
+        found = task.run_task(store.place.url, entry.digest, entry.path, ORDER)
+        return found.kind
+
+    monkeypatch.setattr(task, "_supervised", answered)
+    monkeypatch.setattr(Order, "settings", lambda order: None)
+    assert kind() == "data"
+    shutil.rmtree(entry.path)
+    assert kind() == "io"
+    store.write(f"drives/{entry.digest}/older/run.json", {})
+    store.mark(entry.digest, DONE, {"key": "b" * 20, "result": "older"})
+    assert kind() == "away"
+    store.unmark(entry.digest, DONE)
+    shutil.rmtree(other.path)
+    assert kind() == "away"
+
+
 def test_a_status_is_not_put_into_a_store_that_is_gone(tmp_path: Path) -> None:
     store = make_store(tmp_path, range(1))
     shutil.rmtree(tmp_path / "store")
