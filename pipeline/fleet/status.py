@@ -101,7 +101,7 @@ def _map(store: Store, done: Sequence[dict[str, Any]]) -> dict[str, Any] | None:
         "version": version,
         "path": f"{store.place.url}/maps/{version}" if folder is None else str(folder / MAP),
         "drives": drives,
-        "not_in_it": len(done) - drives,
+        "not_in_it": max(len(done) - drives, 0),
         **counts,
         "changes": _counts(summary.get("changes")),
         "oldest_cell": iso_texts(utc_of_gps(last[[last.argmin()]]))[0] if len(last) else None,
