@@ -141,11 +141,14 @@ def run_command(
         _warn([f"{entry.path}: {told.sentence()}" for told in doubted(entry.done)])
     for text in ran.aside.values():
         click.echo(click.style("put aside: ", fg="red") + text, err=True)
+    if ran.away:
+        text = next(iter(ran.away.values()))
+        _warn([f"drives that wait since they are not there: {len(ran.away)}, the first {text}"])
     if not quiet:
         click.echo(
             f"{len(ran.done)} drives done in {ran.seconds:.0f} s, {len(ran.aside)} put aside."
         )
-    return 3 if ran.aside else 0
+    return 3 if ran.aside or ran.away else 0
 
 
 @command.command("merge", cls=Command, short_help="Make one map of the drives that are done.")

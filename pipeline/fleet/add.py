@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import glob
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from automap.errors import InputError
 from automap.io import names
 from pipeline.fleet.places import Place, place_at
-from pipeline.fleet.store import DRIVE, REPLACED, Store
+from pipeline.fleet.store import DRIVE, REPLACED, Entry, Store
 
 WHOLE_BYTES, END_BYTES = 64 << 20, 1 << 20
 """A file up to so large is digested whole: logs and boxes. Of a larger one, a video, its size and
@@ -36,38 +36,31 @@ def add(store: Store, patterns: Sequence[str]) -> Added:
     last part ``*`` stands for all that is there. A drive whose files have changed since it was
     added takes its own place. Raises InputError where not one drive is found.
     """
-    entries = store.entries()
-    known = {entry.digest: entry for entry in entries}
-    by_path = {entry.path: entry for entry in entries if not entry.replaced}
+    known = {entry.digest: entry for entry in store.entries()}
+    by_path: dict[str, list[str]] = {}
+    for entry in known.values():
+        if not entry.replaced:
+            by_path.setdefault(entry.path, []).append(entry.digest)
     added = Added([], [], 0, [])
     again = 0
-    for path in _found(patterns, added.warnings):
-        place, name = parent_of(path)
-        files = [
-            (file, size)
-            for file, size in place.files(name)
-            if not file.startswith(f"{names.DEFAULT_OUT}/")
-        ]
-        if not any(file == names.MANIFEST for file, _ in files):
-            added.warnings.append(f"left out: {path} holds no {names.MANIFEST}.")
-            continue
-        digest = digest_of(place, name, files)
-        older = by_path.get(path)
-        if digest in known and not known[digest].replaced:
-            again += 1
-            if older is None and not _is_there(known[digest].path):
-                # it was moved
-                _write(store, digest, path, files)
-            continue
-        _write(store, digest, path, files)
-        if digest in known:
+    looked = _looked_at(_found(patterns, added.warnings), added.warnings)
+    here = {digest for digest, _ in looked.values()}
+    for path, (digest, size) in looked.items():
+        listed = digest in known and not known[digest].replaced
+        if not listed or _moved(known[digest], path, looked):
+            store.mark(digest, DRIVE, {"path": path, "bytes": size})
+        if digest in known and not listed:
             store.unmark(digest, REPLACED)
-        if older is not None and older.digest != digest:
-            store.mark(older.digest, REPLACED, {"by": digest})
-            added.replaced.append(digest)
+        # not one that lies under another name now
+        older = [one for one in by_path.get(path, []) if one not in here]
+        for one in older:
+            store.mark(one, REPLACED, {"by": digest})
+        if listed:
+            # after an end between the two markers the older one is marked only now
+            again += 1
         else:
-            added.new.append(digest)
-        known[digest] = by_path[path] = store.entry(digest)
+            (added.replaced if older else added.new).append(digest)
+        known[digest] = store.entry(digest)
     if not again and not added.new and not added.replaced:
         raise InputError(added.warnings[0] if added.warnings else "no drive was named.")
     return Added(added.new, added.replaced, again, added.warnings)
@@ -96,8 +89,42 @@ def digest_of(place: Place, name: str, files: Sequence[tuple[str, int]]) -> str:
     return whole.hexdigest()[:20]
 
 
-def _write(store: Store, digest: str, path: str, files: Sequence[tuple[str, int]]) -> None:
-    store.mark(digest, DRIVE, {"path": path, "bytes": sum(size for _, size in files)})
+def _looked_at(paths: Sequence[str], warnings: list[str]) -> dict[str, tuple[str, int]]:
+    """Digests and bytes of the drives at ``paths``; a sentence on each that is none, or of which a
+    file cannot be read."""
+    looked: dict[str, tuple[str, int]] = {}
+    for path in paths:
+        place, name = parent_of(path)
+        try:
+            if names.MANIFEST not in place.names(name):
+                warnings.append(f"left out: {path} holds no {names.MANIFEST}.")
+                continue
+            files = [
+                (file, size)
+                for file, size in place.files(name)
+                if not file.startswith(f"{names.DEFAULT_OUT}/")
+            ]
+            looked[path] = digest_of(place, name, files), sum(size for _, size in files)
+        except OSError as error:
+            if place.folder is None:
+                # the network, and then so will all others
+                raise
+            where = error.filename or path
+            warnings.append(
+                f"left out: {where} cannot be read ({error.strerror or error}); add {path} again "
+                "once it can."
+            )
+    return looked
+
+
+def _moved(entry: Entry, path: str, looked: Mapping[str, tuple[str, int]]) -> bool:
+    """The drive is no more where the store has it."""
+    if entry.path == path:
+        return False
+    if entry.path in looked:
+        return looked[entry.path][0] != entry.digest
+    place, name = parent_of(entry.path)
+    return not place.names(name)
 
 
 def _found(patterns: Sequence[str], warnings: list[str]) -> list[str]:
@@ -122,8 +149,3 @@ def parent_of(path: str) -> tuple[Place, str]:
     """Where a drive lies, and its name there."""
     folder, _, name = path.rstrip("/").rpartition("/")
     return place_at(folder or "/"), name
-
-
-def _is_there(path: str) -> bool:
-    place, name = parent_of(path)
-    return bool(place.names(name))

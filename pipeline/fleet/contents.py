@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import shutil
 import tempfile
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -38,8 +38,9 @@ _READ = (
 
 def wanted(store: Store, warnings: list[str]) -> dict[str, Entry]:
     """Drives that are done by the names of their recordings; one recording counts once, and so do
-    its parts."""
-    entries = [entry for entry in store.entries() if entry.state() == "done"]
+    its parts. One whose files have changed counts as it was until it is run again."""
+    there = {entry.digest: entry for entry in store.entries()}
+    entries = [entry for entry in there.values() if _counts(entry, there)]
     here = store.place.folder
     runs = [
         candidate(
@@ -61,15 +62,36 @@ def wanted(store: Store, warnings: list[str]) -> dict[str, Entry]:
     return {runs[k].key: entries[k] for k in places}
 
 
-def older_results(drives: Iterable[Entry], key: str | None) -> list[str]:
-    """A sentence about drives whose results are not those that settings of this ``key`` give."""
-    count = 0 if key is None else sum(entry.done["key"] != key for entry in drives)
-    if not count:
-        return []
-    return [
-        f"{count} of the drives are as another version of automap, or other settings or files that "
-        "these name, made them; automap fleet run makes them anew."
-    ]
+def _counts(entry: Entry, there: Mapping[str, Entry]) -> bool:
+    """It is done, or changed and nothing that came in its place has been run: its signs would be
+    gone for a while, and new ones under other names after that."""
+    if not entry.done or entry.aside:
+        return False
+    seen = {entry.digest}
+    while entry.replaced:
+        newer = there.get(entry.successor)
+        if newer is None or newer.digest in seen or newer.done or newer.aside:
+            return False
+        seen.add(newer.digest)
+        entry = newer
+    return True
+
+
+def older_results(drives: Collection[Entry], key: str | None) -> list[str]:
+    """Sentences about drives whose results are not those that settings of this ``key`` give, or
+    not of their files as they are now."""
+    told = []
+    if count := 0 if key is None else sum(entry.done["key"] != key for entry in drives):
+        told.append(
+            f"{count} of the drives are as another version of automap, or other settings or files "
+            "that these name, made them; automap fleet run makes them anew."
+        )
+    if count := sum(entry.replaced for entry in drives):
+        told.append(
+            f"{count} of the drives have changed and are in the map as they were; automap fleet "
+            "run makes them anew."
+        )
+    return told
 
 
 def recording(entry: Entry) -> str:

@@ -39,10 +39,18 @@ class Order:
 
 
 def settings_of(store: Store, config: Path | None, assignments: Sequence[str]) -> Settings:
-    """The store's settings, or those given, which then are the store's."""
+    """The store's settings, or those given, which then are the store's; ConfigError where none are
+    given and the store's are damaged."""
     told = store.read(SETTINGS)
-    if told and config is None and not assignments:
-        settings = settings_of_echo(told["settings"], f"{store.place.url}/{SETTINGS}")
+    if config is None and not assignments and store.place.read(SETTINGS) is not None:
+        where = f"{store.place.url}/{SETTINGS}"
+        if not isinstance(told.get("settings"), dict):
+            # the usual ones would run every drive anew
+            raise ConfigError(
+                f"{where} is damaged; give the store's settings with --config, or remove it for "
+                "the usual ones."
+            )
+        settings = settings_of_echo(told["settings"], where)
     else:
         settings = load_settings(config, assignments)
     now = {"settings": settings.echo(), "key": key_of(settings)}

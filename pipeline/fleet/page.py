@@ -49,7 +49,7 @@ def _aside(drives: Sequence[dict[str, Any]]) -> Section:
 
 def _doubtful(drives: Sequence[dict[str, Any]]) -> Section:
     rows: list[tuple[str, ...]] = [
-        (d["name"], "; ".join(d["doubts"])) for d in drives if d["doubts"]
+        (d["path"], "; ".join(d["doubts"])) for d in drives if d["doubts"]
     ]
     return Section(
         header=("drive", "what is doubtful"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -90,8 +91,17 @@ class Folder:
 
     def files(self, name: str) -> list[tuple[str, int]]:
         root = self._root / name
-        found = [p for p in root.rglob("*") if p.is_file()]
-        return sorted((p.relative_to(root).as_posix(), p.stat().st_size) for p in found)
+        found: list[Path] = []
+        seen: set[str] = set()
+        # videos often lie on another disk, behind a link
+        for folder, below, files in os.walk(root, followlinks=True):
+            real = os.path.realpath(folder)
+            # of a link that leads back nothing is new
+            below[:] = [] if real in seen else sorted(below)
+            found += [] if real in seen else [Path(folder, file) for file in files]
+            seen.add(real)
+        sizes = ((p.relative_to(root).as_posix(), p.stat()) for p in found if p.is_file())
+        return sorted((file, stat.st_size) for file, stat in sizes)
 
     def open(self, name: str) -> IO[bytes]:
         return (self._root / name).open("rb")

@@ -39,11 +39,13 @@ MORE = 2
 
 @dataclass
 class Ran:
-    """Digests of drives that were ``done``, those put ``aside`` with the reason, and those of them
-    that are done whose path is ``doubtful`` or worse."""
+    """Digests of drives that were ``done``, those put ``aside`` with the reason, those that wait
+    since their folders are ``away``, likewise, and those of them that are done whose path is
+    ``doubtful`` or worse."""
 
     done: list[str] = field(default_factory=list)
     aside: dict[str, str] = field(default_factory=dict)
+    away: dict[str, str] = field(default_factory=dict)
     doubtful: list[str] = field(default_factory=list)
     seconds: float = 0.0
 
@@ -183,7 +185,7 @@ class _Round:
             )
         if result.kind == "lost" and one.lost + 1 < LOST:
             return _Try(one.entry, one.order, one.tries, one.lost + 1)
-        if result.kind in ("io", "full") and tried < TRIES:
+        if result.kind in ("io", "full", "away") and tried < TRIES:
             return _Try(one.entry, one.order, tried, one.lost)
         if result.kind == "memory" and tried < TRIES:
             order = one.order
@@ -196,6 +198,8 @@ class _Round:
             self.ran.done.append(digest)
             if result.doubtful:
                 self.ran.doubtful.append(digest)
+        elif result.kind == "away":
+            self.ran.away[digest] = result.error
         else:
             self.ran.aside[digest] = result.error
             told = {"kind": result.kind, "error": result.error, "tries": tried + one.lost}

@@ -40,6 +40,7 @@ def drive_line(entry: Entry, key: str | None) -> dict[str, Any]:
         **{key: told[of].state if of in told else None for of, key in KEYS.items()},
         "verdict_reasons": [text for each in told.values() for text in each.reasons],
         "doubts": [doubt.sentence() for doubt in doubted(done)],
+        "warnings": [str(text) for text in listing(done.get("warnings"))],
         "older_settings": bool(done and key) and done.get("made_with", done.get("key")) != key,
         **{name: number(done.get(name)) for name in _NUMBERS},
         "stored_bytes": int(sum(stored)) or None,
@@ -100,7 +101,7 @@ def _map(store: Store, done: Sequence[dict[str, Any]]) -> dict[str, Any] | None:
         "version": version,
         "path": f"{store.place.url}/maps/{version}" if folder is None else str(folder / MAP),
         "drives": drives,
-        "not_in_it": len(done) - drives,
+        "not_in_it": max(len(done) - drives, 0),
         **counts,
         "changes": _counts(summary.get("changes")),
         "oldest_cell": iso_texts(utc_of_gps(last[[last.argmin()]]))[0] if len(last) else None,
@@ -130,7 +131,7 @@ def summary_lines(told: dict[str, Any], drives: Sequence[dict[str, Any]]) -> lis
     if told["doubtful"]:
         lines.append(f"  doubtful    {told['doubtful']}")
         for line in [d for d in drives if d["doubts"]][:_SHOWN]:
-            lines.append(f"    - {line['name']}: {'; '.join(line['doubts'])}")
+            lines.append(f"    - {line['path']}: {'; '.join(line['doubts'])}")
     if told["older_settings"]:
         lines.append(f"  settings    {told['older_settings']} were done with older ones")
     if told["older_version"]:

@@ -22,6 +22,8 @@ from pipeline.shared.values import mapping, number
 SCHEMA = "automap.fleet/1"
 DRIVES, STORE, SETTINGS = "drives", "fleet.json", "settings.json"
 DRIVE, DONE, ASIDE, REPLACED = "drive.json", "done.json", "aside.json", "replaced.json"
+UNKNOWN = "unknown"
+"""The successor of a drive whose marker is damaged; no digest."""
 _READERS = 16
 """Small files read at once: over a network each takes some tens of milliseconds."""
 
@@ -31,14 +33,20 @@ State = Literal["waiting", "done", "aside", "replaced"]
 @dataclass(frozen=True)
 class Entry:
     """A drive of the store: its ``digest``, where it lies, its size in bytes, and what its
-    markers say ({} where there is none)."""
+    markers say ({} where there is none); of one whose files have changed the digest of the drive
+    that came in its place (``successor``)."""
 
     digest: str
     path: str
     size: int
     done: dict[str, Any] = field(default_factory=dict)
     aside: dict[str, Any] = field(default_factory=dict)
-    replaced: bool = False
+    successor: str = ""
+
+    @property
+    def replaced(self) -> bool:
+        """Another drive came in its place."""
+        return bool(self.successor)
 
     @property
     def name(self) -> str:
@@ -127,7 +135,8 @@ class Store:
             # its files were removed, or it is damaged
             done = {}
         path, size = str(drive.get("path", "")), int(number(drive.get("bytes")) or 0)
-        return Entry(digest, path, size, done, told(ASIDE), REPLACED in there)
+        successor = str(told(REPLACED).get("by") or UNKNOWN) if REPLACED in there else ""
+        return Entry(digest, path, size, done, told(ASIDE), successor)
 
     def entries(self, digests: Iterable[str] | None = None) -> list[Entry]:
         """Drives in the order of their digests, all or some."""

@@ -20,7 +20,8 @@ from pipeline.fleet.add import parent_of
 from pipeline.fleet.child import kind_of
 from pipeline.fleet.fork_server import LOG, fork_server
 from pipeline.fleet.orders import Order
-from pipeline.fleet.store import DONE, DRIVES, Store, StoreGoneError, result_name
+from pipeline.fleet.places import Folder
+from pipeline.fleet.store import DONE, DRIVES, Entry, Store, StoreGoneError, result_name
 from pipeline.shared.verdicts import doubted
 
 _EVERY_S = 0.2
@@ -36,7 +37,8 @@ _LEAST_ROOM = 1 << 16
 class Result:
     """What became of a drive: ``kind`` "done"; "memory", "io", "lost" (its process was ended from
     outside) or "data" with the ``error`` in a sentence; "store" where nothing can be written to
-    the store and "full" where the machine has no room to work on it, which is no drive's fault."""
+    the store and "full" where the machine has no room to work on it, which is no drive's fault;
+    "away" where its folder and all others beside it are not there, or it was done before."""
 
     digest: str
     kind: str
@@ -73,7 +75,7 @@ def run_task(url: str, digest: str, path: str, order: Order) -> Result:
         if "error" in answer:
             if answer["kind"] == "full" or not _has_room(Path(scratch)):
                 return _no_room(digest, path)
-            return _failed(digest, answer, path, drive)
+            return _failed(entry, answer, path, drive)
         try:
             marker = publish(store, digest, out, answer, order.key)
         except (OSError, AutoMapError) as error:
@@ -116,12 +118,13 @@ def _done(digest: str, marker: dict[str, Any]) -> Result:
     return Result(digest, "done", doubtful=bool(doubted(marker)))
 
 
-def _failed(digest: str, answer: dict[str, Any], path: str, drive: Path) -> Result:
+def _failed(entry: Entry, answer: dict[str, Any], path: str, drive: Path) -> Result:
     kind, text = str(answer["kind"]), str(answer["error"]).replace(str(drive), path)
     if kind == "data" and not drive.is_dir():
-        # a share that is not there on this machine
-        kind = "io"
-    return Result(digest, kind, text)
+        # a share that has gone, or drives that went to an archive: the map keeps what they saw
+        away = entry.done or not Folder(drive.parent).names("")
+        kind = "away" if away else "io"
+    return Result(entry.digest, kind, text)
 
 
 def _fetched(path: str, scratch: Path) -> Path:

@@ -21,9 +21,10 @@ from pipeline.cli.root import cli
 from pipeline.fleet import task
 from pipeline.fleet.add import add
 from pipeline.fleet.child import begin_of, kind_of
+from pipeline.fleet.contents import older_results, wanted
 from pipeline.fleet.merge import merge
 from pipeline.fleet.orders import Order, keep_done, key_of, settings_of
-from pipeline.fleet.places import place_at
+from pipeline.fleet.places import Folder, place_at
 from pipeline.fleet.retry import retry
 from pipeline.fleet.status import metrics, status, summary_lines, write_status
 from pipeline.fleet.store import ASIDE, DONE, Store
@@ -54,6 +55,87 @@ def test_drives_are_added_once_and_a_changed_one_takes_its_own_place(tmp_path: P
     assert len(add(store, paths).replaced) == 1
     waiting = [entry for entry in store.entries() if entry.state() == "waiting"]
     assert {entry.digest for entry in waiting} == set(first.new)
+
+
+def test_drives_that_changed_places_are_none_that_changed(tmp_path: Path) -> None:
+    """Numbers that move on by one: a new drive in the first one's place, and so on."""
+    first, second, third = (Path(path) for path in make_drives(tmp_path / "drives", range(3)))
+    store = Store.at(str(tmp_path / "store"), make=True)
+    known = add(store, [str(first), str(second)]).new
+    third.rename(tmp_path / "newest")
+    second.rename(third)
+    first.rename(second)
+    (tmp_path / "newest").rename(first)
+    found = add(store, [str(tmp_path / "drives" / "*")])
+    assert (len(found.new), found.replaced, found.known) == (1, [], 2)
+    assert [store.entry(digest).path for digest in known] == [str(second), str(third)]
+    assert not any(entry.replaced for entry in store.entries())
+
+
+def test_a_drive_marked_as_changed_late_is_not_there_twice(tmp_path: Path) -> None:
+    """An end between the marker of the new one and that of the older one."""
+    store = make_store(tmp_path, range(1))
+    (older,) = store.entries()
+    (Path(older.path) / "imu.csv").write_text("7\n")
+    add(store, [older.path])
+    store.unmark(older.digest, "replaced.json")
+    assert add(store, [older.path]).known == 1
+    assert store.entry(older.digest).replaced
+
+
+def test_a_drive_that_cannot_be_read_leaves_the_others(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    paths = make_drives(tmp_path / "drives", range(3))
+    store = Store.at(str(tmp_path / "store"), make=True)
+    usual = Folder.open
+
+    def closed(place: Folder, name: str) -> object:
+        if name == "d0/imu.csv":
+            raise PermissionError(errno.EACCES, "Permission denied", name)
+        return usual(place, name)
+
+    monkeypatch.setattr(Folder, "open", closed)
+    added = add(store, paths)
+    assert len(added.new) == 2
+    assert added.warnings == [
+        f"left out: d0/imu.csv cannot be read (Permission denied); add {paths[0]} again once it "
+        "can."
+    ]
+
+
+def test_files_behind_a_link_are_the_drives_too(tmp_path: Path) -> None:
+    store = make_store(tmp_path, range(1))
+    drive = Path(store.entries()[0].path)
+    (tmp_path / "disk").mkdir()
+    (tmp_path / "disk" / "boxes.csv").write_text("1\n")
+    (drive / "video").symlink_to(tmp_path / "disk")
+    (drive / "here").symlink_to(drive)
+    assert len(add(store, [str(drive)]).replaced) == 1
+    (tmp_path / "disk" / "boxes.csv").write_text("2\n")
+    assert len(add(store, [str(drive)]).replaced) == 1
+    assert place_at(str(tmp_path / "drives")).files("d0") == [
+        ("drive.toml", 27), ("imu.csv", 2), ("video/boxes.csv", 2),
+    ]  # fmt: skip
+
+
+def test_a_drive_that_changed_is_in_the_map_as_it_was_until_it_is_run(tmp_path: Path) -> None:
+    store = make_store(tmp_path, range(2))
+    run_all(store)
+    older = store.entries()[0]
+    for text in ("", "and again\n"):
+        (Path(older.path) / "notes.txt").write_text(text)
+        add(store, [older.path])
+        counted = wanted(store, []).values()
+        assert len(counted) == 2
+        assert older.digest in {entry.digest for entry in counted}
+        (told,) = older_results(counted, None)
+        assert told.startswith("1 of the drives have changed and are in the map as they were")
+    run_all(store)
+    counted = wanted(store, []).values()
+    assert len(counted) == 2
+    assert older.digest not in {entry.digest for entry in counted}
+    assert older_results(counted, None) == []
 
 
 def test_a_folder_with_other_files_is_no_store(tmp_path: Path) -> None:
@@ -148,6 +230,33 @@ def test_a_machine_without_room_is_no_fault_of_a_drive(
     assert result.error.startswith(f"{entry.path}: the disk of temporary files on ")
 
 
+def test_drives_that_are_not_there_are_no_damaged_ones(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """One of many is gone; one that was done with other settings; all are gone, with their disk."""
+    store = make_store(tmp_path, range(2))
+    entry, other = store.entries()
+
+    def answered(drive: Path, out: Path, scratch: Path, order: Order) -> dict[str, str]:
+        return {"kind": "data", "error": f"{drive}: there is no such drive folder."}
+
+    def kind() -> str:
+        found = task.run_task(store.place.url, entry.digest, entry.path, ORDER)
+        return found.kind
+
+    monkeypatch.setattr(task, "_supervised", answered)
+    monkeypatch.setattr(Order, "settings", lambda order: None)
+    assert kind() == "data"
+    shutil.rmtree(entry.path)
+    assert kind() == "io"
+    store.write(f"drives/{entry.digest}/older/run.json", {})
+    store.mark(entry.digest, DONE, {"key": "b" * 20, "result": "older"})
+    assert kind() == "away"
+    store.unmark(entry.digest, DONE)
+    shutil.rmtree(other.path)
+    assert kind() == "away"
+
+
 def test_a_status_is_not_put_into_a_store_that_is_gone(tmp_path: Path) -> None:
     store = make_store(tmp_path, range(1))
     shutil.rmtree(tmp_path / "store")
@@ -212,7 +321,7 @@ def test_a_drive_that_was_put_aside_is_named_and_may_be_tried_again(tmp_path: Pa
 def test_doubtful_paths_and_metrics_are_told(tmp_path: Path) -> None:
     store = make_store(tmp_path, range(2))
     verdict = {"state": "doubtful", "reasons": [{"text": "The fixes jump."}]}
-    task = partial(publish_made, verdict=verdict)
+    task = partial(publish_made, verdict=verdict, warnings=["no IMU recording"])
     for entry in store.entries():
         task(store.place.url, entry.digest, entry.path, ORDER)
     merge(store)
@@ -222,12 +331,14 @@ def test_doubtful_paths_and_metrics_are_told(tmp_path: Path) -> None:
     assert any("The fixes jump." in line for line in summary_lines(told, drives))
     page = (tmp_path / "store" / "status" / "status.html").read_text()
     assert "The fixes jump." in page
-    assert f"{drives[0]['name']}: the path is doubtful: The fixes jump." in "\n".join(
+    # of two drives of one name each is told
+    assert f"{drives[0]['path']}: the path is doubtful: The fixes jump." in "\n".join(
         summary_lines(told, drives)
     )
     assert "the path is doubtful: The fixes jump." in page
     lines = (tmp_path / "store" / "status" / "drives.jsonl").read_text().splitlines()
     assert [json.loads(line)["verdict"] for line in lines] == ["doubtful"] * 2
+    assert json.loads(lines[0])["warnings"] == ["no IMU recording"]
     text = (tmp_path / "store" / "status" / "automap_fleet.prom").read_text()
     assert text == metrics(told)
     assert "automap_fleet_drives_done 2\n" in text
@@ -267,6 +378,16 @@ def test_the_key_of_settings_follows_settings_versions_and_files(
     echo = settings_of(store, None, ()).echo()
     with pytest.raises(ConfigError, match="another version of automap"):
         Order(echo, other, (), 1).settings()
+
+
+@pytest.mark.parametrize("text", ["{", "{}", '{"settings": 1, "key": "a"}'])
+def test_damaged_settings_are_not_taken_for_the_usual_ones(tmp_path: Path, text: str) -> None:
+    store = make_store(tmp_path, range(1))
+    (tmp_path / "store" / "settings.json").write_text(text)
+    with pytest.raises(ConfigError, match=r"settings.json is damaged; give the store's settings"):
+        settings_of(store, None, ())
+    settings_of(store, None, ("detect.min_score=0.7",))
+    assert settings_of(store, None, ()).detect.min_score == 0.7
 
 
 def test_where_the_files_lie_that_settings_name_is_none_of_the_key(tmp_path: Path) -> None:

@@ -96,6 +96,7 @@ def test_the_largest_drives_are_begun_first(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("kind", "after", "tries", "good"),
     [("io", 2, 3, True), ("io", 9, 3, False), ("data", 9, 1, False), ("lost", 4, 5, True),
+     ("away", 9, 3, False),
      ("lost", 99, 10, False), ("memory", 1, 2, True), ("memory", 9, 3, False)],
 )  # fmt: skip
 def test_what_may_pass_is_tried_again_and_bad_data_never(
@@ -109,8 +110,11 @@ def test_what_may_pass_is_tried_again_and_bad_data_never(
     assert len(memory) == tries
     assert memory[1:] == [2 * ORDER.memory if kind == "memory" else ORDER.memory] * (tries - 1)
     (entry,) = store.entries()
-    assert entry.state() == ("done" if good else "aside")
-    assert list(ran.aside.values()) == ([] if good else [f"{entry.path}: {kind}."])
+    left = "waiting" if kind == "away" else "aside"
+    assert entry.state() == ("done" if good else left)
+    told = ran.away if kind == "away" else ran.aside
+    assert list(told.values()) == ([] if good else [f"{entry.path}: {kind}."])
+    assert len(ran.aside) + len(ran.away) + len(ran.done) == 1
 
 
 def test_a_machine_without_room_for_temporary_files_puts_no_drive_aside(tmp_path: Path) -> None:
