@@ -456,6 +456,7 @@ def kernels_smoother() -> Any:
     walk = rng.uniform(0.2, 2.0, n)
     of_channel = np.arange(15) % 4 - 1
     of_state = np.arange(n) % 5 - 1
+    of_time = np.where(np.arange(n) % 3 == 2, np.arange(n) % 2 + 4, -1)
     found: dict[str, Any] = {
         "interval": [after(undo_interval, lam, big, store.trans[k], decay) for k in (0, 1)],
         "rows": after(_smoothed_rows, big + np.tri(n), big, np.array([0, 4, 11]), np.zeros((3, 3))),
@@ -484,6 +485,6 @@ def kernels_smoother() -> Any:
         found[f"levels {same[1]}"] = after(
             level_slopes,
             *(same, var, keep, kept, tau, walk, np.array([0.3, 0.8]), of_channel, of_state),
-            *(store, 1e6, np.array([0.0, 1.0]), *np.zeros((2, 1, 6)), np.zeros(5, int)),
+            *(of_time, store, 1e6, np.array([0.0, 1.0]), *np.zeros((2, 1, 6)), np.zeros(5, int)),
         )
     return found
