@@ -91,7 +91,7 @@ def check(drive: Drive, recording: Recording) -> tuple[list[Finding], WeighedAxe
     findings += plausibility.stuck_readings(drive.imu_axes.as_read(imu))
     if unit.severity != "ok":
         return findings, None
-    fixes, clock, wrong, _ = receiver
+    fixes, clock, wrong, *_ = receiver
     if wrong is not None:
         findings.append(Finding("error", wrong, code=UNKNOWN_CODE))
     seen = seen_motion(imu, fixes, clock)

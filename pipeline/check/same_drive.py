@@ -42,12 +42,14 @@ OTHER_CODE = "other_drive"
 class UsableReceiver(NamedTuple):
     """``fixes`` without what is wrong with them by themselves, and the ``clock`` of the IMU's
     stamps, None where there is none; ``wrong`` says why where the motions do not tell it;
-    ``worse`` by how much more than a sound receiver's its velocities and positions part."""
+    ``worse`` by how much more than a sound receiver's its velocities and positions part;
+    ``of_positions`` whether its velocities are ways between these, which do not part."""
 
     fixes: Fixes | None
     clock: ClockModel | None = None
     wrong: str | None = None
     worse: float = 1.0
+    of_positions: bool = False
 
 
 def usable_receiver(drive: Drive, recording: Recording) -> UsableReceiver:
@@ -69,7 +71,7 @@ def usable_receiver(drive: Drive, recording: Recording) -> UsableReceiver:
         # arrival times that are wrong are told of their own file
         of_motions = not (has_arrival(fixes) and gnss.arrival_time == base)
         return UsableReceiver(fixes, None, str(error).rstrip(".") if of_motions else None)
-    return UsableReceiver(fixes, clock, None, found.worse)
+    return UsableReceiver(fixes, clock, None, found.worse, found.means is not None)
 
 
 def driven_span(imu: ImuData, receiver: UsableReceiver) -> tuple[float, float]:
@@ -98,11 +100,15 @@ def other_drive(
     """A warning for readings that are of another drive than the fixes of the file ``log``, by what
     was ``seen`` of the motion, in all and in each of the ``pieces``; None where they may be of one,
     or are of one at other stamps."""
-    fixes, clock, _, worse = receiver
+    fixes, clock, _, worse, of_positions = receiver
     if fixes is None or clock is None:
         return None
-    if len(velocity_motion(fixes, AXES_WINDOW_S).start) < LEAST_INTERVALS:
-        # ways between positions scatter by whatever a receiver's places do
+    seldom = seen.surge is None or not seen.surge.noise
+    if len(velocity_motion(fixes, AXES_WINDOW_S).start) < LEAST_INTERVALS or (
+        of_positions and seldom
+    ):
+        # ways between positions scatter by whatever a receiver's places do, which only fixes that
+        # come often show
         return None
     whole = likeness(seen, worse)
     if not whole.short:

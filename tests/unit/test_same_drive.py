@@ -43,8 +43,8 @@ def fixes_of(seed: int) -> Fixes:
     return receive(city_drive(SECONDS, seed), Receiver(rate=1.0), seed)
 
 
-def told(imu: ImuData, fixes: Fixes) -> str | None:
-    receiver = UsableReceiver(fixes, CLOCK)
+def told(imu: ImuData, fixes: Fixes, of_positions: bool = False) -> str | None:
+    receiver = UsableReceiver(fixes, CLOCK, of_positions=of_positions)
     seen = seen_motion(imu, fixes, CLOCK)
     found = other_drive(imu, receiver, seen, pieces_of(imu, fixes, CLOCK, seen), "gnss.ubx")
     return None if found is None else found.text
@@ -68,6 +68,15 @@ def test_velocities_that_err_are_no_other_drive() -> None:
     more = np.random.default_rng(2).normal(0.0, 1.0, (len(quick), 3))
     for fixes, errors in ((fixes_of(1), noise), (quick, more)):
         assert told(readings(1), replace(fixes, vel_ned=fixes.vel_ned + errors)) is None
+
+
+def test_ways_between_rough_positions_are_no_other_drive() -> None:
+    """Velocities that a receiver made of positions which scatter by metres, once a second."""
+    fixes, imu = fixes_of(1), readings(1)
+    rough = np.random.default_rng(3).normal(0.0, 4.0, (len(fixes), 3))
+    made = replace(fixes, vel_ned=fixes.vel_ned + np.gradient(rough, axis=0))
+    assert told(imu, made) is not None
+    assert told(imu, made, of_positions=True) is None
 
 
 @pytest.mark.parametrize(
