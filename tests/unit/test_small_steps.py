@@ -17,7 +17,8 @@ from automap.errors import InputError
 from automap.frames import rotation_vector_to_matrix
 from automap.fusion import adapt, engine
 from automap.fusion.layout import HAS_POS_H
-from automap.fusion.levels import ALL_LEVELS, VELOCITY_WANDER
+from automap.fusion.level_likelihood import LevelLikelihood
+from automap.fusion.levels import ALL_LEVELS, VELOCITY_TAU, VELOCITY_WANDER
 from automap.fusion.limits import (
     ABSENT,
     FIX_EDGE_S,
@@ -105,12 +106,14 @@ def test_a_lasting_error_is_given_up_where_none_is_likelier_by_the_odds(
     size: float, factor: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Against the evidence: a normal prior of the logarithm, of which only the part up to the size
-    is left."""
+    is left, and one of how long it lasts, of which the drive leaves a share."""
     x, none = math.log(size) / LEVEL_SPREAD, math.log(ABSENT) / LEVEL_SPREAD
     below = 0.5 * math.erfc(-x / math.sqrt(2.0))
     base = dict.fromkeys(ALL_LEVELS, 1.0)
     # the climbs' scores hold the prior, which absence does not have
-    lead = factor * LASTING_ODDS_NATS + math.log(below)
+    curvature, row = 7.0, ALL_LEVELS.index(VELOCITY_TAU)
+    left = 1.0 / math.sqrt(1.0 + curvature * LEVEL_SPREAD**2)
+    lead = factor * LASTING_ODDS_NATS + math.log(below) + math.log(left)
     top = SimpleNamespace(factors=base | {VELOCITY_WANDER: size}, score=-0.5 * x**2)
     absent = SimpleNamespace(factors=base | {VELOCITY_WANDER: ABSENT}, score=lead - 0.5 * none**2)
     asked: list[Any] = []
@@ -119,7 +122,15 @@ def test_a_lasting_error_is_given_up_where_none_is_likelier_by_the_odds(
         asked.append((dict(start), tuple(levels), bounds(VELOCITY_WANDER), bounds("gyro")))
         return top if len(asked) == 1 else absent
 
+    def likelihood(factors: dict[str, float], *_: Any) -> LevelLikelihood:
+        slope, info = np.zeros((2, len(ALL_LEVELS)))
+        slope[row] = -curvature * math.log(factors[VELOCITY_TAU])
+        return LevelLikelihood(0.0, slope, info)
+
     monkeypatch.setattr(adapt, "climb", climb)
+    monkeypatch.setattr(adapt, "level_likelihood", likelihood)
+    monkeypatch.setattr(adapt, "scale_problem", lambda problem, factors: factors)
+    monkeypatch.setattr(adapt, "scale_nodes", lambda nodes, factors: nodes)
     monkeypatch.setattr(adapt, "_below_white", lambda *_: True)
     monkeypatch.setattr(adapt, "room_for", lambda *_: None)
     problem: Any = SimpleNamespace(model=SimpleNamespace(size=2))
@@ -136,8 +147,8 @@ def test_a_lasting_error_is_given_up_where_none_is_likelier_by_the_odds(
     assert start["gyro"] == 0.8
     assert (gyro[0], wander[0]) == (0.8, 1.0 / wander[1])
     start, levels, _, _ = asked[1]
-    assert VELOCITY_WANDER not in levels
-    assert start[VELOCITY_WANDER] == ABSENT
+    assert not {VELOCITY_WANDER, VELOCITY_TAU} & set(levels)
+    assert (start[VELOCITY_WANDER], start[VELOCITY_TAU]) == (ABSENT, 1.0)
 
 
 class ReachedError(Exception):
