@@ -186,9 +186,10 @@ def decode_pos(data: bytes, name: str) -> tuple[Fixes, list[str], str | None, in
 
 
 def _nth(data: bytes, start: int, place: int) -> bytes:
-    """What stands in place ``place`` of the row that begins at ``start``, in small letters."""
+    """What stands in place ``place`` of the row that begins at ``start``, in small letters; cells
+    are parted as the kernel parts them."""
     row = data[start : data.find(b"\n", start) + 1 or None]
-    return re.split(rb"[\s,;/:]+", row.strip())[place].lower()
+    return re.findall(rb"[^\x00-\x20,;/:]+", row)[place].lower()
 
 
 def _header(data: bytes) -> list[str]:

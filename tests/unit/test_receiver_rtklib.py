@@ -165,6 +165,16 @@ def test_stray_bytes_in_a_row(byte: bytes) -> None:
         assert len(log.fixes) >= 7
 
 
+@pytest.mark.parametrize("byte", [b"\0", b"\x1f", b" ", b" ,"])
+def test_a_height_that_is_not_known_behind_whatever_parts_cells(byte: bytes) -> None:
+    """It was sought with fewer separators than rows are read with."""
+    height = f" {HEIGHT[0]:.4f}".encode()
+    data = file_of("GPST", "llh").replace(height, byte + b"nan", 1)
+    fixes = read_receiver_bytes(data, "x.pos").fixes
+    assert len(fixes) == len(TIMES)
+    assert np.isnan(fixes.height_m[0])
+
+
 def test_geodetic_heights_are_of_no_known_separation() -> None:
     data = file_of("GPST", "llh").replace(b"ellipsoidal", b"geodetic")
     log = read_receiver_bytes(data, "x.pos")
