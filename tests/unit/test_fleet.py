@@ -1,4 +1,4 @@
-"""A store of many drives: what is in it, its tasks, its keys and what is told of it."""
+"""A store of many drives: its tasks, its keys and what is told of it."""
 
 from __future__ import annotations
 
@@ -21,121 +21,14 @@ from pipeline.cli.root import cli
 from pipeline.fleet import task
 from pipeline.fleet.add import add
 from pipeline.fleet.child import begin_of, kind_of
-from pipeline.fleet.contents import older_results, wanted
 from pipeline.fleet.merge import merge
 from pipeline.fleet.orders import Order, keep_done, key_of, settings_of
-from pipeline.fleet.places import Folder, place_at
+from pipeline.fleet.places import place_at
 from pipeline.fleet.retry import retry
 from pipeline.fleet.status import metrics, status, summary_lines, write_status
 from pipeline.fleet.store import ASIDE, DONE, Store
 from pipeline.run.registry import load_stages
 from pipeline.settings.load import load_settings
-
-
-def test_drives_are_added_once_and_a_changed_one_takes_its_own_place(tmp_path: Path) -> None:
-    paths = make_drives(tmp_path / "drives", range(3))
-    store = Store.at(str(tmp_path / "store"), make=True)
-    (tmp_path / "drives" / "notes.txt").write_text("no drive")
-    (tmp_path / "drives" / "empty").mkdir()
-    first = add(store, [str(tmp_path / "drives" / "*")])
-    assert (len(first.new), first.known) == (3, 0)
-    assert len(first.warnings) == 1
-    assert "empty holds no drive.toml" in first.warnings[0]
-    # what a run leaves in the folder is none of the drive
-    (Path(paths[0]) / "_automap").mkdir()
-    (Path(paths[0]) / "_automap" / "run.json").write_text("{}")
-    assert add(store, paths).known == 3
-    (Path(paths[1]) / "imu.csv").write_text("7\n")
-    again = add(store, paths)
-    assert (len(again.new), len(again.replaced), again.known) == (0, 1, 2)
-    states = [entry.state() for entry in store.entries()]
-    assert sorted(states) == ["replaced", "waiting", "waiting", "waiting"]
-    # and back as it was
-    (Path(paths[1]) / "imu.csv").write_text("1\n")
-    assert len(add(store, paths).replaced) == 1
-    waiting = [entry for entry in store.entries() if entry.state() == "waiting"]
-    assert {entry.digest for entry in waiting} == set(first.new)
-
-
-def test_drives_that_changed_places_are_none_that_changed(tmp_path: Path) -> None:
-    """Numbers that move on by one: a new drive in the first one's place, and so on."""
-    first, second, third = (Path(path) for path in make_drives(tmp_path / "drives", range(3)))
-    store = Store.at(str(tmp_path / "store"), make=True)
-    known = add(store, [str(first), str(second)]).new
-    third.rename(tmp_path / "newest")
-    second.rename(third)
-    first.rename(second)
-    (tmp_path / "newest").rename(first)
-    found = add(store, [str(tmp_path / "drives" / "*")])
-    assert (len(found.new), found.replaced, found.known) == (1, [], 2)
-    assert [store.entry(digest).path for digest in known] == [str(second), str(third)]
-    assert not any(entry.replaced for entry in store.entries())
-
-
-def test_a_drive_marked_as_changed_late_is_not_there_twice(tmp_path: Path) -> None:
-    """An end between the marker of the new one and that of the older one."""
-    store = make_store(tmp_path, range(1))
-    (older,) = store.entries()
-    (Path(older.path) / "imu.csv").write_text("7\n")
-    add(store, [older.path])
-    store.unmark(older.digest, "replaced.json")
-    assert add(store, [older.path]).known == 1
-    assert store.entry(older.digest).replaced
-
-
-def test_a_drive_that_cannot_be_read_leaves_the_others(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    paths = make_drives(tmp_path / "drives", range(3))
-    store = Store.at(str(tmp_path / "store"), make=True)
-    usual = Folder.open
-
-    def closed(place: Folder, name: str) -> object:
-        if name == "d0/imu.csv":
-            raise PermissionError(errno.EACCES, "Permission denied", name)
-        return usual(place, name)
-
-    monkeypatch.setattr(Folder, "open", closed)
-    added = add(store, paths)
-    assert len(added.new) == 2
-    assert added.warnings == [
-        f"left out: d0/imu.csv cannot be read (Permission denied); add {paths[0]} again once it "
-        "can."
-    ]
-
-
-def test_files_behind_a_link_are_the_drives_too(tmp_path: Path) -> None:
-    store = make_store(tmp_path, range(1))
-    drive = Path(store.entries()[0].path)
-    (tmp_path / "disk").mkdir()
-    (tmp_path / "disk" / "boxes.csv").write_text("1\n")
-    (drive / "video").symlink_to(tmp_path / "disk")
-    (drive / "here").symlink_to(drive)
-    assert len(add(store, [str(drive)]).replaced) == 1
-    (tmp_path / "disk" / "boxes.csv").write_text("2\n")
-    assert len(add(store, [str(drive)]).replaced) == 1
-    assert place_at(str(tmp_path / "drives")).files("d0") == [
-        ("drive.toml", 27), ("imu.csv", 2), ("video/boxes.csv", 2),
-    ]  # fmt: skip
-
-
-def test_a_drive_that_changed_is_in_the_map_as_it_was_until_it_is_run(tmp_path: Path) -> None:
-    store = make_store(tmp_path, range(2))
-    run_all(store)
-    older = store.entries()[0]
-    for text in ("", "and again\n"):
-        (Path(older.path) / "notes.txt").write_text(text)
-        add(store, [older.path])
-        counted = wanted(store, []).values()
-        assert len(counted) == 2
-        assert older.digest in {entry.digest for entry in counted}
-        (told,) = older_results(counted, None)
-        assert told.startswith("1 of the drives have changed and are in the map as they were")
-    run_all(store)
-    counted = wanted(store, []).values()
-    assert len(counted) == 2
-    assert older.digest not in {entry.digest for entry in counted}
-    assert older_results(counted, None) == []
 
 
 def test_a_folder_with_other_files_is_no_store(tmp_path: Path) -> None:
