@@ -189,7 +189,8 @@ def _nth(data: bytes, start: int, place: int) -> bytes:
     """What stands in place ``place`` of the row that begins at ``start``, in small letters; cells
     are parted as the kernel parts them."""
     row = data[start : data.find(b"\n", start) + 1 or None]
-    return re.findall(rb"[^\x00-\x20,;/:]+", row)[place].lower()
+    cells: list[bytes] = re.findall(rb"[^\x00-\x20,;/:]+", row)
+    return cells[place].lower()
 
 
 def _header(data: bytes) -> list[str]:
