@@ -5,7 +5,9 @@ from __future__ import annotations
 import errno
 import json
 import os
+import platform
 import re
+import zlib
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -26,7 +28,9 @@ _ADVICE = {
     errno.ENAMETOOLONG: "the name is too long; choose a shorter output folder",
 }
 
-_TEMPORARY = re.compile(r"\..+\.(\d+)\.tmp(\.[^.]*?)?(-journal)?")
+_TEMPORARY = re.compile(r"\..+\.(?:([0-9a-f]{8})-)?(\d+)\.tmp(\.[^.]*?)?(-journal)?")
+_MACHINE = f"{zlib.crc32(os.fsencode(platform.node())):08x}"
+"""On a share others' processes have the same numbers, and theirs are not seen here."""
 _tidied: set[Path] = set()
 
 
@@ -75,7 +79,7 @@ def atomic_path(path: Path) -> Iterator[Path]:
     """
     path = Path(path)
     # the suffix is kept because some writers choose their format by it
-    temporary = path.with_name(f".{path.stem}.{os.getpid()}.tmp{path.suffix}")
+    temporary = path.with_name(f".{path.stem}.{_MACHINE}-{os.getpid()}.tmp{path.suffix}")
     make_folder(path.parent)
     if path.exists() and not (path.is_file() or path.is_dir()):
         # a device such as /dev/stdout would be renamed away, by a user who may
@@ -135,7 +139,8 @@ def _remove_abandoned(folder: Path) -> None:
     with suppress(OSError):
         for name in os.listdir(folder):
             found = _TEMPORARY.fullmatch(name)
-            if found is not None and not _is_alive(int(found[1])):
+            here = found is not None and found[1] in (None, _MACHINE)
+            if found is not None and here and not _is_alive(int(found[2])):
                 _discard(folder / name)
 
 

@@ -39,7 +39,7 @@ def add(store: Store, patterns: Sequence[str]) -> Added:
     known = {entry.digest: entry for entry in store.entries()}
     by_path: dict[str, list[str]] = {}
     for entry in known.values():
-        if not entry.replaced:
+        if entry.path and not entry.replaced:
             by_path.setdefault(entry.path, []).append(entry.digest)
     added = Added([], [], 0, [])
     again = 0
@@ -118,9 +118,11 @@ def _looked_at(paths: Sequence[str], warnings: list[str]) -> dict[str, tuple[str
 
 
 def _moved(entry: Entry, path: str, looked: Mapping[str, tuple[str, int]]) -> bool:
-    """The drive is no more where the store has it."""
+    """The drive is no more where the store has it, or the store has not where it is."""
     if entry.path == path:
         return False
+    if entry.lost:
+        return True
     if entry.path in looked:
         return looked[entry.path][0] != entry.digest
     place, name = parent_of(entry.path)

@@ -14,7 +14,8 @@ def retry(store: Store, wanted: Sequence[str]) -> list[Entry]:
 
     Raises InputError for one that was not put aside.
     """
-    aside = [entry for entry in store.entries() if entry.aside and not entry.replaced]
+    there = store.entries()
+    aside = [entry for entry in there if entry.aside and not entry.replaced and not entry.lost]
     chosen = [entry for entry in aside if not wanted or _named(entry) & _meant(wanted)]
     found = set().union(*(_named(entry) for entry in chosen)) if chosen else set()
     for text in wanted:

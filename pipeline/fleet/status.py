@@ -40,7 +40,7 @@ def drive_line(entry: Entry, key: str | None) -> dict[str, Any]:
         **{key: told[of].state if of in told else None for of, key in KEYS.items()},
         "verdict_reasons": [text for each in told.values() for text in each.reasons],
         "doubts": [doubt.sentence() for doubt in doubted(done)],
-        "warnings": [str(text) for text in listing(done.get("warnings"))],
+        "warnings": [*map(str, listing(done.get("warnings"))), *filter(None, [entry.lost])],
         "older_settings": bool(done and key) and done.get("made_with", done.get("key")) != key,
         **{name: number(done.get(name)) for name in _NUMBERS},
         "stored_bytes": int(sum(stored)) or None,
@@ -80,7 +80,7 @@ def status(store: Store) -> tuple[dict[str, Any], list[dict[str, Any]]]:
         "km_per_machine_hour": total("km") / hours if hours else None,
         "largest_peak_bytes": max((line["peak_bytes"] or 0 for line in done), default=0),
         "stored_bytes": int(total("stored_bytes")),
-        "reasons": {line["path"]: line["reason"] for line in drives if line["state"] == "aside"},
+        "reasons": {d["path"] or d["name"]: d["reason"] for d in drives if d["state"] == "aside"},
         "map": _map(store, done),
     }
     return dict(plain(told)), [dict(plain(line)) for line in drives]
@@ -131,7 +131,7 @@ def summary_lines(told: dict[str, Any], drives: Sequence[dict[str, Any]]) -> lis
     if told["doubtful"]:
         lines.append(f"  doubtful    {told['doubtful']}")
         for line in [d for d in drives if d["doubts"]][:_SHOWN]:
-            lines.append(f"    - {line['path']}: {'; '.join(line['doubts'])}")
+            lines.append(f"    - {line['path'] or line['name']}: {'; '.join(line['doubts'])}")
     if told["older_settings"]:
         lines.append(f"  settings    {told['older_settings']} were done with older ones")
     if told["older_version"]:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 from automap.errors import ConfigError, StageError
@@ -51,15 +51,26 @@ class Entry:
     @property
     def name(self) -> str:
         """As its manifest has it once it is done, else that of its folder."""
-        return str(self.done.get("name") or self.path.rstrip("/").rpartition("/")[2])
+        return str(self.done.get("name") or self.path.rstrip("/").rpartition("/")[2] or self.digest)
+
+    @property
+    def lost(self) -> str:
+        """Where the drive lies is not known any more: what is told of that."""
+        if self.path:
+            return ""
+        return (
+            f"{DRIVES}/{self.digest}/{DRIVE} of the store is damaged, so where this drive lies is "
+            "not known; add the drive again."
+        )
 
     def state(self, key: str | None = None) -> State:
-        """Where it stands; with a ``key`` of settings, done is only what was made with these."""
+        """Where it stands; with a ``key`` of settings, done is only what was made with these, or
+        what cannot be made anew."""
         if self.replaced:
             return "replaced"
         if self.aside:
             return "aside"
-        if self.done and (key is None or self.done.get("key") == key):
+        if self.done and (key is None or self.done.get("key") == key or self.lost):
             return "done"
         return "waiting"
 
@@ -136,13 +147,18 @@ class Store:
             done = {}
         path, size = str(drive.get("path", "")), int(number(drive.get("bytes")) or 0)
         successor = str(told(REPLACED).get("by") or UNKNOWN) if REPLACED in there else ""
-        return Entry(digest, path, size, done, told(ASIDE), successor)
+        entry = Entry(digest, path, size, done, told(ASIDE), successor)
+        if DRIVE in there and entry.lost and not done and not entry.aside:
+            return replace(entry, aside={"kind": "store", "error": entry.lost})
+        return entry
 
     def entries(self, digests: Iterable[str] | None = None) -> list[Entry]:
         """Drives in the order of their digests, all or some."""
         wanted = self.digests() if digests is None else sorted(digests)
         with ThreadPoolExecutor(_READERS) as pool:
-            return [entry for entry in pool.map(self.entry, wanted) if entry.path]
+            found = pool.map(self.entry, wanted)
+            # a folder without any file is what a store of objects cannot have
+            return [entry for entry in found if entry.path or entry.done or entry.aside]
 
     def read(self, name: str) -> dict[str, Any]:
         """A JSON object; {} where it is missing or damaged."""

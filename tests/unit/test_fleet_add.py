@@ -11,6 +11,8 @@ from fleet_scene import make_drives, make_store, run_all
 from pipeline.fleet.add import add
 from pipeline.fleet.contents import older_results, wanted
 from pipeline.fleet.places import Folder, place_at
+from pipeline.fleet.retry import retry
+from pipeline.fleet.status import status
 from pipeline.fleet.store import Store
 
 
@@ -118,3 +120,22 @@ def test_a_drive_that_changed_is_in_the_map_as_it_was_until_it_is_run(tmp_path: 
     assert len(counted) == 2
     assert older.digest not in {entry.digest for entry in counted}
     assert older_results(counted, None) == []
+
+
+def test_a_drive_whose_place_is_damaged_is_told_and_comes_back(tmp_path: Path) -> None:
+    """One that is not done is put aside with the sentence, one that is done stays in the map."""
+    store = make_store(tmp_path, range(2))
+    done, other = sorted(store.entries(), key=lambda entry: entry.path)
+    run_all(store)
+    store.unmark(other.digest, "done.json")
+    for entry in (done, other):
+        store.place.write(f"drives/{entry.digest}/drive.json", b"{")
+    told, lines = status(store)
+    assert (told["drives"], told["done"], told["aside"]) == (2, 1, 1)
+    assert "add the drive again" in told["reasons"][other.digest]
+    assert [len(line["warnings"]) for line in lines if line["state"] == "done"] == [1]
+    assert {entry.digest for entry in wanted(store, []).values()} == {done.digest}
+    assert retry(store, []) == []
+    assert add(store, [done.path, other.path]).known == 2
+    after = {entry.digest: (entry.path, entry.state()) for entry in store.entries()}
+    assert after == {done.digest: (done.path, "done"), other.digest: (other.path, "waiting")}

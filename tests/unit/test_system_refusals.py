@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import errno
 import os
+import platform
 import shutil
 import socket
 import subprocess
 import sys
 import warnings
+import zlib
 from pathlib import Path
 
 import numpy as np
@@ -269,7 +271,10 @@ def test_what_a_killed_process_left_is_removed(tmp_path: Path) -> None:
     gone = 4_194_300  # above the most that Linux gives
     for name in (f".map.{gone}.tmp.gpkg", f".map.{gone}.tmp.gpkg-journal", f".a.{gone}.tmp"):
         (tmp_path / name).touch()
-    alive = [f".map.{os.getpid()}.tmp.gpkg", ".map.tmp.gpkg", "map.1.tmp.gpkg"]
+    here = f"{zlib.crc32(platform.node().encode()):08x}"
+    (tmp_path / f".b.{here}-{gone}.tmp.csv").touch()
+    elsewhere = f".b.{'0' * 8}-{gone}.tmp.csv"
+    alive = [f".map.{os.getpid()}.tmp.gpkg", ".map.tmp.gpkg", "map.1.tmp.gpkg", elsewhere]
     for name in alive:
         (tmp_path / name).touch()
     atomic.write_text(tmp_path / "new.txt", "x")
