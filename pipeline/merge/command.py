@@ -79,17 +79,18 @@ def merge_runs(
         folder=out,
         merged=merged,
         files=[],
+        summary={},
         seconds=0.0,
     )
     folder_of = {run.signs.name: run.folder for run in runs}
-    files = write_map(
+    files, summary = write_map(
         outcome,
         signs,
         [folder_of[drive.name] for drive in merged.drives],
         previous,
         lambda done: progress(0.82 + 0.18 * done, "writing"),
     )
-    return replace(outcome, files=files, seconds=time.monotonic() - started)
+    return replace(outcome, files=files, summary=summary, seconds=time.monotonic() - started)
 
 
 def _check_folders(folders: Sequence[Path], out: Path) -> None:
