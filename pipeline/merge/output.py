@@ -19,6 +19,7 @@ from automap.io.atomic import make_folder, put_in_place, write_json, write_text
 from automap.io.map_tables import COVERAGE, SIGHTINGS, TRACKS
 from pipeline.merge.changes_file import changes_geojson
 from pipeline.merge.coverage import coverage_of
+from pipeline.merge.seen_again import since_reviewed
 from pipeline.merge.signs import GPS_CLOCK
 from pipeline.merge.whole import MOST_PICTURED
 from pipeline.shared.beside import later
@@ -147,8 +148,9 @@ def write_files(
     )
     # what a review says of itself; that there is no path is nothing new of a merge
     outcome.warnings.extend(content.products.problems)
-    rejected = len(content.products.rejected)
-    summary |= {"signs": len(content.source), "rejected_signs": rejected}
+    rejected = content.products.rejected
+    outcome.warnings.extend(since_reviewed(rejected))
+    summary |= {"signs": len(content.source), "rejected_signs": len(rejected)}
     told = len(content.warnings)
     rows = [] if rest is not None else tried_on_roads(content, outcome.roads)
     if rows:
