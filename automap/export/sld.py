@@ -38,8 +38,8 @@ def sign_sld(colours: Mapping[str, str], words: Mapping[str, str]) -> str:
     Xml.SubElement(anchor, "AnchorPointY").text = "0"
     turn = Xml.SubElement(place, "Rotation")
     Xml.SubElement(turn, "ogc:PropertyName").text = "facing_deg"
-    name, _ = _text(_rule(rules, "names", closer=True), "10")
-    Xml.SubElement(name, "ogc:PropertyName").text = "name"
+    label, _ = _text(_rule(rules, "names", closer=True), "10")
+    Xml.SubElement(label, "ogc:PropertyName").text = "name"
     return Xml.tostring(root, encoding="unicode")
 
 

@@ -131,7 +131,7 @@ def tempered(share: float, power: float, shift: float = 0.0, lapse: float = 0.0)
     """A probability whose odds are those of ``share`` to a power, ``shift`` added to their
     logarithm, where nothing lapses."""
     share = min(max(share, limits.SUREST), 1.0 - limits.SUREST)
-    odds = math.exp(shift) * (share / (1.0 - share)) ** power
+    odds = math.exp(shift + power * math.log(share / (1.0 - share)))
     return (1.0 - lapse) * odds / (1.0 + odds)
 
 
