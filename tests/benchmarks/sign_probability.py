@@ -26,7 +26,6 @@ from zlib import crc32
 import cv2
 import numpy as np
 from scipy.optimize import minimize
-from scipy.special import ndtr
 
 from automap.records import FloatArray
 from automap.signs.classes import load_classes
@@ -41,6 +40,7 @@ from pipeline.train.passes import (
     track_passes,
 )
 from pipeline.train.street_data import load_streets
+from tests.benchmarks.calibration import bins, by_chance, calibration_error
 
 MIXES = {
     "German streets, tracks": {"tracks": 1.0},
@@ -55,8 +55,7 @@ COUNTRY = {"tracks": "DE", "AU": "AU", "all": None}
 COUNTS = {"AU": 1100, "": 1000}
 """Passes of each kind of drawn faces."""
 CORRELATIONS = (0.1, 0.25, 0.5, 1.0)
-SURE, BINS = 0.9, 10
-CHANCES, ALIKE = 200, np.linspace(0.0, 0.95, 20)
+SURE = 0.9
 
 
 @dataclass(frozen=True)
@@ -152,51 +151,6 @@ def mixed(parts: dict[str, Claims], shares: dict[str, float]) -> Claims:
         for kind, share in shares.items()
     ]
     return together(chosen)
-
-
-def calibration_error(probability: FloatArray, right: FloatArray, weight: FloatArray) -> float:
-    """Expected calibration error by bins of equal weight."""
-    return float(sum(w * abs(p - y) for p, y, w in bins(probability, right, weight)))
-
-
-def by_chance(
-    probability: FloatArray, right: FloatArray, weight: FloatArray, drawing: FloatArray
-) -> float:
-    """The median calibration error of passes whose probabilities are exactly right, and that are
-    right together with others of their drawing as these are."""
-    rng = np.random.default_rng(7)
-    group = np.unique(drawing, return_inverse=True)[1]
-
-    def together(right: FloatArray) -> float:
-        off = right - probability
-        return float((np.bincount(group, off) ** 2).sum() - (off**2).sum())
-
-    def drawn(alike: float) -> FloatArray:
-        common, own = rng.standard_normal(group.max() + 1)[group], rng.standard_normal(len(group))
-        common, own = np.sqrt(alike) * common, np.sqrt(1.0 - alike) * own
-        return np.asarray(ndtr(common + own) < probability, np.float64)
-
-    wanted = together(right)
-    found = [abs(np.mean([together(drawn(a)) for _ in range(9)]) - wanted) for a in ALIKE]
-    alike = float(ALIKE[int(np.argmin(found))])
-    errors = [calibration_error(probability, drawn(alike), weight) for _ in range(CHANCES)]
-    return float(np.median(errors))
-
-
-def bins(
-    probability: FloatArray, right: FloatArray, weight: FloatArray
-) -> list[tuple[float, float, float]]:
-    """Mean probability, share right and weight of bins of equal weight."""
-    order = np.argsort(probability, kind="stable")
-    place = np.cumsum(weight[order]) / weight.sum()
-    number = np.minimum((place * BINS - 1e-9).astype(int), BINS - 1)
-    found = []
-    for k in np.unique(number):
-        rows = order[number == k]
-        share = weight[rows] / weight[rows].sum()
-        mean = float(share @ probability[rows]), float(share @ right[rows])
-        found.append((*mean, float(weight[rows].sum() / weight.sum())))
-    return found
 
 
 def rules_for(kind: str) -> PoolingRules:
