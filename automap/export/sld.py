@@ -1,7 +1,8 @@
 """How other programs than QGIS draw the layers: Styled Layer Descriptor 1.0 (OGC 02-070).
 
 It stands beside QGIS's own document in ``layer_styles``. Version 1.0 holds no pictures within
-itself, so that signs are marks in the colours of their classes, with a triangle the way they face.
+itself, so that signs are marks in the colours of their classes. None of its six marks points
+anywhere (its triangle has three ways alike), so that an arrow of text shows the way that they face.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from automap.export.kml_track import SIGMA_COLOURS
 
 _SPACES = {"xmlns": "http://www.opengis.net/sld", "xmlns:ogc": "http://www.opengis.net/ogc"}
 _NEAR = "5000"
-"""Scale from which on labels and triangles are shown."""
+"""Scale from which on names and arrows are shown."""
 
 
 def sign_sld(colours: Mapping[str, str], words: Mapping[str, str]) -> str:
@@ -29,15 +30,27 @@ def sign_sld(colours: Mapping[str, str], words: Mapping[str, str]) -> str:
     where = Xml.SubElement(where, "ogc:Not")
     null = Xml.SubElement(where, "ogc:PropertyIsNull")
     Xml.SubElement(null, "ogc:PropertyName").text = "facing_deg"
-    graphic = _mark(near, "triangle", "#1c2128", "6")
-    turn = Xml.SubElement(graphic, "Rotation")
+    arrow, place = _text(near, "14")
+    arrow.text = "\N{UPWARDS ARROW}"
+    anchor = Xml.SubElement(place, "AnchorPoint")
+    # it begins at the sign, about which it turns clockwise
+    Xml.SubElement(anchor, "AnchorPointX").text = "0.5"
+    Xml.SubElement(anchor, "AnchorPointY").text = "0"
+    turn = Xml.SubElement(place, "Rotation")
     Xml.SubElement(turn, "ogc:PropertyName").text = "facing_deg"
-    text = Xml.SubElement(_rule(rules, "names", closer=True), "TextSymbolizer")
-    Xml.SubElement(Xml.SubElement(text, "Label"), "ogc:PropertyName").text = "name"
-    font = Xml.SubElement(text, "Font")
-    Xml.SubElement(font, "CssParameter", name="font-size").text = "10"
-    _fill(text, "#1c2128")
+    label, _ = _text(_rule(rules, "names", closer=True), "10")
+    Xml.SubElement(label, "ogc:PropertyName").text = "name"
     return Xml.tostring(root, encoding="unicode")
+
+
+def _text(rule: Xml.Element, size: str) -> tuple[Xml.Element, Xml.Element]:
+    """The label of a text and its placement, to be filled."""
+    text = Xml.SubElement(rule, "TextSymbolizer")
+    label, font = Xml.SubElement(text, "Label"), Xml.SubElement(text, "Font")
+    Xml.SubElement(font, "CssParameter", name="font-size").text = size
+    place = Xml.SubElement(Xml.SubElement(text, "LabelPlacement"), "PointPlacement")
+    _fill(text, "#1c2128")
+    return label, place
 
 
 def track_sld(limits: Sequence[float], labels: Sequence[str]) -> str:

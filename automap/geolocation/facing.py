@@ -269,7 +269,7 @@ def _prior(one: _Seen, faces: Faces) -> tuple[FloatArray, FloatArray]:
 
 def _common(seen: Sequence[_Seen]) -> Faces:
     """What the signs of the drive say of all."""
-    faces, own, freedom = Faces(), limits.TURNED_FREEDOM, limits.FACES_FREEDOM
+    faces, freedom = Faces(), limits.FACES_FREEDOM
     # what stands far aside tells nothing of how many beside the road are for another
     beside = np.array([one.beside.max() for one in seen])
     for _ in range(_ROUNDS):
@@ -296,7 +296,9 @@ def _common(seen: Sequence[_Seen]) -> Faces:
         common = np.concatenate([b.shared[1:] ** 2 + b.shared_variance[1:] for b in believed])
         faces = replace(
             faces,
-            turned_sd=float(np.sqrt((own * limits.TURNED_SD**2 + square) / (own + share.sum()))),
+            turned_sd=float(
+                np.sqrt((freedom * limits.TURNED_SD**2 + square) / (freedom + share.sum()))
+            ),
             elsewhere=float(
                 (freedom * limits.FACE_ELSEWHERE + beside @ (1.0 - share))
                 / (freedom + beside.sum())

@@ -306,9 +306,8 @@ drawn about it, chosen as a pixel of thirty; a plate, square to twice as wide or
 FACE_ALIKE = 0.02
 """Of width over height, what a sign's boxes of about one size err by in common beside their
 margins, before a drive tells. Chosen: a pixel of fifty."""
-FACES_FREEDOM, TURNED_FREEDOM = 4.0, 30.0
-"""How many signs outweigh what is stated above. Chosen: few tell of it; of turns, which boxes of a
-sign tell to several degrees only, the signs of half an hour of town."""
+FACES_FREEDOM = 4.0
+"""How many signs outweigh what is stated above. Chosen: few tell of it."""
 FOUND_ANYWAY = 0.05
 """Of boxes that should be too narrow to be found, those that are: chosen, for two sigmas off a
 scatter is no longer normal."""

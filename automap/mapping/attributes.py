@@ -55,6 +55,7 @@ def combine_attributes(sightings: Sightings, sign: IntArray) -> Attributes:
     east = np.bincount(sign, sure * np.sin(np.nan_to_num(facing)), m)
     direction = np.where(np.hypot(north, east) > 1e-9, np.arctan2(east, north), np.nan)
     sides, states, size = sightings.side, sightings.status, sightings.size_m
+    side = _texts(_most(sides[order[a:b]], weight[order[a:b]]) for a, b in spans)
     looked, behind = np.nan_to_num(sightings.n_looked), np.nan_to_num(sightings.n_back_views)
     # each drive has a light of its own, so each counts alike; the scatter is within and between
     one = np.ones(len(sign))
@@ -77,7 +78,11 @@ def combine_attributes(sightings: Sightings, sign: IntArray) -> Attributes:
         # what the road's direction lends all drives have in common
         facing_sd_rad=np.sqrt(_mean(sign, facing_sd**2, sure, m)),
         size_m=np.exp(_mean(sign, np.log(np.where(size > 0.0, size, np.nan)), weight, m)),
-        side=_texts(_most(sides[order[a:b]], weight[order[a:b]]) for a, b in spans),
+        side=side,
+        # drives go in lanes of their own: as far aside as those that saw it on that side
+        path_offset_m=_mean(
+            sign, np.where(sides == side[sign], sightings.path_offset_m, np.nan), weight, m
+        ),
         status=_texts(_status(states[order[a:b]], seen_by[a:b]) for a, b in spans),
         drives=[tuple(sorted(set(seen_by[a:b].tolist()))) for a, b in spans],
         confidence=1.0 - np.exp(np.bincount(sign, np.log(doubt), m)),

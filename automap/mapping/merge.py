@@ -114,7 +114,7 @@ def map_signs(
     same = (
         "class_name", "height_m", "n_views", "group_probability", "side", "status",
         "height_above_road_m", "sd_above_road_m", "facing_rad", "facing_sd_rad", "size_m",
-        "contrast", "contrast_sd", "contrast_note", "seen_share", "n_back_views",
+        "path_offset_m", "contrast", "contrast_sd", "contrast_note", "seen_share", "n_back_views",
     )  # fmt: skip
     called = {"height_m": "height"}
     found = {name: columns[called.get(name, name)] for name in same}

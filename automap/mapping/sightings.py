@@ -16,8 +16,8 @@ from automap.records.signs import BY_SIZE
 
 UNTOLD: dict[str, float | str] = {
     "existence": np.nan, "class_probability": np.nan, "group_probability": np.nan,
-    "contrast": np.nan, "contrast_sd": np.nan, "contrast_note": "", "seen_share": np.nan,
-    "n_looked": 0.0, "n_back_views": 0.0, **dict.fromkeys(BY_SIZE, np.nan),
+    "path_offset_m": np.nan, "contrast": np.nan, "contrast_sd": np.nan, "contrast_note": "",
+    "seen_share": np.nan, "n_looked": 0.0, "n_back_views": 0.0, **dict.fromkeys(BY_SIZE, np.nan),
 }  # fmt: skip
 """What columns hold of drives that do not tell them."""
 
@@ -40,8 +40,8 @@ class Told:
 
     ``first_gps_s``, ``last_gps_s`` when the sign was in view; ``class_probability``,
     ``group_probability`` what the detector tells of the class, and of its colour and shape;
-    ``existence`` how probable each is by its drive alone; ``contrast`` to ``by_size_u_m`` as a sign
-    has them. Unknown numbers are NaN.
+    ``existence`` how probable each is by its drive alone; ``path_offset_m`` to ``by_size_u_m`` as a
+    sign has them. Unknown numbers are NaN.
     """
 
     confidence: FloatArray
@@ -57,6 +57,7 @@ class Told:
     class_probability: FloatArray = _UNTOLD
     group_probability: FloatArray = _UNTOLD
     existence: FloatArray = _UNTOLD
+    path_offset_m: FloatArray = _UNTOLD
     contrast: FloatArray = _UNTOLD
     contrast_sd: FloatArray = _UNTOLD
     contrast_note: npt.NDArray[np.object_] = _UNTOLD

@@ -7,12 +7,13 @@ independent views as the mean of n equally correlated values does: n / (1 + rho 
 How likely a face is before it is seen (an unknown one, or one of another country) is in the
 probabilities of every view, but counts once.
 What is left of overconfidence, of faces that are drawn as none that was trained on, is taken out by
-a power of the odds (Platt's scaling without a shift). All was fitted on passes of signs that the
-classifier was not trained on (``docs/detector.md``).
+a power of the odds (Platt's scaling, with a shift and a share of lapses where no country is known).
+All was fitted on passes of signs that the classifier was not trained on (``docs/detector.md``).
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
@@ -47,13 +48,17 @@ class Verdict:
 @dataclass(frozen=True)
 class PoolingRules:
     """``correlation`` of the views of a pass; ``class_power`` and ``group_power`` of the odds that
-    the class, and the group, are as they come out; ``named`` the probability from which a class
+    the class, and the group, are as they come out, ``class_shift`` of the logarithm of the odds of
+    the class, and ``group_lapse`` how often the group is wrong in spite of them; ``named`` the
+    probability from which a class
     is named; ``unknown`` how likely each view takes an unknown face of a group to be, against one
     class of the country, before it is seen, and ``foreign`` the classes of other countries."""
 
     correlation: float = limits.VIEW_CORRELATION
-    class_power: float = limits.POWERS_ELSEWHERE[0]
-    group_power: float = limits.POWERS_ELSEWHERE[1]
+    class_power: float = limits.POWERS_UNTOLD[0]
+    group_power: float = limits.POWERS_UNTOLD[1]
+    class_shift: float = 0.0
+    group_lapse: float = 0.0
     named: float = limits.NAMED
     unknown: float = 1.0
     foreign: frozenset[str] = frozenset()
@@ -68,7 +73,12 @@ def pooling(country: str | None) -> PoolingRules:
     # the classes together are ``odds`` times as likely as the groups together
     unknown = len(load_classes()) / len(load_vocabulary().groups) / odds
     return PoolingRules(
-        class_power=by_class, group_power=by_group, unknown=unknown, foreign=foreign
+        class_power=by_class,
+        group_power=by_group,
+        class_shift=0.0 if at_home else limits.SHIFT_ELSEWHERE,
+        group_lapse=0.0 if at_home else limits.LAPSE_ELSEWHERE,
+        unknown=unknown,
+        foreign=foreign,
     )
 
 
@@ -102,11 +112,14 @@ def vote(views: Sequence[View], rules: PoolingRules | None = None) -> Verdict:
     sure: dict[str, float] = {}
     for group, share in zip(own, shares.tolist(), strict=True):
         sure[group] = sure.get(group, 0.0) + share
-    sure = {group: tempered(share, rules.group_power) for group, share in sure.items()}
+    sure = {
+        group: tempered(share, rules.group_power, lapse=rules.group_lapse)
+        for group, share in sure.items()
+    }
     classes = [k for k, name in enumerate(names) if name != own[k]]
     if classes:
         best = max(classes, key=lambda k: shares[k])
-        likely = tempered(float(shares[best]), rules.class_power)
+        likely = tempered(float(shares[best]), rules.class_power, rules.class_shift)
         if likely >= rules.named:
             group_too = sure[own[best]]
             return Verdict(names[best], min(likely, group_too), group_too)
@@ -114,11 +127,12 @@ def vote(views: Sequence[View], rules: PoolingRules | None = None) -> Verdict:
     return Verdict(group, sure[group], sure[group])
 
 
-def tempered(share: float, power: float) -> float:
-    """A probability whose odds are those of ``share`` to a power."""
+def tempered(share: float, power: float, shift: float = 0.0, lapse: float = 0.0) -> float:
+    """A probability whose odds are those of ``share`` to a power, ``shift`` added to their
+    logarithm, where nothing lapses."""
     share = min(max(share, limits.SUREST), 1.0 - limits.SUREST)
-    odds = float((share / (1.0 - share)) ** power)
-    return odds / (1.0 + odds)
+    odds = math.exp(shift + power * math.log(share / (1.0 - share)))
+    return (1.0 - lapse) * odds / (1.0 + odds)
 
 
 def pooled(views: Sequence[View], rules: PoolingRules) -> tuple[list[str], FloatArray]:

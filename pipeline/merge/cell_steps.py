@@ -160,8 +160,9 @@ def place(folder: Path, cell: int, levels: FloatArray, factors: FloatArray) -> b
         facing_rad=a.facing_rad, facing_sd_rad=a.facing_sd_rad, size_m=a.size_m,
         side=_texts(a.side), status=_texts(a.status), confidence=a.confidence,
         class_probability=a.class_probability, group_probability=a.group_probability,
-        contrast=a.contrast, contrast_sd=a.contrast_sd, contrast_note=_texts(a.contrast_note),
-        seen_share=a.seen_share, n_looked=a.n_looked, n_back_views=a.n_back_views,
+        path_offset_m=a.path_offset_m, contrast=a.contrast, contrast_sd=a.contrast_sd,
+        contrast_note=_texts(a.contrast_note), seen_share=a.seen_share, n_looked=a.n_looked,
+        n_back_views=a.n_back_views,
         own_variance=placed.own_variance, n_drives=np.array([len(d) for d in a.drives], np.int64),
         seen_by=near.drive[np.array([k for d in a.drives for k in d], np.int64)],
         pair_sign=placed.pairs.sign, pair_drive=near.drive[placed.pairs.drive],
@@ -188,9 +189,8 @@ def placed_cells(folder: Path, cells: Sequence[int]) -> tuple[dict[str, Any], Ch
         "founder", "founder_id", "lat", "lon", "height", "cov_enu", "class_name", "class_share",
         "n_views", "first_gps_s", "last_gps_s", "height_above_road_m", "sd_above_road_m",
         "facing_rad", "facing_sd_rad", "size_m", "side", "status", "confidence", "own_variance",
-        "class_probability", "group_probability", "contrast", "contrast_sd", "contrast_note",
-        "seen_share", "n_looked", "n_back_views",
-        "n_drives", "seen_by",
+        "class_probability", "group_probability", "path_offset_m", "contrast", "contrast_sd",
+        "contrast_note", "seen_share", "n_looked", "n_back_views", "n_drives", "seen_by",
     )  # fmt: skip
     found: dict[str, list[Any]] = {name: [] for name in wanted}
     told = ("pair_sign", "pair_drive", "pair_seen", "pair_told")

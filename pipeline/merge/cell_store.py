@@ -33,8 +33,8 @@ _PLAIN = (
     "row", "time_s", "lat", "lon", "height", "per_lat", "per_lon", "own_u", "facing",
     "confidence", "id", "n_views", "first_gps_s", "last_gps_s", "height_above_road_m",
     "sd_above_road_m", "facing_sd_rad", "size_m", "side", "status", "class_probability",
-    "group_probability", "existence", "contrast", "contrast_sd", "contrast_note", "seen_share",
-    "n_looked", "n_back_views", *BY_SIZE,
+    "group_probability", "existence", "path_offset_m", "contrast", "contrast_sd", "contrast_note",
+    "seen_share", "n_looked", "n_back_views", *BY_SIZE,
 )  # fmt: skip
 
 

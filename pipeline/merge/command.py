@@ -15,6 +15,7 @@ from automap.io import names
 from pipeline.merge.distinct import distinct, doubted
 from pipeline.merge.inputs import RunSigns, read_run
 from pipeline.merge.outcome import MergeOutcome
+from pipeline.merge.seen_again import by_later_drives
 from pipeline.shared.progress import Progress
 from pipeline.shared.run_record import results_of
 
@@ -59,6 +60,7 @@ def merge_runs(
     merged = merge_drives(
         [run.signs for run in runs], lambda done, text: progress(0.25 + 0.55 * done, text)
     )
+    warnings += by_later_drives(merged)
     comparison = None
     if older is not None:
         comparison = compare_maps(older, merged, least_existence)
@@ -79,17 +81,18 @@ def merge_runs(
         folder=out,
         merged=merged,
         files=[],
+        summary={},
         seconds=0.0,
     )
     folder_of = {run.signs.name: run.folder for run in runs}
-    files = write_map(
+    files, summary = write_map(
         outcome,
         signs,
         [folder_of[drive.name] for drive in merged.drives],
         previous,
         lambda done: progress(0.82 + 0.18 * done, "writing"),
     )
-    return replace(outcome, files=files, seconds=time.monotonic() - started)
+    return replace(outcome, files=files, summary=summary, seconds=time.monotonic() - started)
 
 
 def _check_folders(folders: Sequence[Path], out: Path) -> None:

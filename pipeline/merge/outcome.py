@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from automap.mapping.compare import Comparison
@@ -30,9 +30,11 @@ class MapOutcome:
 
 @dataclass(frozen=True, kw_only=True)
 class MergeOutcome(MapOutcome):
-    """With the ``folder``, all that was ``merged``, and the ``files`` written."""
+    """With the ``folder``, all that was ``merged``, the ``files`` written, and the ``summary`` that
+    is merge.json."""
 
     folder: Path
     merged: Merged
     files: list[Path]
+    summary: dict[str, Any]
     seconds: float

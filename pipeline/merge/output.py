@@ -19,6 +19,7 @@ from automap.io.atomic import make_folder, put_in_place, write_json, write_text
 from automap.io.map_tables import COVERAGE, SIGHTINGS, TRACKS
 from pipeline.merge.changes_file import changes_geojson
 from pipeline.merge.coverage import coverage_of
+from pipeline.merge.seen_again import since_reviewed
 from pipeline.merge.signs import GPS_CLOCK
 from pipeline.merge.whole import MOST_PICTURED
 from pipeline.shared.beside import later
@@ -43,9 +44,9 @@ def write_map(
     folders: Sequence[Path],
     previous: Path | None,
     progress: Callable[[float], None],
-) -> list[Path]:
-    """Write all files of the map; returns them. ``signs`` are all merged ones, the unlikely
-    ones without a name; ``folders`` those of the drives, in their order.
+) -> tuple[list[Path], dict[str, Any]]:
+    """Write all files of the map; returns them, and what merge.json says. ``signs`` are all merged
+    ones, the unlikely ones without a name; ``folders`` those of the drives, in their order.
 
     An older map gives way when the new one is complete. ConfigError while another process
     writes there.
@@ -61,7 +62,7 @@ def write_map(
                 # what a reviewer decided about the older map
                 shutil.copyfile(out / names.REVIEW, new / names.REVIEW)
             try:
-                written = _write_files(new, outcome, signs, folders, previous, progress)
+                written, summary = _write_files(new, outcome, signs, folders, previous, progress)
             except StageError as error:
                 raise StageError(str(error).replace(str(new), str(out))) from error
             (new / names.REVIEW).unlink(missing_ok=True)
@@ -73,7 +74,7 @@ def write_map(
             # merge.json last: it says that the map is complete
             for path in sorted(new.iterdir(), key=lambda path: path.name == names.MERGE):
                 put_in_place(path, out / path.name)
-    return [out / path.name for path in written]
+    return [out / path.name for path in written], summary
 
 
 def _write_files(
@@ -83,7 +84,7 @@ def _write_files(
     folders: Sequence[Path],
     previous: Path | None,
     progress: Callable[[float], None],
-) -> list[Path]:
+) -> tuple[list[Path], dict[str, Any]]:
     from automap.io.clock_json import write_clock
     from automap.io.map_tables import write_coverage
     from automap.io.signs_table import write_signs
@@ -98,14 +99,14 @@ def _write_files(
     _write_sightings(out / SIGHTINGS, outcome.merged, signs)
     write_coverage(out / COVERAGE, coverage_of(outcome.merged.drives))
     progress(0.25)
-    write_json(out / names.RUN, _run_record(outcome, folders))
+    write_json(out / names.RUN, _run_record(outcome, folders, len(outcome.signs)))
     write_clock(out / names.SYNC, GPS_CLOCK)
     summary = merge_summary(outcome, signs, folders, previous)
     rest = later(write_stored, out, outcome.name, None) if in_parts(outcome, out) else None
     written = write_files(out, outcome, summary, progress, rest)
-    # with the warnings of what was written
-    write_json(out / names.RUN, _run_record(outcome, folders))
-    return written
+    # with the warnings of what was written, and the count that a review left
+    write_json(out / names.RUN, _run_record(outcome, folders, summary["signs"]))
+    return written, summary
 
 
 def in_parts(outcome: MapOutcome, out: Path) -> bool:
@@ -124,7 +125,8 @@ def write_files(
     kept: Kept | None = None,
 ) -> list[Path]:
     """Write what a map consists of, once ``run.json``, clock, signs, sightings and coverage are
-    there; returns the files for people. ``summary`` becomes merge.json. With a ``rest``, begun
+    there; returns the files for people. ``summary`` becomes merge.json, with the count of signs
+    that a review left. With a ``rest``, begun
     as ``write_stored``, the signs are read part by part from their table, and pieces of their files
     ``kept``."""
     from automap.export.roads import roads_csv
@@ -146,6 +148,9 @@ def write_files(
     )
     # what a review says of itself; that there is no path is nothing new of a merge
     outcome.warnings.extend(content.products.problems)
+    rejected = content.products.rejected
+    outcome.warnings.extend(since_reviewed(rejected))
+    summary |= {"signs": len(content.source), "rejected_signs": len(rejected)}
     told = len(content.warnings)
     rows = [] if rest is not None else tried_on_roads(content, outcome.roads)
     if rows:
@@ -197,7 +202,7 @@ def _begun(out: Path, fmt: str) -> Path:
     return out / f".{fmt}.begun"
 
 
-def _run_record(outcome: MergeOutcome, folders: Sequence[Path]) -> dict[str, Any]:
+def _run_record(outcome: MergeOutcome, folders: Sequence[Path], signs: int) -> dict[str, Any]:
     """The lineage of the map, in the form in which a run states its own."""
     return {
         "schema": "automap.run/1",
@@ -209,7 +214,7 @@ def _run_record(outcome: MergeOutcome, folders: Sequence[Path]) -> dict[str, Any
         "country": outcome.country,
         "drives": [drive.name for drive in outcome.merged.drives],
         "stages": {},
-        "metrics": {"signs": len(outcome.signs), "drives": len(folders)},
+        "metrics": {"signs": signs, "drives": len(folders)},
     }
 
 
@@ -227,6 +232,7 @@ def merge_summary(
         "schema": SCHEMA,
         "automap": __version__,
         "signs": len(outcome.signs),
+        "rejected_signs": 0,
         "unlikely_signs": int((~in_map).sum()),
         "sightings": len(merged.sightings),
         "sightings_in_map": int(counted.sum()),

@@ -21,7 +21,7 @@ from automap.review.reviewed import Reviewed
 
 GPS_CLOCK = ClockModel(0, 0.0, 0.0, 0.0, 0.0, "gps")
 """Stamps that are GPS time in nanoseconds."""
-CONDITION = ("contrast", "contrast_sd", "seen_share", "n_looked", "n_back_views")
+CONDITION = ("path_offset_m", "contrast", "contrast_sd", "seen_share", "n_looked", "n_back_views")
 
 
 def sign_columns(folder: Path, clock: ClockModel | None, warnings: list[str]) -> dict[str, Any]:

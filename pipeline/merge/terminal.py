@@ -20,12 +20,13 @@ _DRIVES = 20
 def summary_lines(outcome: MergeOutcome) -> list[str]:
     """The lines, without the warnings."""
     merged, signs = outcome.merged, outcome.signs
-    unlikely = len(merged.signs) - len(signs)
+    told = outcome.summary
+    left_out = told["unlikely_signs"] + told["rejected_signs"]
     drives = "drive" if len(merged.drives) == 1 else "drives"
     lines = [
         f"{len(merged.drives)} {drives}, {len(merged.sightings)} sightings -> {outcome.folder} "
         f"in {outcome.seconds:.1f} s",
-        f"  signs       {len(signs)}, {unlikely} unlikely or rejected ones left out",
+        f"  signs       {told['signs']}, {left_out} unlikely or rejected ones left out",
     ]
     if signs:
         cov = np.array([s.cov_enu for s in signs])

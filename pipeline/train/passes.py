@@ -39,12 +39,13 @@ VIEWS = (3, 16)
 
 @dataclass(frozen=True)
 class Pass:
-    """The ``views`` of one sign, its class or its group's name, and whether it is to check
-    (else to fit) what is made of them."""
+    """The ``views`` of one sign, its class or its group's name, whether it is to check
+    (else to fit) what is made of them, and the ``drawing`` or track that it shows."""
 
     name: str
     views: tuple[View, ...]
     check: bool
+    drawing: str = ""
 
 
 @dataclass(frozen=True)
@@ -70,7 +71,7 @@ def track_passes(folder: Path, part: Part, classifier: SignClassifier) -> list[P
         height = float(crop.box[3] - crop.box[1])
         tracks.setdefault((crop.class_id, crop.track), []).append(View(named.alternatives, height))
     return [
-        Pass(number[class_id], tuple(views), is_check(f"{class_id}/{track}"))
+        Pass(number[class_id], tuple(views), is_check(name := f"{class_id}/{track}"), name)
         for (class_id, track), views in tracks.items()
     ]
 
@@ -135,7 +136,7 @@ def drawn_passes(
             View(classifier.judge(row).alternatives, height)
             for row, height in zip(rows, heights, strict=True)
         )
-        made.append(Pass(face.name, views, is_check(face.drawing)))
+        made.append(Pass(face.name, views, is_check(face.drawing), face.drawing))
     return made
 
 

@@ -1,7 +1,7 @@
 """Inventories with known faults against maps whose classes the sign classifier itself read.
 
 python tests/benchmarks/inventory_passes.py --data DATA --work WORK [--seeds N] [--first N]
-    [--faces N]
+    [--faces N [N ...]]
 
 Street, boxes, path and list are those of ``inventory_world.py`` with one drive; but a sign shows
 the face of a pass of ``sign_probability.py`` (WORK keeps them), of the half to check, and the map
@@ -10,7 +10,7 @@ views give to each class. Of the list's wrong classes half have the same colour 
 are, per kind, how many are due and told for sure, with precision and recall, and the same where all
 lists are one, in which more is sure: of four findings one that is doubted is a quarter; and of the
 findings of another class that are likelier than not, what is stated and how many are right.
-``--faces`` draws other faces for the same streets.
+``--faces`` draws other faces for the same streets, once for each number.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ import argparse
 import sys
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -79,7 +80,9 @@ def main() -> None:
     parser.add_argument("--work", type=Path, required=True)
     parser.add_argument("--seeds", type=int, default=4)
     parser.add_argument("--first", type=int, default=0)
-    parser.add_argument("--faces", type=int, default=0, help="added to the seed of the faces")
+    parser.add_argument(
+        "--faces", type=int, nargs="+", default=[0], help="added to the seed of the faces"
+    )
     options = parser.parse_args()
     kept = make_passes(options.data, options.work)
     seeds = range(options.first, options.first + options.seeds)
@@ -89,10 +92,11 @@ def main() -> None:
         for how in ("by the name", "by the views"):
             wanted = dict.fromkeys(KINDS, 0)
             told: list[tuple[Finding, bool]] = []
-            for seed, plain in cases.items():
-                one, shares = with_passes(plain, passes, seed + options.faces, rules_for(kinds[0]))
+            for seed, faces in product(cases, options.faces):
+                rules = rules_for(kinds[0])
+                one, shares = with_passes(cases[seed], passes, seed + faces, rules)
                 given = shares if how == "by the views" else []
-                at_home = bool(rules_for(kinds[0]).foreign)
+                at_home = bool(rules.foreign)
                 result = compare_inventory(
                     one.signs, one.faulty.inventory, one.drives, given, at_home
                 )

@@ -1,6 +1,6 @@
 """How well a list's wrong classes are told from the detector's mistakes, on passes of signs.
 
-python tests/benchmarks/listed_classes.py --data DATA --work WORK
+python tests/benchmarks/listed_classes.py --data DATA --work WORK [--draws N [N ...]] [--elsewhere]
 
 The passes are those of ``sign_probability.py``, which keeps them in WORK: held-out tracks and drawn
 faces that the classifier was not trained on. A list has the true class of each, or one in 25 times
@@ -100,8 +100,14 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--data", type=Path, required=True)
     parser.add_argument("--work", type=Path, required=True)
+    parser.add_argument("--draws", type=int, nargs="+", default=[0], help="which passes")
+    parser.add_argument("--elsewhere", action="store_true", help="without a country alone")
     options = parser.parse_args()
-    passes = make_passes(options.data, options.work)
+    passes: dict[str, list[Pass]] = {}
+    for draw in options.draws:
+        for kind, of in make_passes(options.data, options.work, draw, options.elsewhere).items():
+            passes.setdefault(kind, []).extend(of)
+    chosen = {name: kinds for name, kinds in SETS.items() if passes.keys() >= set(kinds)}
     rng = np.random.default_rng(7)
     halves = [
         {
@@ -110,13 +116,15 @@ def main() -> None:
                 rng,
                 rules_for(kinds[0]),
             )
-            for name, kinds in SETS.items()
+            for name, kinds in chosen.items()
         }
         for check in (False, True)
     ]
     for where, sets in (("at home", list(SETS)[:2]), ("elsewhere", list(SETS)[2:])):
-        shift, slope = fitted([halves[0][name] for name in sets])
-        print(f"fitted {where}: shift {shift:.2f}, slope {slope:.2f}")
+        for half, parts in zip(("fit", "check"), halves, strict=True):
+            if parts.keys() >= set(sets):
+                shift, slope = fitted([parts[name] for name in sets])
+                print(f"{where}, half to {half}: shift {shift:.2f}, slope {slope:.2f}")
     for name, part in halves[1].items():
         print(f"{name}: by the name {scores(part.by_name, part)}; by the views "
               f"{scores(part.by_views, part)}")  # fmt: skip

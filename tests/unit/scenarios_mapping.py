@@ -46,6 +46,7 @@ def _drives(length_m: float = 230.0) -> list[Any]:
                 class_probability=np.where(some, np.nan, rng.uniform(0.5, 0.99, n)),
                 group_probability=np.where(some, np.nan, rng.uniform(0.7, 0.99, n)),
                 existence=np.where(some, np.nan, rng.uniform(0.3, 0.99, n)),
+                path_offset_m=np.linspace(-5.0, 5.0, n),
                 contrast=np.where(rng.random(n) < 0.3, np.nan, rng.uniform(0.1, 0.8, n)),
                 contrast_sd=rng.uniform(0.01, 0.1, n),
                 contrast_note=notes,

@@ -27,6 +27,7 @@ from automap.export.geopackage import complete_geopackage, lost_of
 from automap.export.path import simplified_path
 from automap.export.qgis_style import sign_style
 from automap.export.sign_columns import sign_columns
+from automap.export.sld import sign_sld
 
 NAN = float("nan")
 
@@ -236,3 +237,20 @@ def test_an_arrow_of_qgis_points_one_way_only() -> None:
     shape = {o.get("name"): o.get("value") for o in turned.findall("Option/Option")}["name"]
     # an equilateral triangle looks the same after a third of a turn
     assert (turned.get("class"), shape) == ("SimpleMarker", "arrow")
+
+
+def test_an_arrow_of_other_programs_begins_at_the_sign_and_turns_with_its_face() -> None:
+    root = Xml.fromstring(sign_sld({"a--stop--g1": "#112233"}, {"a--stop--g1": "stop"}))
+    spaces = {"s": "http://www.opengis.net/sld", "ogc": "http://www.opengis.net/ogc"}
+    arrow = next(t for t in root.iterfind(".//s:TextSymbolizer", spaces) if t[0].text)
+    # in the order of the schema, which has no place for a mark that points
+    assert [part.tag.rpartition("}")[2] for part in arrow] == [
+        "Label", "Font", "LabelPlacement", "Fill",
+    ]  # fmt: skip
+    assert arrow[0].text == "\N{UPWARDS ARROW}"
+    anchor = arrow.find(".//s:AnchorPoint", spaces)
+    assert anchor is not None
+    assert [part.text for part in anchor] == ["0.5", "0"]
+    assert arrow.findtext(".//s:Rotation/ogc:PropertyName", "", spaces) == "facing_deg"
+    marks = {mark.text for mark in root.iterfind(".//s:WellKnownName", spaces)}
+    assert marks == {"circle"}

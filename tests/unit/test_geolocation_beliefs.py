@@ -160,8 +160,8 @@ def test_what_faces_have_in_common_is_what_is_expected_of_each(
             for g, normal in enumerate(one.grid):
                 square += belief.core[c, g] * (normal - centre) ** 2
                 about += belief.core[c, g]
-    own, freedom = limits.TURNED_FREEDOM, limits.FACES_FREEDOM
-    turned = (own * limits.TURNED_SD**2 + square) / (own + about)
+    freedom = limits.FACES_FREEDOM
+    turned = (freedom * limits.TURNED_SD**2 + square) / (freedom + about)
     assert found.turned_sd == pytest.approx(np.sqrt(turned))
     # those far from the road tell little of how many beside it face elsewhere
     near = [0.9, 0.9, 0.9, 0.3, 0.9]

@@ -38,6 +38,7 @@ def scene() -> Scene:
             last_gps_s=some(drive.last_gps_s),
             confidence=rng.uniform(0.0, 1.0, n),
             side=rng.choice(np.array(["left", "right", ""], object), n),
+            path_offset_m=some(rng.uniform(-6.0, 6.0, n)),
             contrast=some(rng.uniform(0.0, 1.0, n)),
             contrast_sd=rng.uniform(0.0, 0.1, n),
             contrast_note=rng.choice(np.array(["too dark", "too small"], object), n),
@@ -204,6 +205,16 @@ def test_condition_is_the_drives_together(scene: Scene) -> None:
         else:
             assert np.isnan(found.contrast[k])
             assert found.contrast_note[k] in {sightings.contrast_note[r] for r in rows}
+        aside = [
+            (max(int(sightings.n_views[r]), 1), sightings.path_offset_m[r])
+            for r in rows
+            if sightings.side[r] == found.side[k] and np.isfinite(sightings.path_offset_m[r])
+        ]
+        if aside:
+            offset = sum(n * value for n, value in aside) / sum(n for n, _ in aside)
+            assert found.path_offset_m[k] == pytest.approx(offset)
+        else:
+            assert np.isnan(found.path_offset_m[k])
         assert found.n_looked[k] == sum(sightings.n_looked[r] for r in rows)
         looked = [
             (sightings.n_looked[r], sightings.seen_share[r])

@@ -7,12 +7,15 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from export_inputs import sign as made_sign
 from merge_folders import passes, review, write_run
 
+from automap.records import NO_TIME
 from pipeline.merge.command import merge_runs
 from pipeline.merge.distinct import candidate, distinct
 from pipeline.merge.doubles import Marks
 from pipeline.merge.inputs import read_run
+from pipeline.merge.seen_again import since_reviewed
 
 
 def test_two_runs_of_one_recording_count_once(tmp_path: Path) -> None:
@@ -82,9 +85,34 @@ def test_what_a_reviewer_of_one_drive_rejected_others_saw_in_vain(tmp_path: Path
     # nobody took it down
     assert after.comparison is not None
     assert (after.comparison.changes, after.comparison.rejected) == ([], 1)
+    (told,) = [text for text in after.warnings if "seen by later drives" in text]
+    assert told.startswith("1 sign that the review of a drive rejected was seen by later drives")
+    assert f"of {after.merged.drives[1].name})" in told
+    # the last drive's decision is about what all of them saw before
+    (runs[0] / "review.json").rename(runs[2] / "review.json")
+    last = merge_runs(runs, tmp_path / "last")
+    assert len(last.signs) == len(after.signs)
+    assert not any("seen by later drives" in text for text in last.warnings)
+    (runs[2] / "review.json").rename(runs[0] / "review.json")
     # who is of another mind keeps it
     review(runs[1], kind="accept")
     assert before == {sign.id for sign in merge_runs(runs, tmp_path / "again").signs}
+
+
+def test_what_the_review_of_a_map_rejected_and_drives_saw_since_is_told() -> None:
+    # 2026-11-24T10:00:00Z is 1,479,549,618 s of GPS time
+    seen = [1_479_549_618 - 2, 1_479_549_618 + 2, 1_479_549_618 + 2]
+    signs = [
+        made_sign(k, last_seen_ns=s * 10**9, status="rejected", reviewed="2026-11-24T10:00:00Z")
+        for k, s in enumerate(seen)
+    ]
+    assert since_reviewed(signs[:1]) == []
+    (told,) = since_reviewed(signs)
+    assert told.startswith(
+        f"2 signs that the review of this map rejected were seen since (as {signs[1].id})"
+    )
+    # nobody knows when
+    assert since_reviewed([replace(signs[1], last_seen_ns=NO_TIME)]) == []
 
 
 def test_one_of_two_entries_of_a_sign_is_rejected_and_the_sign_stays(tmp_path: Path) -> None:

@@ -261,7 +261,7 @@ def test_a_warning_of_the_page_names_the_drive_and_no_folder() -> None:
 
 @pytest.mark.slow
 def test_rejected_signs_of_a_merged_map_stand_apart_until_the_rejection_is_taken_back(
-    merged: Path, tmp_path: Path
+    merged: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     runs = [d["folder"] for d in json.loads((merged / names.MERGE).read_text())["drives"]]
     out = tmp_path / "map"
@@ -280,6 +280,12 @@ def test_rejected_signs_of_a_merged_map_stand_apart_until_the_rejection_is_taken
     page = (out / names.REPORT).read_text(encoding="utf-8")
     assert f"Reviewers disagree about 1 sign, as about {other.id} (Ben against Anna)" in page
     assert f"<b>{len(features(out))}</b><span>signs</span>" in page
+    # what is printed and what merge.json says are the map after the review
+    summary = json.loads((out / names.MERGE).read_text())
+    assert (summary["signs"], summary["rejected_signs"]) == (len(features(out)), 1)
+    assert json.loads((out / names.RUN).read_text())["metrics"]["signs"] == summary["signs"]
+    left = summary["unlikely_signs"] + 1
+    assert f"  signs       {summary['signs']}, {left} unlikely or" in capsys.readouterr().out
     apart = json.loads((out / names.REJECTED).read_text())["features"]
     assert [f["id"] for f in apart] == [first]
     assert first not in {s["id"] for s in features(out)}

@@ -22,7 +22,7 @@ from automap.io.searched_table import read_searched
 from automap.records import TRACK_PROBABILITIES, Detections, FrameTimes, Image
 from automap.signs.faces import draw_face
 from automap.vision.detector import FoundSigns
-from automap.vision.voting import View, vote
+from automap.vision.voting import View, pooling, vote
 from pipeline.detect.command import detect_to_csv
 from pipeline.run.runner import Request, run_drive
 from pipeline.run.stage import StageContext
@@ -286,7 +286,7 @@ def test_what_is_told_of_a_track_comes_back_from_its_table(
     detect_to_csv(
         tmp_path / "front.mp4", tmp_path / "out.csv", settings=DetectSettings(every_frame=True)
     )
-    told = vote([View(((STOP, 0.9), (other, 0.1)), 48.0)] * 3)
+    told = vote([View(((STOP, 0.9), (other, 0.1)), 48.0)] * 3, pooling(None))
     frames = np.arange(3, dtype=np.int64)
     found = read_detections_csv(tmp_path / "out.csv", FrameTimes(frames, frames * 100)).data
     assert set(found.class_name) == {STOP}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from pathlib import Path
 
@@ -169,6 +170,21 @@ def test_a_power_of_the_odds_keeps_the_order_and_even_odds() -> None:
     assert (np.diff(found) > 0).all()
     assert tempered(0.5, 0.3) == pytest.approx(0.5)
     assert tempered(0.9, 0.5) == pytest.approx(0.75)  # nine to one becomes three to one
+
+
+def test_what_lapses_is_never_surer_than_that_and_a_shift_is_of_the_odds() -> None:
+    assert tempered(0.9, 0.5, math.log(2.0)) == pytest.approx(6.0 / 7.0)
+    assert tempered(0.9, 0.5, lapse=0.2) == pytest.approx(0.6)
+    clear = View(((TWENTY, 0.9999999),), 60.0)
+    # of all countries' signs some look like a class and are none, however many views agree
+    far, home = vote([clear] * 50, pooling(None)), vote([clear] * 50, pooling("DE"))
+    assert far.group_probability <= 1.0 - pooling(None).group_lapse < home.group_probability
+    assert far.probability <= far.group_probability
+    # a class must be likelier than at home to be named
+    rules = PoolingRules(0.25, class_power=1.0, group_power=1.0, class_shift=-0.5)
+    half = View(((TWENTY, 0.75), (SIXTY, 0.25)), 40.0)
+    assert vote([half], replace(rules, class_shift=0.0)).name == TWENTY
+    assert vote([half], rules).name == group_of(TWENTY)
 
 
 def test_faces_that_nobody_knows_get_no_wrong_name() -> None:

@@ -190,7 +190,7 @@ STAGE = Stage(
     # 11: the detector trained on, with pictures in motion and what it found before kept
     # 12: boxes that come without tracks get some
     # 13: boxes of a file that a better one of their frame covers are left out
-    version=15,
+    version=16,
     run=run,
     inputs=_inputs,
     # where the camera was when says which frames are worth a search
