@@ -32,6 +32,7 @@ from automap.fusion.standstill import find_standstill, rest_gyro_bias, shown_spe
 from automap.fusion.unread import longest_trip, over_holes
 from automap.fusion.unusable_readings import bridge_noise, bridge_unusable
 from automap.fusion.wheels import Wheels, prepare_wheels
+from automap.fusion.worse_stretches import WINDOWS, find_worse, fixes_in
 from automap.interpolation import LONGEST_GAP_S
 from automap.records import (
     ClockModel,
@@ -191,6 +192,16 @@ def fuse_imu_gnss(
         found=shift,
         basis=basis,
     )
+    worse = None
+    if options.adapt:
+        worse = find_worse(last, WINDOWS * options.multipath_tau_s, len(fixes))
+    if worse is not None:
+        session = replace(session, fixes=fixes_in(session.fixes, worse))
+        warnings.append(worse.text())
+        start, shift = found.start, last.shift
+        del last
+        progress(0.6, "fusing, with errors as large as they are by stretches")
+        last, found = run_passes(session, start, constrained=True, found=shift, basis=basis)
     margin = min(margin, found.margin)
     if last.tuned is not None and not last.tuned.better:
         warnings.append(
@@ -212,6 +223,7 @@ def fuse_imu_gnss(
         delay_is_clock,
         arm_sd,
         age_sd,
+        worse,
     )
     return replace(result, wheels=_wheels_of(wheels, result, delay_is_clock))
 

@@ -307,3 +307,12 @@ has, but good ones under an open sky may, and simulated ones do."""
 REST_MEAN_S, REST_PAIRS = 0.5, 20
 """Noise at rest is told by the differences of neighbouring means over so much, the times that count
 between fixes; from so many, whose median square is then good to a third."""
+WORSE_FACTORS = tuple(2.0 ** (0.5 * k) for k in range(2, 8))
+"""Times the usual that positions are looked for to err by in some stretches, a grid: less changes a
+path little, and more is what is wild."""
+WORSE_STAYS, WORSE_SHARES = (3.0, 6.0, 12.0), (0.05, 0.15, 0.3)
+"""Windows that such a stretch lasts on average, and its share of a drive, grids: between one row of
+houses and a part of a town, and less than half, since else it is the usual."""
+WORSE_ODDS_NATS = 14.0
+"""Two sizes instead of one by odds of a million: what of the grids fits best is chosen on the same
+drive."""

@@ -33,6 +33,7 @@ from automap.fusion.passes import Pass, Session
 from automap.fusion.problem import Problem
 from automap.fusion.tuning import shown_at_least
 from automap.fusion.wheels import Wheels
+from automap.fusion.worse_stretches import WorseStretches
 from automap.records import ClockModel, FloatArray, IntArray, Trajectory
 
 ARM_UP = "gnss_lever_arm_z"
@@ -68,7 +69,8 @@ class FusionResult:
     truth) with sd; ``mounting`` sensor to vehicle; ``standstill`` intervals in s from the
     first sample; ``align_margin`` in nats; ``noise_factors`` what the
     drive made of the noise levels; ``wheels`` None where the drive has no wheel speed; ``age_sd``
-    s by which the path at a stamp may be of another instant, as the age of the fixes is not known.
+    s by which the path at a stamp may be of another instant, as the age of the fixes is not known;
+    ``worse`` where positions err by more than elsewhere.
     """
 
     t_ns: IntArray
@@ -87,6 +89,7 @@ class FusionResult:
     wheels: WheelResult | None = None
     warnings: list[str] = field(default_factory=list)
     age_sd: float = 0.0
+    worse: WorseStretches | None = None
 
     @cached_property
     def trajectory(self) -> Trajectory:
@@ -158,9 +161,11 @@ def assemble(
     delay_is_clock: bool,
     arm_sd: FloatArray,
     age_sd: float,
+    worse: WorseStretches | None = None,
 ) -> FusionResult:
     """The result of a drive's last pass; ``arm_sd`` [3] m what of the antenna's arm was not told,
-    ``age_sd`` s what dates all fixes wrong, the rest as in ``fuse_imu_gnss``."""
+    ``age_sd`` s what dates all fixes wrong, ``worse`` where positions err by more than elsewhere,
+    the rest as in ``fuse_imu_gnss``."""
     history = outcome.parameters
     final = dict(zip(history.names, history.values[-1], strict=True))
     spread = dict(zip(history.names, history.sd[-1], strict=True))
@@ -176,7 +181,9 @@ def assemble(
 
     nodes, options = outcome.nodes, session.options
     unseen = np.zeros((len(nodes.t), 6))
-    unseen[:, :3] = unseen_errors(nodes.stated_sd, options, outcome.shown)
+    # what nothing shows is no larger where what shows is
+    stated = nodes.stated_sd if worse is None else nodes.stated_sd / worse.at(nodes.fix_row)
+    unseen[:, :3] = unseen_errors(stated, options, outcome.shown)
     accel_noise = options.accel_noise * outcome.factors.get("accel", 1.0)
     unseen[:, 5] = sd_on_springs(nodes.flags, accel_noise, options.nhc_mean_s)
 
@@ -204,4 +211,5 @@ def assemble(
         outcome.factors,
         warnings=warnings,
         age_sd=age_sd,
+        worse=worse,
     )

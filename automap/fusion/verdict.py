@@ -85,6 +85,7 @@ from automap.fusion.unread import driven_m, joined, later, unread
 from automap.fusion.verdict_alone import at_sensor, seen_at_sensor
 from automap.fusion.weighed import Weighed, level_sd, weighed_path
 from automap.fusion.widening import widen, widening
+from automap.fusion.worse_stretches import fixes_in
 from automap.records import ClockModel, Fixes, FloatArray, ImuData, Trajectory
 from automap.sync.velocity_findings import VelocityConsistency
 
@@ -238,7 +239,8 @@ def weigh(
         *parting,
         *sliding,
     ]
-    model = as_shown(stated, options, result.noise_factors)
+    worse = stated if result.worse is None else fixes_in(stated, result.worse)
+    model = as_shown(worse, options, result.noise_factors)
     at = of_axes(found, "gnss_lever_arm"), found.get(LATENCY_STATE, (0.0, 0.0))[0]
     misses = outside(fix_misses(path, model, *at), over)
     old = math.hypot(age_sd_of(fixes, clock, options), result.delay.sd)

@@ -1,0 +1,193 @@
+"""Stretches of a drive in which positions err by more than elsewhere: between houses, under trees.
+
+No receiver without corrections knows its reflections, and what it states of its accuracy hardly
+changes there. Errors of one size all along, large enough for the worst of it, leave a path to what
+velocities and the IMU make of it; errors of their own size there leave it to the good positions.
+Told from what fixes do against the path from one window to the next, by a hidden Markov model of
+two sizes (L. R. Rabiner, Proceedings of the IEEE 77, 1989).
+"""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from automap.earth import local_ned
+from automap.frames import quat_to_matrix
+from automap.fusion.layout import HAS_POS_H
+from automap.fusion.limits import (
+    MOVING_SPEED,
+    WORSE_FACTORS,
+    WORSE_ODDS_NATS,
+    WORSE_SHARES,
+    WORSE_STAYS,
+)
+from automap.fusion.nodes import FixModel
+from automap.fusion.passes import Pass
+from automap.records import BoolArray, FloatArray, IntArray
+
+_USUAL: FloatArray = np.exp2(0.25 * np.arange(-6.0, 3.0))
+"""Sizes that are tried for what is usual, over that of the median window."""
+_ALONE: FloatArray = np.exp2(0.125 * np.arange(-12.0, 25.0))
+"""The same where there is one size alone."""
+_WILD = 0.01
+"""Share of windows in which positions jump or are wild by any distance (Cauchy's distribution): one
+in a hundred, by which what is of one window or two tells no stretch."""
+WINDOWS = 0.5
+"""Of the time that quick errors last: in it most of one still shows as a step."""
+_LEAST_FIXES = 3
+"""Of a window, that one wild fix is not its median."""
+
+
+@dataclass(frozen=True)
+class WorseStretches:
+    """Positions err by ``times`` what is usual in ``spans``, s from the first sample; ``factor``
+    [n] is by how much, of each row of the fixes, 1 where it is as usual."""
+
+    times: float
+    spans: tuple[tuple[float, float], ...]
+    factor: FloatArray
+
+    @property
+    def seconds(self) -> float:
+        """Of all spans together."""
+        return float(sum(b - a for a, b in self.spans))
+
+    def at(self, fix_row: IntArray) -> FloatArray:
+        """The factor [k, 1] at nodes, of the last fix before each; ``fix_row`` [k], -1 for none."""
+        last = np.maximum.accumulate(np.where(fix_row >= 0, np.arange(len(fix_row)), -1))
+        last[last < 0] = int(np.argmax(fix_row >= 0))
+        return self.factor[fix_row[last]][:, None]
+
+    def text(self) -> str:
+        """One sentence for a user."""
+        many = f"{len(self.spans)} stretches" if len(self.spans) > 1 else "a stretch"
+        return (
+            f"positions err by {self.times:.2g} times what is usual in {many}, "
+            f"{self.seconds:.0f} s in all, by the way that IMU and velocities show: they were "
+            "trusted less there"
+        )
+
+
+def find_worse(last: Pass, window_s: float, rows: int) -> WorseStretches | None:
+    """Where positions err by more than for most of the drive, if odds of a million say so.
+
+    ``window_s`` in which their lasting errors show, ``rows`` of the fix table.
+    """
+    nodes, smooth = last.nodes, last.smooth
+    at = np.flatnonzero((nodes.flags & HAS_POS_H) > 0)
+    if len(at) < _LEAST_FIXES:
+        return None
+    t, state = nodes.t[at], smooth.nominal[at]
+    # heights are as good as they are: those of fixes may be of another surface
+    ref = (float(state[0, 0]), float(state[0, 1]), float(state[0, 2]))
+    seen = local_ned(nodes.values[at, 0], nodes.values[at, 1], state[:, 2], ref)
+    found = local_ned(state[:, 0], state[:, 1], state[:, 2], ref)
+    totals = last.totals()
+    arm = np.array([totals.get(f"gnss_lever_arm_{axis}", 0.0) for axis in "xyz"])
+    apart = seen - found - quat_to_matrix(state[:, 6:10]) @ arm
+    edges, step, speed = _windows(t, apart[:, :2], state[:, 3:5], window_s)
+    # a receiver that stands still repeats itself, which says nothing of how it errs
+    told = np.isfinite(step).all(axis=1) & (speed > MOVING_SPEED)
+    fitted = _two_sizes(step, told)
+    if fitted is None:
+        return None
+    times, size, worse = fitted
+    # errors that the receiver's figure holds are the figure's matter
+    if size < float(np.median(nodes.stated_sd[at, :2])):
+        return None
+    factor = np.ones(rows)
+    window = np.clip(np.searchsorted(edges, t, side="right") - 1, 0, len(worse) - 1)
+    # variances, by how probable it is
+    factor[nodes.fix_row[at]] = np.sqrt(1.0 + (times**2 - 1.0) * worse[window])
+    return WorseStretches(times, _spans(edges, worse > 0.5), factor)
+
+
+def fixes_in(model: FixModel, worse: WorseStretches) -> FixModel:
+    """Fixes with errors as large as they are there."""
+    factor = worse.factor[model.row][:, None]
+    white = model.white_var.copy()
+    white[:, :3] *= factor**2
+    return replace(model, white_var=white, stated_sd=model.stated_sd * factor)
+
+
+def _windows(
+    t: FloatArray, apart: FloatArray, velocity: FloatArray, window_s: float
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Edges [w + 1] of windows, by how much positions come off the path [w, 2] from one to the
+    next, m, NaN where they do not tell, and speeds [w]."""
+    count = max(int((t[-1] - t[0]) / window_s), 1)
+    edges = t[0] + window_s * np.arange(count + 1)
+    first = np.searchsorted(t, edges)
+    place, speed = np.full((count, 2), np.nan), np.zeros(count)
+    way = np.full((count, 2), np.nan)
+    for k in range(count):
+        part = slice(first[k], first[k + 1])
+        if part.stop - part.start >= _LEAST_FIXES:
+            place[k], way[k] = np.median(apart[part], axis=0), np.median(velocity[part], axis=0)
+            speed[k] = np.hypot(*way[k])
+    step = np.diff(place, axis=0, prepend=np.nan)
+    # what is of another instant comes off as the vehicle gathers speed
+    faster = np.diff(way, axis=0, prepend=np.nan)
+    told = np.isfinite(step).all(axis=1)
+    late = float((step[told] * faster[told]).sum() / max((faster[told] ** 2).sum(), 1e-9))
+    return edges, step - late * faster, speed
+
+
+def _two_sizes(step: FloatArray, told: BoolArray) -> tuple[float, float, FloatArray] | None:
+    """How many times larger ``step`` [w, 2] is in the worse windows, how large, m an axis, and how
+    probable it is of each [w] that it is one; None where one size is as likely, or most windows are
+    the worse."""
+    if not told.any():
+        return None
+    squared = np.where(told, (step**2).sum(axis=1), 0.0)
+    # of two axes: half of squares lie beyond
+    median = max(float(np.median(squared[told])) / (2.0 * np.log(2.0)), 1e-12)
+
+    def log_density(size: FloatArray, usual: FloatArray) -> FloatArray:
+        var, wide = size**2 * median, usual**2 * median
+        each = np.log1p(-_WILD) - np.log(var) - 0.5 * squared[:, None] / var
+        wild = np.log(_WILD) - np.log(wide) - 1.5 * np.log1p(squared[:, None] / wide)
+        return np.where(told[:, None], np.logaddexp(each, wild), 0.0)
+
+    one = float(log_density(_ALONE, _ALONE).sum(axis=0).max())
+    trials = np.array(list(itertools.product(_USUAL, WORSE_FACTORS, WORSE_STAYS, WORSE_SHARES)))
+    usual, times, stays, shares = trials.T
+    ended = 1.0 / stays
+    begun = ended * shares / (1.0 - shares)
+    density = np.stack([log_density(usual, usual), log_density(usual * times, usual)], axis=2)
+    score = np.zeros(len(trials))
+    prior = np.stack([1.0 - shares, shares], axis=1)
+    forward = np.empty((len(squared), len(trials), 2))
+    for k, each in enumerate(density):
+        top = each.max(axis=1)
+        here = prior * np.exp(each - top[:, None])
+        total = here.sum(axis=1)
+        score += np.log(total) + top
+        forward[k] = here / total[:, None]
+        better, worse = forward[k].T
+        left = better * begun + worse * (1.0 - ended)
+        prior = np.stack([1.0 - left, left], axis=1)
+    best = int(np.argmax(score))
+    if score[best] - one < WORSE_ODDS_NATS:
+        return None
+    stay = np.array([[1.0 - begun[best], begun[best]], [ended[best], 1.0 - ended[best]]])
+    probable, behind = np.empty(len(squared)), np.ones(2)
+    for k in range(len(squared) - 1, -1, -1):
+        both = forward[k, best] * behind
+        probable[k] = both[1] / both.sum()
+        each = density[k, best]
+        behind = stay @ (behind * np.exp(each - each.max()))
+        behind /= behind.sum()
+    if (probable[told] > 0.5).mean() >= 0.5:
+        return None
+    return float(times[best]), float(usual[best] * times[best] * np.sqrt(median)), probable
+
+
+def _spans(edges: FloatArray, worse: BoolArray) -> tuple[tuple[float, float], ...]:
+    turns = np.flatnonzero(np.diff(np.concatenate([[0], worse.astype(np.int8), [0]])))
+    return tuple(
+        (float(edges[a]), float(edges[b])) for a, b in zip(turns[::2], turns[1::2], strict=True)
+    )
