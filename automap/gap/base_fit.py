@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -12,7 +12,7 @@ from automap.fusion.delay_states import COURSE_DISTANCE_STATE
 from automap.gap import limits
 from automap.gap.drive import OpenDrive, shocks_of, with_shocks
 from automap.gap.fit import BEHIND, GapModel, fit_drive, without
-from automap.gap.noise import Fitted, Log, open_fits, with_levels, with_noise
+from automap.gap.noise import INERTIAL_LEVELS, Fitted, Log, open_fits, with_levels
 from automap.gap.scoring import likelier
 
 
@@ -27,20 +27,27 @@ def first_fit(opened: Sequence[OpenDrive], model: GapModel, log: Log) -> Fitted:
         # the noise is much the same: it need not be sought from everywhere again
         fewer = replace(without(model, BEHIND), factors=base.model.factors)
         base = with_levels(Fitted(fewer, {}, tuple(fit_drive(d, fewer) for d in opened)))
-    return _with_shocks(base, model.factors, log)
+    return _with_shocks(base, log)
 
 
-def _with_shocks(base: Fitted, stated: Mapping[str, float], log: Log) -> Fitted:
+def _with_shocks(base: Fitted, log: Log) -> Fitted:
     """The fit with the noise of shocks where the readings show some and the drives are likelier so:
     one level for a whole drive is the mean of potholes and of smooth road, and hides between them
     what the smooth road tells."""
     if base.model.options.shocks:
         return base
-    if not any(shocks_of(fit.opened.drive).any() for fit in base.fits):
+    psd = np.concatenate([shocks_of(fit.opened.drive) for fit in base.fits]).mean(axis=0)
+    if not psd.any():
         return base
     log("fitting the noise with shocks")
-    model = replace(base.model, options=replace(base.model.options, shocks=True))
+    options = replace(base.model.options, shocks=True)
+    factors = dict(base.model.factors)
+    for level, shaken in zip(INERTIAL_LEVELS, psd, strict=True):
+        # both together are what was fitted without; where shocks alone are more, much less is left
+        whole = (factors[level] * getattr(options, f"{level}_noise")) ** 2
+        factors[level] *= float(np.sqrt(whole / (whole + shaken)))
+    model = replace(base.model, options=options, factors=factors)
     fits = tuple(fit_drive(with_shocks(f.opened), model, linearised_at=f) for f in base.fits)
-    other = with_noise(Fitted(model, {}, fits), stated)
+    other = with_levels(Fitted(model, {}, fits, base.curvature))
     nats, sigmas = likelier(other.fits, base.fits)
     return other if nats >= limits.CLOSE_NATS and sigmas > limits.APART else base

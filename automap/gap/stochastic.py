@@ -128,7 +128,10 @@ def _shaken(levels: Levels, level: str, ratio: float) -> NoiseClaim:
         return NoiseClaim(level, ratio, 0.0, 1.0)
     stated = float(getattr(levels.fits[0].model.options, f"{level}_noise"))
     factor = math.hypot(float(np.sqrt(np.mean(psd[shaken]))) / stated, ratio)
-    held = fit_noise(fits, initial=levels.factors, curvature=levels.curvature)
+    # one level for all of the drive is what both are in the mean
+    mean = float(np.sqrt(np.mean(psd))) / stated
+    whole = levels.factors | {level: math.hypot(levels.factors[level], mean)}
+    held = fit_noise(fits, initial=whole, curvature=levels.curvature)
     nats = levels.score(levels.factors) - noise_score(fits, held)
     share = f"{100.0 * np.mean(shaken):.2g} % of the time"
     where = f"where it scatters most from one reading to the next ({share})"
