@@ -278,10 +278,11 @@ DELAY_CONVERGED_S, SKEW_CONVERGED, CONVERGED_SIGMAS = 5e-4, 1e-6, 0.1
 millisecond is 1.5 cm at 30 m/s, and 1e-6 comes to 3.6 ms in an hour."""
 HEAD_S = 900.0
 """The first pass goes no further than this into the drive."""
-SETTLED_TURN_RAD = 3e-3
-"""An attitude that moves by no more leaves the linearisation good: the square of this times
-gravity is some 0.1 mm/s^2."""
-MOST_REPEATS = 4
+SETTLED_TURN_RAD = 3e-4
+"""An attitude that moves by no more leaves the likelihood as it is: where models are compared by
+nats, a path that moved by 2e-3 moved it by 20 to 60, by 8e-4 by 6, by 4e-4 by 1, by 1e-4 by 0.1
+(the phone's errors along ten minutes, seen)."""
+MOST_REPEATS = 6
 """Passes at most about the path of another model. Chosen: bounds the time of one that wavers."""
 
 # noise levels

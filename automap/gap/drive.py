@@ -18,6 +18,7 @@ from automap.fusion.passes import Session
 from automap.fusion.problem import samples_of
 from automap.fusion.result import Prior
 from automap.fusion.screening import screen_fixes
+from automap.fusion.shocks import shock_noise
 from automap.fusion.standstill import find_standstill, rest_gyro_bias, shown_speed
 from automap.fusion.wheels import prepare_wheels
 from automap.records import BoolArray, ClockModel, Fixes, FloatArray, ImuData, WheelSpeed
@@ -151,6 +152,20 @@ def open_drive(drive: GapDrive, options: FusionOptions) -> OpenDrive:
         calm=calm_readings(t + drive.begin_s, drive.imu.gyro, drive.imu.accel),
     )
     return OpenDrive(drive, session, screened.n_outliers)
+
+
+def shocks_of(drive: GapDrive) -> FloatArray:
+    """PSD [n, 2] of the noise of shocks that a drive's readings show, of force and rate."""
+    step_s = float(np.median(np.diff(drive.imu.t_ns))) * 1e-9
+    return shock_noise(drive.imu.gyro, drive.imu.accel, step_s)
+
+
+def with_shocks(opened: OpenDrive) -> OpenDrive:
+    """The drive with the noise of shocks that its readings show."""
+    session = opened.session
+    options = replace(session.options, shocks=True)
+    readings = samples_of(opened.drive.imu, options)
+    return replace(opened, session=replace(session, options=options, readings=readings))
 
 
 def count_outliers(drive: GapDrive, options: FusionOptions, factors: Mapping[str, float]) -> int:

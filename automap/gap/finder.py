@@ -6,13 +6,10 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
-import numpy as np
-
-from automap.effects import CATALOGUE
 from automap.errors import InputError
-from automap.fusion.delay_states import COURSE_DISTANCE_STATE
 from automap.fusion.options import FusionOptions
 from automap.gap import limits
+from automap.gap.base_fit import first_fit
 from automap.gap.camera.search import CameraGap
 from automap.gap.candidates import library
 from automap.gap.confirm import costs, levels_for_runs
@@ -25,8 +22,8 @@ from automap.gap.doubt import (
     strongest_refused,
     suspected,
 )
-from automap.gap.drive import GapDrive, OpenDrive, in_vehicle_axes, open_drive
-from automap.gap.fit import Fit, GapModel, Values, base_model, fit_drive, without
+from automap.gap.drive import GapDrive, OpenDrive, in_vehicle_axes, open_drive, with_shocks
+from automap.gap.fit import Fit, GapModel, Values, base_model, fit_drive
 from automap.gap.found import Beside, Found
 from automap.gap.linear import Column
 from automap.gap.misfit import Misfit, Place, misfits, places, worst_by_channel
@@ -38,10 +35,10 @@ from automap.gap.naming import (
     verdict,
 )
 from automap.gap.nodes import NodeMotion
-from automap.gap.noise import Fitted, Log, open_fits, with_levels
+from automap.gap.noise import Log
 from automap.gap.noise_conditions import Levels
 from automap.gap.reading_steps import coarse_readings
-from automap.gap.receivers import BEHIND, outliers_finding, usual_findings, values_for_runs
+from automap.gap.receivers import outliers_finding, usual_findings, values_for_runs
 from automap.gap.responses import responses
 from automap.gap.result import (
     ChannelGap,
@@ -133,26 +130,13 @@ def find_gaps(
     kept = [open_drive(d, model.options) for d in held]
     forget_formulas(())
     base = first_fit(opened, model, log)
+    if base.model.options.shocks:
+        kept = [with_shocks(d) for d in kept]
     search = Search(base, kept, model.factors, exclude, log)
     found = search.run()
     log("measuring the gap on held-out data")
     forget_formulas(found.fitted.estimate)
     return _result(found, search.screening, kept, model, exclude)
-
-
-def first_fit(opened: Sequence[OpenDrive], model: GapModel, log: Log) -> Fitted:
-    """A model fitted, its noise first, but for courses of a place behind where that is ahead, or
-    further behind than with any receiver: then an antenna is there, or a course's delay, to which
-    all else is bent where the model takes it up so."""
-    base = open_fits(opened, model, log)
-    (usual,) = CATALOGUE[BEHIND].parameters
-    metres = np.mean([fit.last.totals().get(COURSE_DISTANCE_STATE, 0.0) for fit in base.fits])
-    if 0.0 <= metres <= limits.ONE_IN_A_THOUSAND * usual.prior_sd:
-        return base
-    # the noise is much the same: it need not be sought from everywhere again
-    model = replace(without(model, BEHIND), factors=base.model.factors)
-    fits = tuple(fit_drive(d, model) for d in opened)
-    return with_levels(Fitted(model, {}, fits))
 
 
 def _head(drive: GapDrive, seconds: float) -> GapDrive:
@@ -222,7 +206,7 @@ def _result(
     if wild is not None and wild.effect not in exclude:
         noise.append(wild)
     findings += noise
-    claims = noise_claims(under, stated.factors, final)
+    claims = noise_claims(under, stated.factors, final, stated.options.shocks)
     refused = strongest_refused(found)
     kept_out = _by_formula(found, stands.kept_out)
     hidden = in_noise(found, screening, stated.factors)

@@ -33,7 +33,9 @@ from automap.records import FloatArray, IntArray
 
 Values = Mapping[str, Mapping[str, float]]
 
-ALWAYS = ("gnss_course_distance", "gnss_speed_offset", "vehicle_pitch")
+BEHIND = "gnss_course_distance"
+"""Courses of a place behind the antenna's."""
+ALWAYS = (BEHIND, "gnss_speed_offset", "vehicle_pitch")
 """What every receiver and every vehicle has, whatever else is asked: courses that lag at low speed,
 speeds that are told too low, and springs."""
 BASE_NUISANCES = ("accel_bias", "gyro_bias", "gnss_correlated_noise", "gnss_multipath", *ALWAYS)

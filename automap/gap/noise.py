@@ -31,6 +31,9 @@ from automap.records import FloatArray
 Log = Callable[[str], None]
 INERTIAL_LEVELS = ("accel", "gyro")
 TAU_STEP = 2.0**0.5
+SETTLED_NATS, CLIMBS = 1.0, 3
+"""A path that moves the likelihood by less has settled: what tells rivals apart is three nats. So
+many climbs at most; bounds the time."""
 SHARES = 0.25, 0.5, 0.75
 """Of the way from one set of levels to another where a valley is looked for."""
 
@@ -120,8 +123,20 @@ def with_noise(fitted: Fitted, stated: Mapping[str, float]) -> Fitted:
     if _valley_before(fits, second, best):
         other = _likeliest(fits, ALL_LEVELS, second, fitted.curvature)
         best = max(best, other, key=lambda top: top.score)
-    model = replace(fitted.model, factors=best.factors)
-    return replace(fitted_about(model, fitted.estimate, fits), curvature=best.inverse)
+    return _settled(replace(fitted, curvature=best.inverse), best)
+
+
+def _settled(fitted: Fitted, top: Maximum, levels: Collection[str] = ALL_LEVELS) -> Fitted:
+    """The set under the levels at the top of a climb, and about its own path then. A likelihood is
+    climbed about a path; where the levels' own path has another, it is climbed once more."""
+    for left in reversed(range(CLIMBS)):
+        model = replace(fitted.model, factors=top.factors)
+        settled = fitted_about(model, fitted.estimate, fitted.fits)
+        fitted = replace(settled, curvature=fitted.curvature)
+        if not left or abs(noise_score(fitted.fits, top.factors) - top.score) < SETTLED_NATS:
+            break
+        top = _likeliest(fitted.fits, levels, top.factors, fitted.curvature)
+    return fitted
 
 
 def _valley_before(fits: Sequence[Fit], levels: Mapping[str, float], top: Maximum) -> bool:
@@ -140,8 +155,7 @@ def _valley_before(fits: Sequence[Fit], levels: Mapping[str, float], top: Maximu
 def with_levels(fitted: Fitted, levels: Collection[str] = ALL_LEVELS) -> Fitted:
     """The set with some levels of noise moved to where they suit the drives best."""
     top = _likeliest(fitted.fits, levels, fitted.model.factors, fitted.curvature)
-    model = replace(fitted.model, factors=top.factors)
-    return replace(fitted_about(model, fitted.estimate, fitted.fits), curvature=fitted.curvature)
+    return _settled(fitted, top, levels)
 
 
 def fitted_about(model: GapModel, estimate: Mapping[str, float], about: Sequence[Fit]) -> Fitted:

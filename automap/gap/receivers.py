@@ -17,7 +17,7 @@ from automap.fusion.filtered import full_covariance
 from automap.fusion.layout import CH_VEL, N_NAV
 from automap.gap import limits
 from automap.gap.drive import OpenDrive, count_outliers
-from automap.gap.fit import Fit, Values, without
+from automap.gap.fit import BEHIND, Fit, Values, without
 from automap.gap.found import Found
 from automap.gap.noise import Fitted, fitted_about, with_noise
 from automap.gap.result import Finding, ParameterValue, advice
@@ -25,7 +25,7 @@ from automap.gap.scoring import epochs, fit_held_out, gain_over, likelier, white
 from automap.gates import exceeds
 from automap.records import FloatArray
 
-BEHIND, ARM, TOO_LOW = "gnss_course_distance", "gnss_lever_arm", "gnss_speed_offset"
+ARM, TOO_LOW = "gnss_lever_arm", "gnss_speed_offset"
 USUAL = (BEHIND, TOO_LOW)
 """Effects of every receiver."""
 

@@ -18,8 +18,9 @@ from automap.fusion.levels import ALL_LEVELS, RECEIVER_LEVELS, VELOCITY_WANDER
 from automap.fusion.measurements.position import lasting_share
 from automap.fusion.nodes import model_fixes
 from automap.gap import limits
+from automap.gap.drive import shocks_of
 from automap.gap.fit import Fit
-from automap.gap.noise import at_top, rest_factors
+from automap.gap.noise import at_top, fit_noise, noise_score, rest_factors
 from automap.gap.noise_conditions import Levels, Ranged, conditional_noise
 from automap.gap.reading_steps import coarse
 from automap.gap.result import Finding, NoiseClaim, ParameterValue
@@ -68,11 +69,15 @@ def stochastic_findings(
 
 
 def noise_claims(
-    levels: Levels, stated_factors: Mapping[str, float], held_out: Sequence[Fit] = ()
+    levels: Levels,
+    stated_factors: Mapping[str, float],
+    held_out: Sequence[Fit] = (),
+    stated_shocks: bool = False,
 ) -> tuple[NoiseClaim, ...]:
     """Levels that the drives want higher than stated, however it is called: what no other level
     says as well. The vehicle's own are not of a sensor or receiver. The level that depends on a
-    condition, which ``held_out`` drives bear out, is told with it.
+    condition, which ``held_out`` drives bear out, is told with it, and so is what shocks add, but
+    for ``stated_shocks``.
 
     Of a receiver's figure only the whole can be too small: it does not say how much of its error
     lasts, and how that is split is the model's own matter. A sensor that is at rest as noisy as
@@ -97,8 +102,40 @@ def noise_claims(
     ranged = conditional_noise(levels, held_out)
     if ranged is not None:
         out = _under_condition(out, ranged, fits, stated_factors)
+    if fits[0].model.options.shocks and not stated_shocks:
+        shaken = [_shaken(levels, level, ratios[level]) for level in SENSOR_LEVELS]
+        told = {c.level: c for c in shaken if c.evidence_nats >= limits.NOISE_NATS}
+        out = [c for c in out if c.condition or c.level not in told] + list(told.values())
     out = [replace(c, cause=coarse(fits, c.level)) if c.level in SENSOR_LEVELS else c for c in out]
     return tuple(sorted(out, key=lambda c: -c.evidence_nats))
+
+
+def _shaken(levels: Levels, level: str, ratio: float) -> NoiseClaim:
+    """What shocks make of a sensor's noise, which is ``ratio`` as large as stated elsewhere, worth
+    what the drives are less likely without them, all levels moved to where they suit these then."""
+    at = SENSOR_LEVELS.index(level)
+    fits, added = list[Fit](), list[FloatArray]()
+    for fit in levels.fits:
+        psd, problem = shocks_of(fit.opened.drive)[:, at], fit.last.problem
+        shocks = problem.samples.shocks.copy()
+        shocks[:, at] -= psd
+        plain = replace(problem, samples=problem.samples._replace(shocks=shocks))
+        fits.append(replace(fit, last=replace(fit.last, problem=plain)))
+        added.append(psd)
+    psd = np.concatenate(added)
+    shaken = psd > 0.0
+    if not shaken.any():
+        return NoiseClaim(level, ratio, 0.0, 1.0)
+    stated = float(getattr(levels.fits[0].model.options, f"{level}_noise"))
+    factor = math.hypot(float(np.sqrt(np.mean(psd[shaken]))) / stated, ratio)
+    # one level for all of the drive is what both are in the mean
+    mean = float(np.sqrt(np.mean(psd))) / stated
+    whole = levels.factors | {level: math.hypot(levels.factors[level], mean)}
+    held = fit_noise(fits, initial=whole, curvature=levels.curvature)
+    nats = levels.score(levels.factors) - noise_score(fits, held)
+    share = f"{100.0 * np.mean(shaken):.2g} % of the time"
+    where = f"where it scatters most from one reading to the next ({share})"
+    return NoiseClaim(level, factor, nats, _p(nats), where, ratio)
 
 
 def _under_condition(

@@ -9,13 +9,14 @@ from typing import cast
 import numpy as np
 import pytest
 
+from automap.fusion.level_climb import Maximum
 from automap.fusion.levels import ALL_LEVELS
 from automap.fusion.limits import TIME_FACTORS
 from automap.gap import base_model, noise
 from automap.gap.drive import open_drive
 from automap.gap.fit import Fit, fit_drive
 from automap.gap.limits import LEAST_RESTS
-from automap.gap.noise import fit_noise, noise_score, noise_slopes, rest_factors
+from automap.gap.noise import Fitted, fit_noise, noise_score, noise_slopes, rest_factors
 from automap.records import FloatArray
 from tests.slow_cases import others_slow
 from tests.unit.test_gap import simulated
@@ -153,3 +154,30 @@ def test_no_sensor_is_taken_for_quieter_than_at_rest(
     found = fit_noise([ungated], ("accel", "gyro"))
     assert found["accel"] == pytest.approx(least["accel"])
     assert found["gyro"] > least["gyro"]
+
+
+@pytest.mark.parametrize(
+    ("moved", "climbs"), [((0.2,), 0), ((30.0, 0.5), 1), ((30.0, 9.0, 9.0), 2)]
+)
+def test_levels_are_climbed_about_their_own_path(
+    monkeypatch: pytest.MonkeyPatch, moved: tuple[float, ...], climbs: int
+) -> None:
+    """Each fit about new levels moves the likelihood: until by less than a nat, or thrice."""
+    model, asked = base_model(), list[float]()
+    drops = iter(moved)
+    monkeypatch.setattr(
+        noise, "fitted_about", lambda model, estimate, fits: Fitted(model, {}, fits)
+    )
+    monkeypatch.setattr(noise, "noise_score", lambda fits, factors: 100.0 - next(drops))
+
+    def likeliest(
+        fits: object, levels: object, factors: dict[str, float], inverse: object
+    ) -> Maximum:
+        asked.append(factors["gyro"])
+        return Maximum(100.0, factors | {"gyro": 2.0 * factors["gyro"]}, np.eye(1))
+
+    monkeypatch.setattr(noise, "_likeliest", likeliest)
+    top = Maximum(100.0, dict(model.factors), np.eye(1))
+    found = noise._settled(Fitted(model, {}, ()), top)
+    assert asked == [2.0**i for i in range(climbs)]
+    assert found.model.factors["gyro"] == 2.0**climbs

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from automap.fusion.level_climb import Maximum
-from automap.gap import base_model, confirm, finder, noise, search
+from automap.gap import base_fit, base_model, confirm, noise, search
 from automap.gap.candidates import Candidate
 from automap.gap.confirm import Judge
 from automap.gap.linear import Column
@@ -231,9 +231,12 @@ def test_courses_from_further_behind_than_with_any_receiver_are_no_part_of_every
         asked.append(fitted.model.options.effects)
         return fitted
 
-    monkeypatch.setattr(finder, "open_fits", fits)
-    monkeypatch.setattr(finder, "with_levels", with_levels)
-    finder.first_fit((), base_model(), print)
+    monkeypatch.setattr(base_fit, "open_fits", fits)
+    monkeypatch.setattr(base_fit, "with_levels", with_levels)
+    model = base_model()
+    # of shocks nothing is asked
+    model = replace(model, options=replace(model.options, shocks=True))
+    base_fit.first_fit((), model, print)
     assert ("gnss_course_distance" in asked[-1]) == stays
 
 
