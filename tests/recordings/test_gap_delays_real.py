@@ -27,7 +27,10 @@ def test_a_lag_is_found_from_far_beyond_it(shared_data: Path, tmp_path: Path, st
     drive = in_vehicle_axes(drive.part(0.0, 180.0, "rtk-car-a"), FusionOptions())
     opened = open_drive(drive, model.options)
     wrong = replace(model, values={**model.values, LAG: {"tau": start}})
-    far = with_noise(Fitted(wrong, {}, (fit_drive(opened, wrong),)), model.factors)
-    noisy = replace(model, factors=far.model.factors)
-    found = fit_drive(opened, noisy, {LAG: 1.0}, linearised_at=far.fits[0])
-    assert value_of(found, LAG)["tau"] == pytest.approx(0.131, abs=0.05)
+    for _ in range(2):
+        # the noise that suits what was found, and then what suits that noise, as a search has it
+        far = with_noise(Fitted(wrong, {}, (fit_drive(opened, wrong),)), model.factors)
+        noisy = replace(model, factors=far.model.factors)
+        found = fit_drive(opened, noisy, {LAG: 1.0}, linearised_at=far.fits[0])
+        wrong = replace(model, values={**model.values, LAG: value_of(found, LAG)})
+    assert value_of(found, LAG)["tau"] == pytest.approx(0.131, abs=0.02)
