@@ -153,37 +153,48 @@ def _two_sizes(step: FloatArray, told: BoolArray) -> tuple[float, float, FloatAr
         return np.where(told[:, None], np.logaddexp(each, wild), 0.0)
 
     one = float(log_density(_ALONE, _ALONE).sum(axis=0).max())
-    trials = np.array(list(itertools.product(_USUAL, WORSE_FACTORS, WORSE_STAYS, WORSE_SHARES)))
-    usual, times, stays, shares = trials.T
+    usual, times = np.array(list(itertools.product(_USUAL, WORSE_FACTORS))).T
+    stays, shares = np.array(list(itertools.product(WORSE_STAYS, WORSE_SHARES))).T
     ended = 1.0 / stays
     begun = ended * shares / (1.0 - shares)
     density = np.stack([log_density(usual, usual), log_density(usual * times, usual)], axis=2)
-    score = np.zeros(len(trials))
-    prior = np.stack([1.0 - shares, shares], axis=1)
-    forward = np.empty((len(squared), len(trials), 2))
-    for k, each in enumerate(density):
-        top = each.max(axis=1)
-        here = prior * np.exp(each - top[:, None])
-        total = here.sum(axis=1)
-        score += np.log(total) + top
-        forward[k] = here / total[:, None]
-        better, worse = forward[k].T
-        left = better * begun + worse * (1.0 - ended)
-        prior = np.stack([1.0 - left, left], axis=1)
-    best = int(np.argmax(score))
-    if score[best] - one < WORSE_ODDS_NATS:
+    score, _ = _forward(density, shares, begun, ended)
+    best, k = np.unravel_index(int(np.argmax(score)), score.shape)
+    if score[best, k] - one < WORSE_ODDS_NATS:
         return None
-    stay = np.array([[1.0 - begun[best], begun[best]], [ended[best], 1.0 - ended[best]]])
+    density = density[:, best : best + 1]
+    _, forward = _forward(density, shares[k : k + 1], begun[k : k + 1], ended[k : k + 1])
+    stay = np.array([[1.0 - begun[k], begun[k]], [ended[k], 1.0 - ended[k]]])
     probable, behind = np.empty(len(squared)), np.ones(2)
-    for k in range(len(squared) - 1, -1, -1):
-        both = forward[k, best] * behind
-        probable[k] = both[1] / both.sum()
-        each = density[k, best]
+    for w in range(len(squared) - 1, -1, -1):
+        both = np.array([1.0 - forward[w], forward[w]]) * behind
+        probable[w] = both[1] / both.sum()
+        each = density[w, 0]
         behind = stay @ (behind * np.exp(each - each.max()))
         behind /= behind.sum()
     if (probable[told] > 0.5).mean() >= 0.5:
         return None
     return float(times[best]), float(usual[best] * times[best] * np.sqrt(median)), probable
+
+
+def _forward(
+    density: FloatArray, shares: FloatArray, begun: FloatArray, ended: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Log-likelihoods [p, q] of sizes [w, p, 2], in nats by window, and ways of coming and going
+    [q]; of the first of each how probable it is [w] of a window, by those up to it, to be worse."""
+    score = np.zeros((density.shape[1], len(shares)))
+    worse = np.broadcast_to(shares, score.shape)
+    first = np.empty(len(density))
+    for w, each in enumerate(density):
+        top = each.max(axis=1)
+        usual, larger = np.exp(each - top[:, None]).T
+        of_worse = worse * larger[:, None]
+        total = of_worse + (1.0 - worse) * usual[:, None]
+        score += np.log(total) + top[:, None]
+        now = of_worse / total
+        first[w] = now[0, 0]
+        worse = (1.0 - now) * begun + now * (1.0 - ended)
+    return score, first
 
 
 def _spans(edges: FloatArray, worse: BoolArray) -> tuple[tuple[float, float], ...]:
