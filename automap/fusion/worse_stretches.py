@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -54,6 +55,10 @@ class WorseStretches:
     def seconds(self) -> float:
         """Of all spans together."""
         return float(sum(b - a for a, b in self.spans))
+
+    def as_dict(self) -> dict[str, Any]:
+        """For a summary."""
+        return {"times": self.times, "spans_s": self.spans}
 
     def at(self, fix_row: IntArray) -> FloatArray:
         """The factor [k, 1] at nodes, of the last fix before each; ``fix_row`` [k], -1 for none."""

@@ -323,6 +323,7 @@ def _report(
             "nodes": result.n_nodes,
             "fixes_used": result.n_fixes_used,
             "refused_share": refused,
+            "worse_stretches": None if result.worse is None else result.worse.as_dict(),
             "standstill": [[float(a), float(b)] for a, b in result.standstill],
             "wheels": wheels,
             "channels": {name: asdict(item) for name, item in channels.items()},
