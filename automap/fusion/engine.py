@@ -20,7 +20,7 @@ from automap.fusion.dense_pieces import MARGIN_S, dense_pieces
 from automap.fusion.gnss_only import smooth_fixes
 from automap.fusion.kernel_runs import Start
 from automap.fusion.layout import HAS_POS_H, HAS_POS_V
-from automap.fusion.measurements.position import age_sd_of
+from automap.fusion.measurements.position import age_sd_of, by_carrier
 from automap.fusion.mounting import Mounting, estimate_mounting
 from automap.fusion.nodes import FixModel, Shift, model_fixes
 from automap.fusion.options import FusionOptions
@@ -193,7 +193,8 @@ def fuse_imu_gnss(
         basis=basis,
     )
     worse = None
-    if options.adapt:
+    # a carrier-phase solution is as good as it says, from one moment to the next
+    if options.adapt and not by_carrier(fixes):
         worse = find_worse(last, WINDOWS * options.multipath_tau_s, len(fixes))
     if worse is not None:
         session = replace(session, fixes=fixes_in(session.fixes, worse))
