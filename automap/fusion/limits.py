@@ -314,6 +314,3 @@ path little, and more is what is wild."""
 WORSE_STAYS, WORSE_SHARES = (3.0, 6.0, 12.0), (0.05, 0.15, 0.3)
 """Windows that such a stretch lasts on average, and its share of a drive, grids: between one row of
 houses and a part of a town, and less than half, since else it is the usual."""
-WORSE_ODDS_NATS = 14.0
-"""Two sizes instead of one by odds of a million: what of the grids fits best is chosen on the same
-drive."""

@@ -21,13 +21,13 @@ from automap.fusion.layout import HAS_POS_H
 from automap.fusion.limits import (
     MOVING_SPEED,
     WORSE_FACTORS,
-    WORSE_ODDS_NATS,
     WORSE_SHARES,
     WORSE_STAYS,
 )
 from automap.fusion.nodes import FixModel
 from automap.fusion.passes import Pass
 from automap.records import BoolArray, FloatArray, IntArray
+from automap.sync.limits import CERTAIN_LEAD_NATS
 
 _USUAL: FloatArray = np.exp2(0.25 * np.arange(-6.0, 3.0))
 """Sizes that are tried for what is usual, over that of the median window."""
@@ -165,7 +165,8 @@ def _two_sizes(step: FloatArray, told: BoolArray) -> tuple[float, float, FloatAr
     density = np.stack([log_density(usual, usual), log_density(usual * times, usual)], axis=2)
     score, _ = _forward(density, shares, begun, ended)
     best, k = np.unravel_index(int(np.argmax(score)), score.shape)
-    if score[best, k] - one < WORSE_ODDS_NATS:
+    # what of the grids fits best was chosen on the same drive
+    if score[best, k] - one < CERTAIN_LEAD_NATS:
         return None
     density = density[:, best : best + 1]
     _, forward = _forward(density, shares[k : k + 1], begun[k : k + 1], ended[k : k + 1])
