@@ -32,7 +32,7 @@ from automap.fusion.standstill import find_standstill, rest_gyro_bias, shown_spe
 from automap.fusion.unread import longest_trip, over_holes
 from automap.fusion.unusable_readings import bridge_noise, bridge_unusable
 from automap.fusion.wheels import Wheels, prepare_wheels
-from automap.fusion.worse_stretches import WINDOWS, find_worse, fixes_in
+from automap.fusion.worse_stretches import WINDOWS, find_again, find_worse, fixes_in
 from automap.interpolation import LONGEST_GAP_S
 from automap.records import (
     ClockModel,
@@ -44,6 +44,9 @@ from automap.records import (
 
 _NO_NHC = ("imu_mounting", "nhc_lever_arm", "vehicle_pitch")
 """What nothing shows before the constraint acts in the vehicle's axes."""
+_AGAIN = 2
+"""Times that stretches of larger errors are found anew by a path that knows of them: one finds most
+of each, the next what the path followed until then."""
 _OF_WHEELS = ("odometer_scale", "odometer_time_offset")
 """What is estimated where a drive has wheel speed."""
 
@@ -97,8 +100,8 @@ def fuse_imu_gnss(
         noise = bridge_noise(bridged.stretch_s, *gaps)
         made_noise = noise if made_noise is None else made_noise + noise
     fix_t = (clock.t_ns(fixes.gps_s) - base_ns) * 1e-9
-    model = model_fixes(fixes, np.asarray(fix_t), options)
-    screened = screen_fixes(model, options.wander_tau_s)
+    stated = model_fixes(fixes, np.asarray(fix_t), options)
+    screened = screen_fixes(stated, options.wander_tau_s)
     model = screened.fixes
     t_imu = np.asarray((imu.t_ns - base_ns) * 1e-9)
     span = (0.0, float(t_imu[-1]))
@@ -144,11 +147,6 @@ def fuse_imu_gnss(
     session = Session(imu, model, options, standstill, means, sds, span, readings)
     session = replace(session, made_noise=made_noise)
     warnings = [*trips, *(wheels.warnings if wheels else ())]
-    if screened.n_outliers:
-        warnings.append(
-            f"{screened.n_outliers} fixes lie up to {screened.largest_m:.0f} m off the path that "
-            "the others and the velocities show; they were trusted less"
-        )
 
     mounting = Mounting(np.eye(3), np.zeros(3), np.zeros(3))
     start: Start | None = None
@@ -192,17 +190,29 @@ def fuse_imu_gnss(
         found=shift,
         basis=basis,
     )
-    worse = None
+    worse, window_s = None, WINDOWS * options.multipath_tau_s
     # a carrier-phase solution is as good as it says, from one moment to the next
     if options.adapt and not by_carrier(fixes):
-        worse = find_worse(last, WINDOWS * options.multipath_tau_s, len(fixes))
-    if worse is not None:
-        session = replace(session, fixes=fixes_in(session.fixes, worse))
-        warnings.append(worse.text())
+        worse = find_worse(last, window_s, len(fixes))
+    again = 0
+    while worse is not None:
+        screened = screen_fixes(fixes_in(stated, worse), options.wander_tau_s)
+        session = replace(session, fixes=screened.fixes)
         start, shift = found.start, last.shift
         del last
         progress(0.6, "fusing, with errors as large as they are by stretches")
         last, found = run_passes(session, start, constrained=True, found=shift, basis=basis)
+        now = find_again(last, window_s, worse)
+        if again == _AGAIN or now.spans == worse.spans:
+            break
+        again, worse = again + 1, now
+    if worse is not None:
+        warnings.append(worse.text())
+    if screened.n_outliers:
+        warnings.append(
+            f"{screened.n_outliers} fixes lie up to {screened.largest_m:.0f} m off the path that "
+            "the others and the velocities show; they were trusted less"
+        )
     margin = min(margin, found.margin)
     if last.tuned is not None and not last.tuned.better:
         warnings.append(

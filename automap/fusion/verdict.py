@@ -48,6 +48,7 @@ from automap.fusion.doubts.estimates import (
 )
 from automap.fusion.doubts.heights import height_doubts, separation_doubts
 from automap.fusion.doubts.hole import hole_doubts, regained_jumps
+from automap.fusion.doubts.larger_errors import larger_errors
 from automap.fusion.doubts.own_velocities import smoothed_doubts
 from automap.fusion.doubts.path import fix_misses, off_the_fixes
 from automap.fusion.doubts.position_jump import (
@@ -85,7 +86,6 @@ from automap.fusion.unread import driven_m, joined, later, unread
 from automap.fusion.verdict_alone import at_sensor, seen_at_sensor
 from automap.fusion.weighed import Weighed, level_sd, weighed_path
 from automap.fusion.widening import widen, widening
-from automap.fusion.worse_stretches import fixes_in
 from automap.records import ClockModel, Fixes, FloatArray, ImuData, Trajectory
 from automap.sync.velocity_findings import VelocityConsistency
 
@@ -112,6 +112,8 @@ def weigh(
     found = final_estimates(result)
     path = fused.motion()
     speed = np.hypot(path.vel_ned[:, 0], path.vel_ned[:, 1])
+    larger = larger_errors(fixes, result, options)
+    fixes, receiver = larger.fixes, larger.unheld_of(receiver)
     stated = model_fixes(fixes, fixes.gps_s, options)
     places = places_of(stated)
     heights = heights_of(stated)
@@ -217,9 +219,9 @@ def weigh(
     reasons = [
         *of_receiver,
         *jump_doubts(
-            [*_elsewhere(position_jumps(places), over, float(path.gps_s[0])), *jumps], path
+            larger.unheld([*_elsewhere(position_jumps(places), over, path.gps_s[0]), *jumps]), path
         ),
-        *jump_doubts(of_heights, path),
+        *jump_doubts(larger.unheld(of_heights), path),
         *steps,
         *of_imu,
         *(misplaced or unexpected_delay(found, delay.mean, delay.sd, usual_speed, age_sd)),
@@ -239,8 +241,7 @@ def weigh(
         *parting,
         *sliding,
     ]
-    worse = stated if result.worse is None else fixes_in(stated, result.worse)
-    model = as_shown(worse, options, result.noise_factors)
+    model = as_shown(stated, options, result.noise_factors)
     at = of_axes(found, "gnss_lever_arm"), found.get(LATENCY_STATE, (0.0, 0.0))[0]
     misses = outside(fix_misses(path, model, *at), over)
     old = math.hypot(age_sd_of(fixes, clock, options), result.delay.sd)

@@ -10,6 +10,7 @@ two sizes (L. R. Rabiner, Proceedings of the IEEE 77, 1989).
 from __future__ import annotations
 
 import itertools
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -40,6 +41,8 @@ WINDOWS = 0.5
 """Of the time that quick errors last: in it most of one still shows as a step."""
 _LEAST_FIXES = 3
 """Of a window, that one wild fix is not its median."""
+_WINDOWS_AGAIN = 5
+"""In place of one, where each fix shows how it errs: so many make a row of houses of a second."""
 
 
 @dataclass(frozen=True)
@@ -55,6 +58,11 @@ class WorseStretches:
     def seconds(self) -> float:
         """Of all spans together."""
         return float(sum(b - a for a, b in self.spans))
+
+    @property
+    def there(self) -> BoolArray:
+        """Which rows [n] of the fixes are more probably in one than not."""
+        return np.asarray(self.factor**2 > 0.5 * (1.0 + self.times**2))
 
     def as_dict(self) -> dict[str, Any]:
         """For a summary."""
@@ -81,32 +89,65 @@ def find_worse(last: Pass, window_s: float, rows: int) -> WorseStretches | None:
 
     ``window_s`` in which their lasting errors show, ``rows`` of the fix table.
     """
+    off = _off_path(last)
+    if len(off.t) < _LEAST_FIXES:
+        return None
+    edges, place, way = _windows(off, window_s, _LEAST_FIXES)
+    step, speed = _steps(place, way), np.hypot(*way.T)
+    # a receiver that stands still repeats itself, which says nothing of how it errs
+    fitted = _two_sizes(step, np.isfinite(step).all(axis=1) & (speed > MOVING_SPEED))
+    # errors that the receiver's figure holds are the figure's matter
+    if fitted is None or fitted[1] < float(np.median(off.stated_sd)):
+        return None
+    return _stretches(off, edges, fitted, rows)
+
+
+def find_again(last: Pass, window_s: float, worse: WorseStretches) -> WorseStretches:
+    """Where they do by a path that trusted them less in ``worse`` stretches: it does not go along
+    with them there, so that each fix shows how it errs and not the steps between windows alone."""
+    off = _off_path(last)
+    edges, place, way = _windows(off, window_s / _WINDOWS_AGAIN, 1)
+    told = np.isfinite(place).all(axis=1) & (np.hypot(*way.T) > MOVING_SPEED)
+    fitted = _two_sizes(place, told, [_WINDOWS_AGAIN * stay for stay in WORSE_STAYS])
+    return worse if fitted is None else _stretches(off, edges, fitted, len(worse.factor))
+
+
+@dataclass(frozen=True)
+class _OffPath:
+    """How far fixes are off a path: at ``t`` [k] s, by ``apart`` [k, 2] m north and east where the
+    path's ``velocity`` [k, 2] m/s is, good to ``stated_sd`` [k, 2] m; ``row`` [k] of the fixes."""
+
+    t: FloatArray
+    apart: FloatArray
+    velocity: FloatArray
+    stated_sd: FloatArray
+    row: IntArray
+
+
+def _off_path(last: Pass) -> _OffPath:
     nodes, smooth = last.nodes, last.smooth
     at = np.flatnonzero((nodes.flags & HAS_POS_H) > 0)
-    if len(at) < _LEAST_FIXES:
-        return None
-    t, state = nodes.t[at], smooth.nominal[at]
+    state = smooth.nominal[at]
     # heights are as good as they are: those of fixes may be of another surface
-    ref = (float(state[0, 0]), float(state[0, 1]), float(state[0, 2]))
+    ref = (float(state[0, 0]), float(state[0, 1]), float(state[0, 2])) if len(at) else (0.0,) * 3
     seen = local_ned(nodes.values[at, 0], nodes.values[at, 1], state[:, 2], ref)
     found = local_ned(state[:, 0], state[:, 1], state[:, 2], ref)
     totals = last.totals()
     arm = np.array([totals.get(f"gnss_lever_arm_{axis}", 0.0) for axis in "xyz"])
     apart = seen - found - quat_to_matrix(state[:, 6:10]) @ arm
-    edges, step, speed = _windows(t, apart[:, :2], state[:, 3:5], window_s)
-    # a receiver that stands still repeats itself, which says nothing of how it errs
-    told = np.isfinite(step).all(axis=1) & (speed > MOVING_SPEED)
-    fitted = _two_sizes(step, told)
-    if fitted is None:
-        return None
-    times, size, worse = fitted
-    # errors that the receiver's figure holds are the figure's matter
-    if size < float(np.median(nodes.stated_sd[at, :2])):
-        return None
+    stated = nodes.stated_sd[at, :2]
+    return _OffPath(nodes.t[at], apart[:, :2], state[:, 3:5], stated, nodes.fix_row[at])
+
+
+def _stretches(
+    off: _OffPath, edges: FloatArray, fitted: tuple[float, float, FloatArray], rows: int
+) -> WorseStretches:
+    """Those of which windows between ``edges`` [w + 1] are likely."""
+    times, _, worse = fitted
     factor = np.ones(rows)
-    window = np.clip(np.searchsorted(edges, t, side="right") - 1, 0, len(worse) - 1)
+    window = np.clip(np.searchsorted(edges, off.t, side="right") - 1, 0, len(worse) - 1)
     # variances, by how probable it is
-    factor[nodes.fix_row[at]] = np.sqrt(1.0 + (times**2 - 1.0) * worse[window])
+    factor[off.row] = np.sqrt(1.0 + (times**2 - 1.0) * worse[window])
     return WorseStretches(times, _spans(edges, worse > 0.5), factor)
 
 
@@ -119,32 +160,39 @@ def fixes_in(model: FixModel, worse: WorseStretches) -> FixModel:
 
 
 def _windows(
-    t: FloatArray, apart: FloatArray, velocity: FloatArray, window_s: float
+    off: _OffPath, window_s: float, least: int
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Edges [w + 1] of windows, by how much positions come off the path [w, 2] from one to the
-    next, m, NaN where they do not tell, and speeds [w]."""
+    """Edges [w + 1] of windows, medians of how far positions are off the path [w, 2], m, NaN where
+    there are fewer than ``least``, and of its velocities [w, 2]."""
+    t = off.t
     count = max(int((t[-1] - t[0]) / window_s), 1)
     edges = t[0] + window_s * np.arange(count + 1)
     first = np.searchsorted(t, edges)
-    place, speed = np.full((count, 2), np.nan), np.zeros(count)
-    way = np.full((count, 2), np.nan)
+    place, way = np.full((2, count, 2), np.nan)
     for k in range(count):
         part = slice(first[k], first[k + 1])
-        if part.stop - part.start >= _LEAST_FIXES:
-            place[k], way[k] = np.median(apart[part], axis=0), np.median(velocity[part], axis=0)
-            speed[k] = np.hypot(*way[k])
+        if part.stop - part.start >= least:
+            place[k] = np.median(off.apart[part], axis=0)
+            way[k] = np.median(off.velocity[part], axis=0)
+    return edges, place, way
+
+
+def _steps(place: FloatArray, way: FloatArray) -> FloatArray:
+    """By how much ``place`` [w, 2] changes from one window to the next, but for what is of another
+    instant, which comes off as the vehicle gathers speed; ``way`` [w, 2] m/s."""
     step = np.diff(place, axis=0, prepend=np.nan)
-    # what is of another instant comes off as the vehicle gathers speed
     faster = np.diff(way, axis=0, prepend=np.nan)
     told = np.isfinite(step).all(axis=1)
     late = float((step[told] * faster[told]).sum() / max((faster[told] ** 2).sum(), 1e-9))
-    return edges, step - late * faster, speed
+    return np.asarray(step - late * faster)
 
 
-def _two_sizes(step: FloatArray, told: BoolArray) -> tuple[float, float, FloatArray] | None:
+def _two_sizes(
+    step: FloatArray, told: BoolArray, stay: Sequence[float] = WORSE_STAYS
+) -> tuple[float, float, FloatArray] | None:
     """How many times larger ``step`` [w, 2] is in the worse windows, how large, m an axis, and how
-    probable it is of each [w] that it is one; None where one size is as likely, or most windows are
-    the worse."""
+    probable it is of each [w] that it is one, where such stretches last for one of ``stay``
+    windows; None where one size is as likely, or most windows are the worse."""
     if not told.any():
         return None
     squared = np.where(told, (step**2).sum(axis=1), 0.0)
@@ -159,7 +207,7 @@ def _two_sizes(step: FloatArray, told: BoolArray) -> tuple[float, float, FloatAr
 
     one = float(log_density(_ALONE, _ALONE).sum(axis=0).max())
     usual, times = np.array(list(itertools.product(_USUAL, WORSE_FACTORS))).T
-    stays, shares = np.array(list(itertools.product(WORSE_STAYS, WORSE_SHARES))).T
+    stays, shares = np.array(list(itertools.product(stay, WORSE_SHARES))).T
     ended = 1.0 / stays
     begun = ended * shares / (1.0 - shares)
     density = np.stack([log_density(usual, usual), log_density(usual * times, usual)], axis=2)
@@ -170,13 +218,13 @@ def _two_sizes(step: FloatArray, told: BoolArray) -> tuple[float, float, FloatAr
         return None
     density = density[:, best : best + 1]
     _, forward = _forward(density, shares[k : k + 1], begun[k : k + 1], ended[k : k + 1])
-    stay = np.array([[1.0 - begun[k], begun[k]], [ended[k], 1.0 - ended[k]]])
+    moves = np.array([[1.0 - begun[k], begun[k]], [ended[k], 1.0 - ended[k]]])
     probable, behind = np.empty(len(squared)), np.ones(2)
     for w in range(len(squared) - 1, -1, -1):
         both = np.array([1.0 - forward[w], forward[w]]) * behind
         probable[w] = both[1] / both.sum()
         each = density[w, 0]
-        behind = stay @ (behind * np.exp(each - each.max()))
+        behind = moves @ (behind * np.exp(each - each.max()))
         behind /= behind.sum()
     if (probable[told] > 0.5).mean() >= 0.5:
         return None
