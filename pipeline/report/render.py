@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from automap import __version__
+from automap.export.beliefs import belief_text
 from automap.export.clock import iso_texts, utc_of_gps
 from automap.export.icons import words_apart
 from automap.export.roads import read_roads_csv, set_roads
@@ -185,7 +186,9 @@ def sign_list(signs: Signs) -> dict[str, Any]:
         cells = []
         for field in fields:
             value = shown_values[field.name][row]
-            if field.kind == "real":
+            if field.name == "confidence":
+                value = "" if value != value else belief_text(value)
+            elif field.kind == "real":
                 value = "" if value != value else f"{value:.{field.decimals}f}"
             elif field.name == "class":
                 value = words[str(value)]

@@ -101,11 +101,13 @@ def test_map_and_table_tell_classes_apart_that_are_said_alike(out: Path) -> None
 def test_the_list_of_signs_has_their_codes_where_there_are_any(
     country: str | None, code: str
 ) -> None:
-    stop = replace(sign(1), class_name="regulatory--stop--g1")
+    stop = replace(sign(1), class_name="regulatory--stop--g1", confidence=0.9999)
     table = sign_list(sign_columns([stop], country=country))
     row = dict(zip([label for label, _ in table["heads"]], table["rows"][0], strict=True))
     assert row.get("code", "") == code
     assert ("code" in row) == bool(code)
+    # and nothing is certain
+    assert row["confidence"] == "over 0.99"
 
 
 @pytest.mark.parametrize(
