@@ -20,7 +20,7 @@ from automap.inventory import limits
 from automap.inventory.classes import groups_of
 from automap.inventory.hidden import gaps, gone_by_gaps, hidden_for_good
 from automap.inventory.missing import counts, standing
-from automap.mapping.limits import ALTERNATIVES, CLASS_RIGHT
+from automap.mapping.limits import ALTERNATIVES, CLASS_RIGHT, MOVED_M
 from automap.mapping.sightings import DriveSigns
 from automap.mapping.visibility import Opportunities, head_on, opportunities
 from automap.records import BoolArray, FloatArray, IntArray, Sign
@@ -248,6 +248,7 @@ def new_signs(signs: Sequence[Sign], unknown: IntArray) -> list[Finding]:
     believes alike, the more is listed, the more is real. So the share of real signs that the list
     lacks, and a factor on the map's doubts in logarithmic odds below its surest (after J. Platt, in
     Advances in Large Margin Classifiers, 1999), are the likeliest for who is listed and who is not.
+    One that may stand further off than its entry was looked for may be listed there.
     """
     from scipy.optimize import minimize
 
@@ -265,8 +266,16 @@ def new_signs(signs: Sequence[Sign], unknown: IntArray) -> list[Finding]:
 
     factor, lacks = minimize(against, [0.0, float(logit(limits.NEW_SHARE))]).x
     real, lacks = expit(logit(limits.MOST_SURE) - np.exp(factor) * doubt[unknown]), expit(lacks)
-    told = real * lacks / (real * lacks + 1.0 - real)
+    told = real * lacks / (real * lacks + 1.0 - real) * _within_reach([signs[k] for k in unknown])
     return [Finding("new", k, -1, p) for k, p in zip(unknown.tolist(), told.tolist(), strict=True)]
+
+
+def _within_reach(signs: Sequence[Sign]) -> FloatArray:
+    """How probably each sign [k] is off by less than ``MOVED_M``, by the longest axis of its error
+    to every side."""
+    cov = np.array([s.cov_enu[:2, :2] for s in signs], np.float64).reshape(-1, 2, 2)
+    variance = np.linalg.eigvalsh(np.where(np.isfinite(cov), cov, 0.0))[:, 1]
+    return np.asarray(-np.expm1(-(MOVED_M**2) / (2.0 * np.maximum(variance, limits.LEAST_SD_M**2))))
 
 
 def judge_classes(findings: list[Finding]) -> list[Finding]:

@@ -4,7 +4,9 @@ Signs stand in company: on one post, on the two posts of a gate, one after anoth
 found two metres off is the listed one's neighbour, which the list lacks, while the listed one was
 not seen, is as likely as listed signs have neighbours there that look that way and are of such a
 class: the list's own pairs tell (the product density of a point process by kernels: B. D. Ripley,
-Journal of the Royal Statistical Society B 39, 1977).
+Journal of the Royal Statistical Society B 39, 1977). How often a neighbour is of the same class is
+told for one post and for all that stands further off: lists of some hundred signs have one or two
+pairs of a class at each distance, which would tell chance.
 """
 
 from __future__ import annotations
@@ -68,8 +70,8 @@ def facing_evidences(turn: FloatArray, variance: FloatArray) -> FloatArray:
 
 def neighbours_of(inventory: Inventory) -> FloatArray:
     """Neighbours of a listed sign, on average [3, d, 25]: by class (the same, another, not known),
-    distance in steps of 0.5 m, and the turn of their face against its own in sectors of 15 deg, the
-    last one for unknown turns."""
+    distance in steps of 0.5 m, of which the first is one post, and the turn of their face against
+    its own in sectors of 15 deg, the last one for unknown turns."""
     count = np.zeros((3, round(_REACH_M / _STEP_M), _TURNS + 1))
     lat, lon, facing = inventory.lat_rad, inventory.lon_rad, inventory.facing_rad
     tree = cKDTree(ecef(lat, lon, np.zeros(len(inventory))))
@@ -81,6 +83,9 @@ def neighbours_of(inventory: Inventory) -> FloatArray:
     alike = np.array([_CLASSES[same_face(names[i], names[j])] for i, j in both], np.int64)
     for one, other in ((a, b), (b, a)):
         np.add.at(count, (alike, step, _sector(facing[other] - facing[one])), 1.0)
+    for part in (count[:, :1], count[:, 1:]):
+        of_class = part.sum(axis=(1, 2), keepdims=True) / max(part.sum(), 1.0)
+        part[:] = of_class * part.sum(axis=0)
     return count / max(len(inventory), 1)
 
 

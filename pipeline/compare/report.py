@@ -115,6 +115,7 @@ def _entry(
         distance += (
             f" {_POINTS[round(math.degrees(math.atan2(row.east_m, row.north_m)) / 45.0) % 8]}"
         )
+    listed = words.get(row.listed_class, "")
     # of what nobody saw there is no probability
     belief = "" if row.kind == "not_seen" else belief_text(row.probability)
     return {
@@ -122,8 +123,11 @@ def _entry(
         "picture": pictures.get(row.id, ""),
         "id": row.id,
         "listed_id": row.listed_id,
+        # who keeps the list thinks in its codes
+        "code": row.code,
+        "listed_code": "" if row.listed_code in (row.listed_class, listed) else row.listed_code,
         "words": " ".join([words.get(row.class_name, ""), doubted.get(row.id, "")]).strip(),
-        "listed_words": words.get(row.listed_class, "") or row.listed_code,
+        "listed_words": listed,
         "probability": f"{kind} {belief}".strip()
         + (f", {row.more_drives:.0f} more drives" if more else ""),
         "distance": distance,

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from automap import __version__
+from automap.export.beliefs import belief_text
 from automap.export.clock import iso_texts, utc_of_gps
 from automap.export.icons import words_apart
 from automap.export.roads import read_roads_csv, set_roads
@@ -172,17 +173,22 @@ def _facts(products: RunProducts, record: dict[str, Any]) -> list[tuple[str, str
 
 def sign_list(signs: Signs) -> dict[str, Any]:
     """The table of the signs: heads, rows, and how many are left out."""
-    shown = {"id", "class", "confidence", "n_views", "ce95_m", "side", "height_above_road_m",
-             "size_m", "facing_deg", "road_name", "chainage_m", "road_check", "status"}  # fmt: skip
+    shown = {"id", "class", "code", "confidence", "n_views", "ce95_m", "side", "facing_deg",
+             "height_above_road_m", "size_m", "road_name", "chainage_m", "road_check",
+             "status"}  # fmt: skip
+    shown_values = signs.first(TABLE_LIMIT).values
+    if not any(shown_values["code"]):
+        shown.discard("code")
     fields = [field for field in signs.fields if field.name in shown]
     words = words_apart({str(name) for name in signs.classes})
     rows = []
-    shown_values = signs.first(TABLE_LIMIT).values
     for row in range(min(len(signs), TABLE_LIMIT)):
         cells = []
         for field in fields:
             value = shown_values[field.name][row]
-            if field.kind == "real":
+            if field.name == "confidence":
+                value = "" if value != value else belief_text(value)
+            elif field.kind == "real":
                 value = "" if value != value else f"{value:.{field.decimals}f}"
             elif field.name == "class":
                 value = words[str(value)]

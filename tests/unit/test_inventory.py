@@ -141,6 +141,15 @@ def test_a_list_that_lacks_nearly_all_is_no_reason_to_doubt_the_map(
     assert min(f.probability for f in told) > 0.85
 
 
+def test_a_sign_that_may_stand_far_from_where_it_is_on_the_map_is_not_surely_new() -> None:
+    """Its entry may stand further off than entries are looked for."""
+    there = [sign_at(k, 0.999) for k in range(64)]
+    there[0] = replace(there[0], cov_enu=np.diag([84.0, 25.0, 2.0]) ** 2)
+    told = [f.probability for f in new_signs(there, np.arange(4))]
+    assert told[0] < 0.1
+    assert min(told[1:]) > 0.98
+
+
 def sign_at(number: int, exists: float) -> Sign:
     return Sign(
         f"s{number}", "a", 0.0, 0.0, 0.0, np.eye(3), exists, 9, 0, 0, 2.0, 0.0, 0.6, "",

@@ -174,6 +174,8 @@ def test_every_form_of_inventory_gives_the_same(
     assert all(json.loads(t.lstrip("\x1e"))["features"][0]["properties"]["kind"] for t in tasks)
     page = (out / "report.html").read_text(encoding="utf-8")
     assert f"Moved: {sure['moved']}" in page
+    assert all(row["code"] and f" {row['code']} <small>" in page for row in rows if row["id"]
+               and row["kind"] in ("new", "moved", "class"))  # fmt: skip
 
 
 @pytest.mark.parametrize(

@@ -145,3 +145,19 @@ def test_a_face_that_the_map_hardly_knows_keeps_no_sign_from_its_entry() -> None
         )  # fmt: skip
         told = compare_inventory(signs, listed, [])
         assert sum(f.kind == "matched" for f in told.findings) == matched
+
+
+def test_one_pair_of_a_class_does_not_tell_of_its_distance() -> None:
+    """Of twelve pairs at as many distances one is of a class, and as likely at each of them."""
+    n = 12
+    first = np.column_stack([80.0 * np.arange(n), np.zeros(n)])
+    second = first + np.column_stack([np.zeros(n), 1.25 + np.arange(n)])
+    lat, lon, _ = from_local_ned(
+        np.column_stack([np.vstack([first, second]), np.zeros(2 * n)]), ORIGIN
+    )
+    names = [LIMITS[0]] * n + [LIMITS[0] if k == 6 else LIMITS[1] for k in range(n)]
+    none = np.full(2 * n, np.nan)
+    same, another, unknown = neighbours_of(Inventory([""] * 2 * n, names, lat, lon, none, none))
+    assert np.isclose(same.sum(), 1.0 / n)
+    np.testing.assert_allclose(same, another / (n - 1))
+    assert not unknown.any()

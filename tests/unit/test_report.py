@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 import shutil
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -23,7 +24,7 @@ from pipeline.pages.render import embedded_json
 from pipeline.report.figures import distance_m, duration_text, metres_text
 from pipeline.report.map_data import map_data
 from pipeline.report.outages import outages
-from pipeline.report.render import report_html
+from pipeline.report.render import report_html, sign_list
 from pipeline.report.sections import _unit_of
 from pipeline.run.stage import StageContext
 from pipeline.run.stages.report import STAGE
@@ -94,6 +95,19 @@ def test_map_and_table_tell_classes_apart_that_are_said_alike(out: Path) -> None
         for row in embedded(page)["signs"]["rows"]
     }
     assert set(embedded(page)["words"]) == classes
+
+
+@pytest.mark.parametrize(("country", "code"), [("AU", "AU:R1-1"), ("FR", "VIENNA:B2"), (None, "")])
+def test_the_list_of_signs_has_their_codes_where_there_are_any(
+    country: str | None, code: str
+) -> None:
+    stop = replace(sign(1), class_name="regulatory--stop--g1", confidence=0.9999)
+    table = sign_list(sign_columns([stop], country=country))
+    row = dict(zip([label for label, _ in table["heads"]], table["rows"][0], strict=True))
+    assert row.get("code", "") == code
+    assert ("code" in row) == bool(code)
+    # and nothing is certain
+    assert row["confidence"] == "over 0.99"
 
 
 @pytest.mark.parametrize(

@@ -45,7 +45,7 @@ def _inputs(drive: Drive) -> list[Path]:
 
 STAGE = Stage(
     name="report",
-    version=11,
+    version=12,
     run=run,
     inputs=_inputs,
     needs=(
