@@ -135,11 +135,13 @@ def with_options(problem: Problem, options: FusionOptions | None = None) -> Prob
 class LateChange(NamedTuple):
     """By how much more than at their tag late velocities change, at the samples [n, 3] NED: the
     ``whole`` of them as they grow later, m/s^2, what turns them as their ``course`` does, and as
-    that is of a place further ``behind``, 1/s."""
+    that is of a place further ``behind``, 1/s; ``swung`` by each metre of an antenna forward, right
+    and down, 1/s, where that is free."""
 
     whole: FloatArray
     course: FloatArray
     behind: FloatArray
+    swung: tuple[FloatArray, ...] = ()
 
 
 def with_late_change(problem: Problem, change: LateChange) -> Problem:
@@ -151,11 +153,16 @@ def with_late_change(problem: Problem, change: LateChange) -> Problem:
     # of a clock that runs fast the delay grows with the time
     growing = change.whole * problem.t[:, None]
     distance = codes[:, 0] == model.places.get("gnss_course_distance", 0) - N_NAV
+    arm = model.places.get("gnss_lever_arm", 0) - N_NAV
     for late, name, amounts in (
         (_of_kind(codes, TIME, SIGNAL_ONE), "late_change", change.whole),
         (_of_kind(codes, TIME, SIGNAL_ELAPSED), "late_growth", growing),
         (_of_kind(codes, COURSE, SIGNAL_ONE), "late_course", change.course),
         (_of_kind(codes, POINT, SIGNAL_ONE) & distance, "late_distance", change.behind),
+        *(
+            (_of_kind(codes, POINT, SIGNAL_ONE) & (codes[:, 0] == arm + a), f"late_arm_{a}", its)
+            for a, its in enumerate(change.swung)
+        ),
     ):
         if not late.any():
             continue

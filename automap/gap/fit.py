@@ -46,6 +46,7 @@ SKEW, ORIGIN = "imu_clock_skew", "origin"
 """A clock that runs fast, and what it was off by when the drive began."""
 CONSTANTS = ("imu_time_offset", "gnss_latency")
 """Names of such a constant."""
+ARM = "gnss_lever_arm"
 DELAY_ROUNDS = 8
 
 
@@ -240,8 +241,8 @@ def session_with(
         free = options.prior_sd.get(SKEW, {}).get(ORIGIN, value * session.span[1])
         means.setdefault(LATENCY_STATE, 0.0)
         sds[LATENCY_STATE] = float(np.hypot(sds.get(LATENCY_STATE, 0.0), free))
-    if stated.any() or "gnss_lever_arm" in effects:
-        if "gnss_lever_arm" not in effects:
+    if stated.any() or ARM in effects:
+        if ARM not in effects:
             effects.append("gnss_lever_arm")
         for a, value in zip("xyz", stated, strict=True):
             name = f"gnss_lever_arm_{a}"
@@ -269,7 +270,10 @@ def _repeat_passes(
     """The passes again about the path of ``last``, without what ``delays`` do to the fixes beyond
     the first order."""
     if delays != Delays():
-        fixes, change = linear_in_delays(session.fixes, last, motion_of(last), delays)
+        free_arm = ARM in session.options.effects and any(
+            session.sds.get(f"{ARM}_{a}", 1.0) > 0.0 for a in "xyz"
+        )
+        fixes, change = linear_in_delays(session.fixes, last, motion_of(last), delays, free_arm)
         session = replace(session, fixes=fixes, late_change=change)
     return relinearise(session, last, start)
 
