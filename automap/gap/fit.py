@@ -11,6 +11,7 @@ import numpy as np
 
 from automap.effects import CATALOGUE
 from automap.effects.entries.installation import EARTH
+from automap.effects.terms import POSITION, Kind
 from automap.fusion.delay_states import DELAY_STATE, LATENCY_STATE
 from automap.fusion.filtered import full_covariance
 from automap.fusion.kernel_runs import Start
@@ -270,12 +271,21 @@ def _repeat_passes(
     """The passes again about the path of ``last``, without what ``delays`` do to the fixes beyond
     the first order."""
     if delays != Delays():
-        free_arm = ARM in session.options.effects and any(
-            session.sds.get(f"{ARM}_{a}", 1.0) > 0.0 for a in "xyz"
-        )
-        fixes, change = linear_in_delays(session.fixes, last, motion_of(last), delays, free_arm)
+        unknown = _arm_unknown(session)
+        fixes, change = linear_in_delays(session.fixes, last, motion_of(last), delays, unknown)
         session = replace(session, fixes=fixes, late_change=change)
     return relinearise(session, last, start)
+
+
+def _arm_unknown(session: Session) -> bool:
+    """Whether a session has to find where the antenna is, or by a formula how far it has moved."""
+    known = not any(session.sds.get(f"{ARM}_{a}", 1.0) > 0.0 for a in "xyz")
+    movers = [
+        effect
+        for effect in session.options.effects
+        if any(term.kind == Kind.POINT and term.on == POSITION for term in CATALOGUE[effect].terms)
+    ]
+    return any(effect != ARM or not known for effect in movers)
 
 
 def _stated(opened: OpenDrive, names: list[tuple[str, str]]) -> FloatArray:

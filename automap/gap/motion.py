@@ -176,10 +176,10 @@ def _arm(last: Pass) -> tuple[float, float, float]:
 
 
 def linear_in_delays(
-    fixes: FixModel, last: Pass, motion: Motion, delays: Delays, free_arm: bool = False
+    fixes: FixModel, last: Pass, motion: Motion, delays: Delays, arm_unknown: bool = False
 ) -> tuple[FixModel, LateChange | None]:
     """Fixes less what their ages do to them beyond the first order about ``delays``, and what
-    velocities change by as they grow later, and with an arm where that is free.
+    velocities change by as they grow later, and with an arm where nobody knows it.
 
     A velocity that is late by a time constant or more changes by what happened then: the
     acceleration at its tag may have the other sign, and would lead away from the right delay.
@@ -207,7 +207,7 @@ def linear_in_delays(
     changing = _steady(last, motion) + inward
     acc = at_times(motion, changing, t)
     first_order = vel - old * acc
-    change = late_change(antenna, changing, delays, free_arm)
+    change = late_change(antenna, changing, delays, arm_unknown)
     if change is not None:
         for metres, swung in zip(arm, change.swung, strict=False):
             first_order += metres * at_times(motion, swung, t)
@@ -225,10 +225,10 @@ def linear_in_delays(
 
 
 def late_change(
-    motion: Motion, acc: FloatArray, delays: Delays, free_arm: bool = False
+    motion: Motion, acc: FloatArray, delays: Delays, arm_unknown: bool = False
 ) -> LateChange | None:
     """By how much the changes of late velocities differ from those at their tag, of which ``acc``
-    [n, 3] is the acceleration, those with an arm where that is free; None where they are not late.
+    [n, 3] is the acceleration, with an arm where nobody knows it; None where they are not late.
     A low-pass changes with its time constant by the acceleration passed through it twice:
     y = v / (1 + s tau), dy / dtau = -s v / (1 + s tau)^2. A course is of its own instant, and so is
     what turns it."""
@@ -244,7 +244,7 @@ def late_change(
         as_told(motion, once, delays, then) - acc,
         turned - _turning(motion.vel, acc),
         turned / size[:, None] - swings(motion),
-        tuple(swung(motion, axis, delays, then) for axis in range(3)) if free_arm else (),
+        tuple(swung(motion, axis, delays, then) for axis in range(3)) if arm_unknown else (),
     )
 
 

@@ -11,6 +11,8 @@ from scipy.ndimage import minimum_filter1d
 from automap.columns_between import interpolate
 from automap.earth import metres_per_radian
 from automap.effects.measured_kernels import course_changes
+from automap.effects.user import set_user_effects
+from automap.effects.user_tables import effects_of_formulas
 from automap.fusion.layout import CH_VEL
 from automap.gap import base_model
 from automap.gap.columns import named_columns
@@ -382,3 +384,19 @@ def test_an_arm_beside_late_velocities_is_where_the_drive_is_likeliest() -> None
     assert drop > 0.0
     # off the top by less than half a sigma
     assert abs(0.5 * slope / drop) * step < 0.5 * sd
+
+
+def test_an_antenna_that_slid_swings_late_velocities_as_the_car_turned_then() -> None:
+    late = {"gnss_velocity_latency": {"s": 0.8}}
+    slid = {"k": {"on": "antenna_x", "formula": "step(time - 60)", "prior_sd": 0.5}}
+    set_user_effects(effects_of_formulas({"slid": slid}, "x"))
+    try:
+        opened = open_drive(simulated({**late, "slid": {"k": 1.0}}), MODEL.options)
+        model = replace(MODEL, values=late)
+        fit = fit_drive(opened, model, {"slid": 1.0}, fit_drive(opened, model))
+        k, sd = estimates(fit, "slid")["k"]
+    finally:
+        set_user_effects([])
+    assert sd < 0.1
+    # as the car turned at the tag it was 0.68
+    assert abs(k - 1.0) < 3.0 * sd
