@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import IO, NamedTuple
 
@@ -135,11 +135,13 @@ def with_options(problem: Problem, options: FusionOptions | None = None) -> Prob
 class LateChange(NamedTuple):
     """By how much more than at their tag late velocities change, at the samples [n, 3] NED: the
     ``whole`` of them as they grow later, m/s^2, what turns them as their ``course`` does, and as
-    that is of a place further ``behind``, 1/s."""
+    that is of a place further ``behind``, 1/s; ``swung`` by each metre of an antenna forward, right
+    and down, 1/s, where nobody knows it."""
 
     whole: FloatArray
     course: FloatArray
     behind: FloatArray
+    swung: tuple[FloatArray, ...] = ()
 
 
 def with_late_change(problem: Problem, change: LateChange) -> Problem:
@@ -156,6 +158,11 @@ def with_late_change(problem: Problem, change: LateChange) -> Problem:
         (_of_kind(codes, TIME, SIGNAL_ELAPSED), "late_growth", growing),
         (_of_kind(codes, COURSE, SIGNAL_ONE), "late_course", change.course),
         (_of_kind(codes, POINT, SIGNAL_ONE) & distance, "late_distance", change.behind),
+        *(
+            (_of_kind(codes, POINT, signal) & ~distance & (codes[:, 2] == axis), name, along)
+            for axis, swung in enumerate(change.swung)
+            for signal, name, along in _along_signals(problem, swung, f"late_arm_{axis}")
+        ),
     ):
         if not late.any():
             continue
@@ -175,6 +182,18 @@ def with_late_change(problem: Problem, change: LateChange) -> Problem:
     model = replace(model, measured=measured, signals=tuple(signals))
     arrays = problem.arrays._replace(on_velocity=terms)
     return replace(problem, model=model, arrays=arrays, users=users)
+
+
+def _along_signals(
+    problem: Problem, amounts: FloatArray, name: str
+) -> Iterator[tuple[int, str, FloatArray]]:
+    """Amounts [n, 3] as they are, and times each signal of the users: code of the signal, a name,
+    and amounts."""
+    yield SIGNAL_ONE, name, amounts
+    for column, signal in enumerate(problem.model.signals):
+        if signal in problem.users:
+            times = problem.users[signal][:, None]
+            yield SIGNAL_COLUMN + column, f"{name} {signal}", amounts * times
 
 
 def _of_kind(codes: IntArray, kind: int, signal: int) -> BoolArray:

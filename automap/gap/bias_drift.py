@@ -2,10 +2,10 @@
 
 A random walk follows whatever is slow. So what acts on a sensor is worth what it says beyond the
 same set without it, the drift fitted anew; and a drift that says as much as a name must be worth is
-asked whether it is one: what follows temperature or time has the same value on another day, which a
-walk has not. That one of the two is there a thousand to one tells; which of them is told as of any
-rivals, by twenty to one, priors included, and beyond their scatter. Of a hundred drives that drift
-less than one is so told otherwise (Markov: what is slow has a seventh of the prior probability).
+asked whether it is one: what follows temperature, time or speed has the same value on another day,
+which a walk has not. That one of the two is there a thousand to one tells; which of them is told as
+of any rivals, by twenty to one, priors included, and beyond their scatter. Of a hundred drives that
+drift one is so told otherwise (Markov: what is like drift has a fifth of the prior probability).
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ import numpy as np
 from automap.effects import CATALOGUE
 from automap.effects.catalogue import bias_walks
 from automap.effects.imu import imu_terms
-from automap.effects.terms import TEMPERATURE, WARM_UP
+from automap.effects.terms import SPEED_SQUARED, TEMPERATURE, WARM_UP
 from automap.gap import limits
 from automap.gap.confirm import Judge
 from automap.gap.noise import Fitted, Joint, Log, noise_score, with_levels
@@ -29,6 +29,8 @@ from automap.gap.selection import Chosen, Selection
 WALK_OF = {term.sensor: w for w, e in bias_walks().items() for term in imu_terms([e.name])}
 """The drift of each sensor's biases."""
 SLOW = tuple(n for n, e in CATALOGUE.items() if e.follows(TEMPERATURE) or e.follows(WARM_UP))
+"""What changes a bias so slowly that no body sways so."""
+LIKE_DRIFT = (*SLOW, *(n for n, e in CATALOGUE.items() if e.follows(SPEED_SQUARED)))
 """What changes a bias in the course of a drive, as drift does."""
 
 
@@ -137,8 +139,8 @@ class BiasDrift:
         for sensor, walk in WALK_OF.items():
             less = steady(factors, [walk])
             worth = noise_score(here.fits, factors) - noise_score(here.fits, less)
-            slow = [name for name in SLOW if name in selection.candidates]
-            for name in slow if worth >= limits.LEAST_ODDS else ():
+            known = [name for name in LIKE_DRIFT if name in selection.candidates]
+            for name in known if worth >= limits.LEAST_ODDS else ():
                 parts = selection.candidates[name].parts
                 more = Chosen(tuple((name, part, 1.0) for part in parts))
                 if name in chosen.names or sensor not in selection.sensors(more, name):

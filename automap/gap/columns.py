@@ -33,7 +33,7 @@ from automap.gap import limits
 from automap.gap.fit import ORIGIN, prior_sd
 from automap.gap.limits import REFERENCE_TAU_S
 from automap.gap.linear import Column, Direct, Inertial
-from automap.gap.motion import Motion, as_told, at_times, lagged, swings
+from automap.gap.motion import Motion, at_times, lagged, swung
 from automap.gap.nodes import NodeMotion
 from automap.gap.result import coefficient_names, equation
 from automap.records import FloatArray
@@ -182,9 +182,7 @@ def _then(term: Term, effect: str, at: NodeMotion, change: LateChange) -> FloatA
         return None
     if not CATALOGUE[effect].acts_on(POSITION):
         return change.behind
-    # an antenna swung as the car turned then
-    swing = swings(at.motion, term.axis)
-    return as_told(at.motion, swing, at.fit.delays, at.then) - swing
+    return swung(at.motion, term.axis, at.fit.delays, at.then)
 
 
 def _beyond_latency(at: NodeMotion) -> FloatArray:

@@ -18,7 +18,7 @@ from automap.fusion.kernel_runs import run_dense
 from automap.fusion.layout import CH_POS
 from automap.gap import limits
 from automap.gap.drive import OpenDrive
-from automap.gap.fit import Fit, GapModel, Values, fit_drive
+from automap.gap.fit import Fit, GapModel, Values
 from automap.gap.limits import HUBER
 from automap.gap.noise import Fitted
 from automap.gap.result import Cost, Extent, HeldPositions, KeptOut
@@ -26,7 +26,6 @@ from automap.gap.scoring import (
     Odds,
     fit_held_out,
     gain_over,
-    likelier,
     likelier_by_side,
     whitener_of,
 )
@@ -166,20 +165,6 @@ def _worse(after: Sequence[Fit], before: Sequence[Fit]) -> bool:
         if total > allowed * float(b.sum()) and total > limits.ONE_IN_A_THOUSAND * spread:
             return True
     return False
-
-
-def levels_for_runs(told: Sequence[Fit], before: Mapping[str, float]) -> Mapping[str, float]:
-    """Factors on the noise levels for runs with a model whose fits of all drives are ``told``:
-    those ``before`` anything was found, where these fits are not told apart from what they are with
-    them. Levels that were fitted along with what was found are those that predict the next fix
-    best; a few bad minutes of a receiver move them by many nats, and how closely a path follows its
-    fixes with them."""
-    others = [
-        fit_drive(f.opened, replace(f.model, factors=dict(before)), linearised_at=f) for f in told
-    ]
-    nats, sigmas = likelier(told, others)
-    apart = nats >= limits.CLOSE_NATS and sigmas >= limits.APART
-    return told[0].model.factors if apart else dict(before)
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from automap.gap import limits
 from automap.gap.base_fit import first_fit
 from automap.gap.camera.search import CameraGap
 from automap.gap.candidates import library
-from automap.gap.confirm import costs, levels_for_runs
+from automap.gap.confirm import costs
 from automap.gap.constancy import drifts
 from automap.gap.dictionary import forget_formulas
 from automap.gap.doubt import (
@@ -215,8 +215,7 @@ def _result(
     noisy = {n: noise_levels(n) for n in (*(f.effect for f in noise), *(c.level for c in claims))}
     paid = costs(held_out, final, values, noisy, stated.factors, stands.without)
     shown = places(first, final)
-    levels = levels_for_runs((*fits, *final), base.factors)
-    carried = replace(model, values={**as_told.values, **values_for_runs(usual)}, factors=levels)
+    carried = replace(model, values={**as_told.values, **values_for_runs(usual)})
     return GapResult(
         gaps[0],
         rest,

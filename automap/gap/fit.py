@@ -11,6 +11,7 @@ import numpy as np
 
 from automap.effects import CATALOGUE
 from automap.effects.entries.installation import EARTH
+from automap.effects.terms import POSITION, Kind
 from automap.fusion.delay_states import DELAY_STATE, LATENCY_STATE
 from automap.fusion.filtered import full_covariance
 from automap.fusion.kernel_runs import Start
@@ -46,6 +47,7 @@ SKEW, ORIGIN = "imu_clock_skew", "origin"
 """A clock that runs fast, and what it was off by when the drive began."""
 CONSTANTS = ("imu_time_offset", "gnss_latency")
 """Names of such a constant."""
+ARM = "gnss_lever_arm"
 DELAY_ROUNDS = 8
 
 
@@ -240,8 +242,8 @@ def session_with(
         free = options.prior_sd.get(SKEW, {}).get(ORIGIN, value * session.span[1])
         means.setdefault(LATENCY_STATE, 0.0)
         sds[LATENCY_STATE] = float(np.hypot(sds.get(LATENCY_STATE, 0.0), free))
-    if stated.any() or "gnss_lever_arm" in effects:
-        if "gnss_lever_arm" not in effects:
+    if stated.any() or ARM in effects:
+        if ARM not in effects:
             effects.append("gnss_lever_arm")
         for a, value in zip("xyz", stated, strict=True):
             name = f"gnss_lever_arm_{a}"
@@ -269,9 +271,21 @@ def _repeat_passes(
     """The passes again about the path of ``last``, without what ``delays`` do to the fixes beyond
     the first order."""
     if delays != Delays():
-        fixes, change = linear_in_delays(session.fixes, last, motion_of(last), delays)
+        unknown = _arm_unknown(session)
+        fixes, change = linear_in_delays(session.fixes, last, motion_of(last), delays, unknown)
         session = replace(session, fixes=fixes, late_change=change)
     return relinearise(session, last, start)
+
+
+def _arm_unknown(session: Session) -> bool:
+    """Whether a session has to find where the antenna is, or by a formula how far it has moved."""
+    known = not any(session.sds.get(f"{ARM}_{a}", 1.0) > 0.0 for a in "xyz")
+    movers = [
+        effect
+        for effect in session.options.effects
+        if any(term.kind == Kind.POINT and term.on == POSITION for term in CATALOGUE[effect].terms)
+    ]
+    return any(effect != ARM or not known for effect in movers)
 
 
 def _stated(opened: OpenDrive, names: list[tuple[str, str]]) -> FloatArray:

@@ -176,10 +176,10 @@ def _arm(last: Pass) -> tuple[float, float, float]:
 
 
 def linear_in_delays(
-    fixes: FixModel, last: Pass, motion: Motion, delays: Delays
+    fixes: FixModel, last: Pass, motion: Motion, delays: Delays, arm_unknown: bool = False
 ) -> tuple[FixModel, LateChange | None]:
     """Fixes less what their ages do to them beyond the first order about ``delays``, and what
-    velocities change by as they grow later.
+    velocities change by as they grow later, and with an arm where nobody knows it.
 
     A velocity that is late by a time constant or more changes by what happened then: the
     acceleration at its tag may have the other sign, and would lead away from the right delay.
@@ -207,8 +207,10 @@ def linear_in_delays(
     changing = _steady(last, motion) + inward
     acc = at_times(motion, changing, t)
     first_order = vel - old * acc
-    change = late_change(antenna, changing, delays, swings(motion))
+    change = late_change(antenna, changing, delays, arm_unknown)
     if change is not None:
+        for metres, swung in zip(arm, change.swung, strict=False):
+            first_order += metres * at_times(motion, swung, t)
         first_order -= old * at_times(motion, change.whole, t)
         first_order -= delays.course_s * at_times(motion, change.course, t)
         first_order -= delays.course_m * at_times(motion, change.behind, t)
@@ -223,13 +225,13 @@ def linear_in_delays(
 
 
 def late_change(
-    motion: Motion, acc: FloatArray, delays: Delays, swing: FloatArray
+    motion: Motion, acc: FloatArray, delays: Delays, arm_unknown: bool = False
 ) -> LateChange | None:
     """By how much the changes of late velocities differ from those at their tag, of which ``acc``
-    [n, 3] is the acceleration, and ``swing`` [n, 3] what a metre forward swings; None where they
-    are not late. A low-pass changes with its time constant by the acceleration passed through it
-    twice: y = v / (1 + s tau), dy / dtau = -s v / (1 + s tau)^2. A course is of its own instant,
-    and so is what turns it."""
+    [n, 3] is the acceleration, with an arm where nobody knows it; None where they are not late.
+    A low-pass changes with its time constant by the acceleration passed through it twice:
+    y = v / (1 + s tau), dy / dtau = -s v / (1 + s tau)^2. A course is of its own instant, and so is
+    what turns it."""
     late = delays.all_s + delays.velocity_s
     grown = abs(delays.skew) * float(motion.t[-1])
     if max(abs(late), delays.lag_s, grown, abs(delays.course_s), abs(delays.course_m)) < LEAST_S:
@@ -241,8 +243,16 @@ def late_change(
     return LateChange(
         as_told(motion, once, delays, then) - acc,
         turned - _turning(motion.vel, acc),
-        turned / size[:, None] - swing,
+        turned / size[:, None] - swings(motion),
+        tuple(swung(motion, axis, delays, then) for axis in range(3)) if arm_unknown else (),
     )
+
+
+def swung(motion: Motion, axis: int, delays: Delays, then: Then) -> FloatArray:
+    """By how much more than at their tag a metre along a vehicle axis swings late velocities
+    [n, 3] NED, 1/s: an antenna swung as the car turned then."""
+    swing = swings(motion, axis)
+    return as_told(motion, swing, delays, then) - swing
 
 
 def as_told(motion: Motion, change: FloatArray, delays: Delays, then: Then) -> FloatArray:

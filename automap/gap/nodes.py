@@ -13,7 +13,7 @@ from automap.effects.user import towards, turned
 from automap.frames import quat_to_matrix
 from automap.fusion.problem import LateChange
 from automap.gap.fit import Fit
-from automap.gap.motion import Motion, Then, at_times, late_change, motion_of, swings, then_of
+from automap.gap.motion import Motion, Then, at_times, late_change, motion_of, then_of
 from automap.records import FloatArray
 
 COMPARED_S = 0.1
@@ -43,8 +43,7 @@ class NodeMotion:
     @cached_property
     def late(self) -> LateChange | None:
         """By how much late velocities change otherwise than those at their tag."""
-        swing = swings(self.motion)
-        return late_change(self.motion, self.motion.acc, self.fit.delays, swing)
+        return late_change(self.motion, self.motion.acc, self.fit.delays)
 
     @cached_property
     def then(self) -> Then:

@@ -113,6 +113,10 @@ class Search:
                     found, brief = self.screening.refined(here, selection, other)
                     self._bar(brief)
                     here = self._fit(here, selection, found)
+                    acting = self._acting(here, selection, found)
+                    if acting != found:
+                        found = acting
+                        here = self._fit(here, selection, found)
                 elif last:
                     break
                 else:
@@ -166,6 +170,14 @@ class Search:
         self.borne_out |= dict.fromkeys(gone, ahead)
         selection.needed = frozenset(self.borne_out)
         return chosen, None
+
+    def _acting(self, here: Fitted, selection: Selection, found: Chosen) -> Chosen:
+        """A set without what is nothing by its values: of what came together in the place of
+        another one alone may do it."""
+        joint = here.joint()
+        worth = {n: self.screening.nats(joint, selection, found, n) for n in found.names}
+        weakest = min(worth, key=lambda n: worth[n], default="")
+        return found.without(weakest) if worth.get(weakest, 0.0) < 0.0 else found
 
     def _bar(self, keys: Iterable[Key]) -> None:
         """Try parts no more."""

@@ -29,7 +29,9 @@ def model_toml(
     folder: Path,
     cameras: Sequence[str] = (),
 ) -> str:
-    """Settings for ``automap run --config``: nuisances, values of the named effects, noise.
+    """Settings for ``automap run --config``: nuisances, values of the named effects, and the levels
+    of noise that a run begins with: its own it finds as without them, for how closely a path should
+    follow the fixes of another day no day before tells.
 
     A lever arm stands there as a whole, what the manifest says plus what was found. The users'
     effects and a formula that was found are defined there too; the file is written to ``folder``.
@@ -48,7 +50,6 @@ def model_toml(
         *_definitions(result, users, folder),
         "[fuse]",
         *_nuisances(model, effects),
-        "adapt = false",
     ]
     options, asked = model.options, result.base.options
     if not options.earth_rotation or not asked.earth_rotation:
@@ -58,7 +59,7 @@ def model_toml(
     lines.append(f"velocity_wander_sd = {options.velocity_wander_sd:.6g}")
     if options.velocity_wander_sd > 0.0:
         lines.append(f"velocity_wander_tau_s = {options.velocity_wander_tau_s:.6g}")
-    lines += ["", "[fuse.factors]"]
+    lines += ["", "# where a run begins to look for its own", "[fuse.factors]"]
     lines += [f"{name} = {value:.6g}" for name, value in model.factors.items()]
     for effect, values in model.values.items():
         if not values or effect in left:

@@ -17,6 +17,7 @@ from automap.gap.selection import Chosen, Selection
 from tests.unit.gap_asked import HERE, LATE, LOW_PASSED, Heard, fit_of, only
 
 WARM, AGED = "gyro_temperature", "gyro_warm_up"
+SHAKEN = "gyro_speed_vibration"
 
 
 class Drifting(BiasDrift):
@@ -154,7 +155,7 @@ def test_what_is_surely_behind_a_drift_takes_its_place_and_what_may_be_is_noted(
     assert asked.behind(HERE, on_gyro, here) is None
 
 
-@pytest.mark.parametrize(("taken", "asked_about"), [(9.0, [WARM, AGED]), (5.0, [])])
+@pytest.mark.parametrize(("taken", "asked_about"), [(9.0, [WARM, AGED, SHAKEN]), (5.0, [])])
 def test_drift_is_asked_for_rivals_where_it_took_what_is_worth_a_name(
     monkeypatch: pytest.MonkeyPatch, taken: float, asked_about: list[str]
 ) -> None:
@@ -177,7 +178,8 @@ def test_drift_is_asked_for_rivals_where_it_took_what_is_worth_a_name(
     monkeypatch.setattr(bias_drift, "with_levels", lambda fitted, walks: fitted)
     judge: Any = SimpleNamespace(beyond_drift=lambda *about: (20.0, 3.0))
     drift = BiasDrift(screening, judge, {}, print)
-    known = {n: SimpleNamespace(parts=((i,),)) for i, n in enumerate((WARM, AGED, "accel_warm_up"))}
+    names = (WARM, AGED, SHAKEN, "accel_warm_up", "gyro_scale")
+    known = {n: SimpleNamespace(parts=((i,),)) for i, n in enumerate(names)}
     selection: Any = SimpleNamespace(
         candidates=known,
         sensors=lambda chosen, name: {int(name.startswith("accel"))},

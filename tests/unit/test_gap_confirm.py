@@ -10,11 +10,10 @@ import pytest
 
 from automap.fusion.layout import CH_POS, CH_VEL
 from automap.gap import confirm, limits
-from automap.gap.confirm import confirmed, levels_for_runs
-from automap.gap.drive import OpenDrive, open_drive
-from automap.gap.fit import Fit, Values, base_model, fit_drive
+from automap.gap.confirm import confirmed
+from automap.gap.drive import OpenDrive
+from automap.gap.fit import Fit, Values, base_model
 from automap.records import FloatArray
-from tests.unit.test_gap import simulated
 
 LENGTH_S = 400.0
 STRETCHES = int(LENGTH_S / limits.BLOCKS_S[0])
@@ -138,11 +137,3 @@ def test_without_held_out_data_all_stands() -> None:
     found = confirmed([], base_model(), VALUES)
     assert found.values == VALUES
     assert found.warnings == ()
-
-
-@pytest.mark.parametrize(("factor", "stays"), [(1.003, True), (4.0, False)])
-def test_levels_that_drives_do_not_tell_apart_stay_as_they_were(factor: float, stays: bool) -> None:
-    model = base_model()
-    fit = fit_drive(open_drive(simulated({}), model.options), model)
-    before = {**model.factors, "velocity_h": factor * model.factors["velocity_h"]}
-    assert levels_for_runs([fit], before) == (before if stays else model.factors)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tomllib
 from dataclasses import replace
 from pathlib import Path
 
@@ -96,3 +97,12 @@ def test_a_distance_that_every_search_estimates_is_written_where_it_is_a_finding
     )
     fixed = replace(FusionOptions(), fixed=carried.values)
     assert base_model(base_options(fixed)).values == carried.values
+
+
+def test_levels_of_noise_are_where_a_run_begins_to_look_for_its_own(tmp_path: Path) -> None:
+    result = named("gyro_g_sensitivity")
+    louder = replace(result.model, factors={**result.model.factors, "velocity_h": 2.5})
+    text = model_toml(replace(result, model=louder), [], EffectsSettings(), tmp_path)
+    fuse = tomllib.loads(text)["fuse"]
+    assert fuse["factors"]["velocity_h"] == 2.5
+    assert fuse.get("adapt", FusionOptions().adapt)

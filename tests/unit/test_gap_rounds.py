@@ -325,3 +325,17 @@ def test_of_names_that_a_formula_is_not_told_apart_from_the_likeliest_takes_its_
     found = asked._decided(fit_of(FORMULA), selection, only(FORMULA))
     assert found is not None
     assert found.names == ("gyro_scale",)
+
+
+@pytest.mark.parametrize(
+    ("nats", "stays"), [((8.0, -2.0), (LATE,)), ((-3.0, -2.0), (LOW_PASSED,)), ((8.0, 0.0), None)]
+)
+def test_what_is_nothing_beside_what_came_with_it_goes_alone(
+    nats: tuple[float, float], stays: tuple[str, ...] | None
+) -> None:
+    worth = dict(zip((LATE, LOW_PASSED), nats, strict=True))
+    asked = Asked()
+    asked.screening = cast("Any", SimpleNamespace(nats=lambda *about: worth[about[-1]]))
+    both = Chosen((*only(LATE).parts, (LOW_PASSED, (1,), 1.0)))
+    here: Any = SimpleNamespace(joint=lambda: None)
+    assert asked._acting(here, SELECTION, both).names == (stays or both.names)
