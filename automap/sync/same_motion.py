@@ -56,8 +56,12 @@ def _gain(seen: Followed, unexplained: float, felt: float = 0.0) -> tuple[float,
     """Log likelihood of one motion over that of two, and whether the share is less than one's; of
     one the readings leave so much ``unexplained``, m/s one sigma, and they show a mean square
     ``felt`` themselves."""
-    noise = unexplained**2 + seen.noise**2
-    signal = max(seen.yy / seen.rows - noise, felt, 0.0)
+    noise, size = unexplained**2 + seen.noise**2, seen.yy / seen.rows
+    left = size - noise
+    if seen.noise**2 > 0.5 * size:
+        # what is mostly noise does not tell how large the rest is: the readings do
+        left = min(left, float(np.trace(seen.xx)) / seen.rows)
+    signal = max(left, felt, 0.0)
     most = limits.MOST_CORRELATION**2
     share, least = (float(np.clip(s, 0.0, most)) for s in (seen.share, signal / (signal + noise)))
     below = max(np.arctanh(np.sqrt(least)) - np.arctanh(np.sqrt(share)), 0.0)

@@ -12,7 +12,6 @@ from automap.errors import InputError
 from automap.evaluation.plausibility import Finding
 from automap.fusion.doubts.receiver import usable_fixes
 from automap.fusion.limits import DRIVING_SPEED
-from automap.fusion.measurements.position import by_carrier
 from automap.io.drive import Drive
 from automap.io.recording import Recording, imu_time
 from automap.records import ClockModel, Fixes, ImuData
@@ -104,11 +103,12 @@ def other_drive(
     fixes, clock, _, worse, of_positions = receiver
     if fixes is None or clock is None:
         return None
+    seldom = seen.surge is None or not seen.surge.noise
     if len(velocity_motion(fixes, AXES_WINDOW_S).start) < LEAST_INTERVALS or (
-        of_positions and not by_carrier(fixes)
+        of_positions and seldom
     ):
-        # ways between positions scatter by whatever a receiver's places do, which only carrier
-        # phases keep small
+        # ways between positions scatter by whatever a receiver's places do, which only fixes that
+        # come often show
         return None
     whole = likeness(seen, worse)
     if not whole.short:
