@@ -61,6 +61,7 @@ def _gain(seen: Followed, unexplained: float, felt: float = 0.0) -> tuple[float,
     if seen.noise**2 > 0.5 * size:
         # what is mostly noise does not tell how large the rest is: the readings do
         left = min(left, float(np.trace(seen.xx)) / seen.rows)
+        noise = max(noise, size - max(left, felt))
     signal = max(left, felt, 0.0)
     most = limits.MOST_CORRELATION**2
     share, least = (float(np.clip(s, 0.0, most)) for s in (seen.share, signal / (signal + noise)))
