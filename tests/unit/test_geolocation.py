@@ -120,8 +120,9 @@ def test_what_the_detector_told_of_the_class_comes_through(world) -> None:
     for sign in locate_signs(path, [told], {"front": camera()}).signs:
         share = np.mean(named[sign.detection_rows] == sign.class_name)
         assert 0.5 < share < 1.0
-        assert sign.class_probability == pytest.approx(0.9 * share)
-        assert sign.group_probability == pytest.approx(0.95)
+        # views that say another class count against it, and no view is surer than the group
+        assert 0.25 < sign.class_probability < 0.9 * share
+        assert 0.95 < sign.group_probability < 0.995
         assert sign.confidence == pytest.approx(sign.existence * sign.class_probability)
     for sign in locate_signs(path, [found], {"front": camera()}).signs:
         assert np.isnan([sign.class_probability, sign.group_probability]).all()
@@ -287,12 +288,13 @@ def test_frames_outside_the_trajectory_are_counted(world) -> None:
 def test_a_mirrored_video_is_told_and_the_right_one_is_not(world) -> None:
     path, _, found, _ = world
     right = locate_signs(path, [found], {"front": camera()})
-    assert not any("do not fit the path" in text for text in right.warnings)
+    assert not any("camera front" in text for text in right.warnings)
     x_min, y_min, x_max, y_max = found.box.T
     width = camera().width
     mirrored = replace(found, box=np.stack([width - x_max, y_min, width - x_min, y_max], axis=1))
     wrong = locate_signs(path, [mirrored], {"front": camera()})
-    assert any("do not fit the path" in text for text in wrong.warnings)
+    assert any("What is wrong with camera front was not found" in text for text in wrong.warnings)
+    assert {sign.status for sign in wrong.signs} == {"doubtful"}
 
 
 def test_nothing_in_gives_nothing_out(world) -> None:

@@ -177,7 +177,7 @@ def test_video_boxes_and_time(browser: Browser, tmp_path: Path) -> None:
         until(page, f"!{ticks}")
         page.keyboard.press("n")
         page.keyboard.press("n")
-        until(page, "document.querySelector('#seen').hidden")
+        until(page, "document.querySelector('#seen')?.hidden ?? true")
         page.close()
     assert troubles == []
 
