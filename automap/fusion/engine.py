@@ -45,8 +45,8 @@ from automap.records import (
 _NO_NHC = ("imu_mounting", "nhc_lever_arm", "vehicle_pitch")
 """What nothing shows before the constraint acts in the vehicle's axes."""
 _AGAIN = 2
-"""Times that stretches of larger errors are found anew by a path that knows of them: one finds most
-of each, the next what the path followed until then."""
+"""Times at most that stretches of larger errors are found anew by a path that knows of them: one
+finds most of each, the next what the path followed until then, and each costs passes over all."""
 _OF_WHEELS = ("odometer_scale", "odometer_time_offset")
 """What is estimated where a drive has wheel speed."""
 

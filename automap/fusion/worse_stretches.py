@@ -42,7 +42,8 @@ WINDOWS = 0.5
 _LEAST_FIXES = 3
 """Of a window, that one wild fix is not its median."""
 _WINDOWS_AGAIN = 5
-"""In place of one, where each fix shows how it errs: so many make a row of houses of a second."""
+"""In place of one where each fix shows how it errs, by where a stretch begins: a second, in which a
+car in town passes a house."""
 
 
 @dataclass(frozen=True)

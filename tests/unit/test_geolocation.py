@@ -24,6 +24,7 @@ from automap.geolocation.result import GeolocationResult
 from automap.geolocation.rules import GeolocationRules
 from automap.geolocation.tracking import link_views
 from automap.geolocation.views import CameraCorrection, MeasurementNoise, build_views
+from automap.mapping.sureness import class_probabilities, group_probabilities
 from automap.records import UNKNOWN_FOCAL_SD, Detections, Trajectory
 from automap.records.pictures import usual_matrix
 from automap.robust import BY_CAUCHY, PLAIN
@@ -117,12 +118,17 @@ def test_what_the_detector_told_of_the_class_comes_through(world) -> None:
         class_probability=np.full(n, 0.9),
         group_probability=np.full(n, 0.95),
     )
+    # boxes of one class are told once, as two drives that read two classes of a group are
+    both, one = np.array([0, 1]), np.zeros(1, np.int64)
+    own, names = np.zeros(2, np.int64), ["regulatory--maximum-speed-limit-60--g1", other]
+    of_class = class_probabilities(both, np.full(2, 0.9), own, one)[0]
+    of_group = group_probabilities(both, names, np.full(2, 0.95), own, one)[0]
+    assert 0.25 < of_class < 0.5 < 0.95 < of_group
     for sign in locate_signs(path, [told], {"front": camera()}).signs:
         share = np.mean(named[sign.detection_rows] == sign.class_name)
         assert 0.5 < share < 1.0
-        # views that say another class count against it, and no view is surer than the group
-        assert 0.25 < sign.class_probability < 0.9 * share
-        assert 0.95 < sign.group_probability < 0.995
+        assert sign.class_probability == pytest.approx(of_class)
+        assert sign.group_probability == pytest.approx(of_group)
         assert sign.confidence == pytest.approx(sign.existence * sign.class_probability)
     for sign in locate_signs(path, [found], {"front": camera()}).signs:
         assert np.isnan([sign.class_probability, sign.group_probability]).all()

@@ -91,8 +91,7 @@ def test_a_part_of_a_list_that_lies_elsewhere_makes_no_work(part: str, metres: f
     assert sum(f.sure for f in resting) <= 1
     # what was left where it is has its say, unless it stands among the others
     good = [f for f in said(one)[1] if f.listed >= 0 and not there[f.listed] and f.sure]
-    # half of a list says less of how signs stand in company: it may be unsure by then
-    same = {(f.kind, f.listed) for f in findings if f.probability > 0.8}
+    same = {(f.kind, f.listed) for f in findings if f.sure}
     good = [f for f in good if f.kind in WORK]
     if part != "every second":
         assert sum((f.kind, f.listed) in same for f in good) >= 0.6 * len(good)

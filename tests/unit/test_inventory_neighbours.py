@@ -147,8 +147,9 @@ def test_a_face_that_the_map_hardly_knows_keeps_no_sign_from_its_entry() -> None
         assert sum(f.kind == "matched" for f in told.findings) == matched
 
 
-def test_one_pair_of_a_class_does_not_tell_of_its_distance() -> None:
-    """Of twelve pairs at as many distances one is of a class, and as likely at each of them."""
+def test_one_pair_of_a_class_tells_half_of_its_distance() -> None:
+    """Of twelve pairs at as many distances one is of a class: there it is half as sure as it looks,
+    and elsewhere as likely as half of them all say."""
     n = 12
     first = np.column_stack([80.0 * np.arange(n), np.zeros(n)])
     second = first + np.column_stack([np.zeros(n), 1.25 + np.arange(n)])
@@ -158,6 +159,9 @@ def test_one_pair_of_a_class_does_not_tell_of_its_distance() -> None:
     names = [LIMITS[0]] * n + [LIMITS[0] if k == 6 else LIMITS[1] for k in range(n)]
     none = np.full(2 * n, np.nan)
     same, another, unknown = neighbours_of(Inventory([""] * 2 * n, names, lat, lon, none, none))
+    same, another = same.sum(axis=1), another.sum(axis=1)
     assert np.isclose(same.sum(), 1.0 / n)
-    np.testing.assert_allclose(same, another / (n - 1))
+    of_class = (same / np.maximum(same + another, 1e-9))[same + another > 0.0]
+    assert np.isclose(of_class.max(), 0.5 * (1.0 + 1.0 / n))
+    np.testing.assert_allclose(np.sort(of_class)[:-1], 0.5 / n)
     assert not unknown.any()
