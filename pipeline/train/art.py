@@ -63,6 +63,7 @@ def load_faces(art: Path, cache: Path) -> list[Face]:
                 nordic = shape == "triangle-up" and ground in ("yellow", "orange")
                 held = nordic or is_held_face(name)
                 faces.append(Face(name, image, shape, colour, ground, held))
+    cache.parent.mkdir(parents=True, exist_ok=True)
     with cache.open("wb") as stream:
         pickle.dump(faces, stream)
     return faces
