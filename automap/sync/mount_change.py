@@ -31,8 +31,8 @@ from automap.sync.mount_pieces import MountPiece, level_axes
 class MountChange:
     """From some instant between ``first_s`` and ``last_s`` after the first reading on an IMU's
     readings are others: turned by ``angle`` rad, one sigma ``sd``, in its "level" or its
-    "azimuth", or in other "axes", by ``made`` of those before. ``probability`` of the like of an
-    IMU that stays as it is."""
+    "azimuth", or in other "axes", by ``made`` of those before or, as good by what was recorded, by
+    one of ``others``. ``probability`` of the like of an IMU that stays as it is."""
 
     kind: Literal["level", "azimuth", "axes"]
     first_s: float
@@ -41,6 +41,7 @@ class MountChange:
     angle: float = 0.0
     sd: float = 0.0
     made: Hypothesis | None = None
+    others: tuple[Hypothesis, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -200,9 +201,18 @@ def _axes_changed(pieces: Sequence[MountPiece], cuts: Sequence[_Cut], known: boo
         odds = float(before[i, j] + changed[k, m]) - same + math.log(limits.MISTAKE)
         probability = float(np.exp(-max(odds, 0.0)))
         if (k, m) != (i, j) and probability < best.probability:
-            made = Hypothesis(ways[accel[k]], ways[gyro[m]], 1.0 - probability)
-            best = MountChange("axes", cut.first_s, cut.last_s, probability, made=made)
+            made, *others = _as_good(np.exp(changed - changed[k, m]), ways[accel], ways[gyro])
+            best = MountChange(
+                "axes", cut.first_s, cut.last_s, probability, made=made, others=tuple(others)
+            )
     return best
+
+
+def _as_good(odds: FloatArray, accel: FloatArray, gyro: FloatArray) -> list[Hypothesis]:
+    """The best of hypotheses by ``odds`` [m, k] over it, and those that are as good after it."""
+    near = np.argwhere(odds > limits.AS_GOOD)
+    near = near[np.argsort(-odds[tuple(near.T)], kind="stable")]
+    return [Hypothesis(accel[i], gyro[j], float(odds[i, j] / odds.sum())) for i, j in near]
 
 
 def _index(matrices: FloatArray) -> IntArray:

@@ -51,7 +51,13 @@ def _when(found: MountChange) -> str:
 
 def _what(found: MountChange) -> str:
     if found.made is not None:
-        return f"its axes are others than before: {what_differs(found.made)}"
+        others = dict.fromkeys(what_differs(other) for other in found.others)
+        what = what_differs(found.made)
+        others.pop(what, None)
+        text = f"its axes are others than before: {what}"
+        if others:
+            text += f" or, as good by what was recorded, {' or '.join(list(others)[:2])}"
+        return text
     angle, sd = math.degrees(found.angle), math.degrees(found.sd)
     felt = {
         "level": "gravity, less what the receiver shows of slopes and speed, is felt",
