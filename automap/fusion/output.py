@@ -78,6 +78,7 @@ def node_trajectory(
     unseen_sd: FloatArray,
     arm_sd: FloatArray,
     slip_sd: float,
+    slope_sd: float,
     age_sd: float,
     blend: bool,
 ) -> Iterator[Trajectory]:
@@ -87,8 +88,8 @@ def node_trajectory(
     moves.
     ``unseen_sd`` [k, 6] m and m/s NED at the nodes is what no measurement tells of the errors of
     position and velocity, ``arm_sd`` [3] m of the arm to the antenna along the vehicle's axes,
-    ``slip_sd`` rad of the heading's, ``age_sd`` s of the age of the fixes, to which the motion
-    was dated.
+    ``slip_sd`` rad of the heading's, ``slope_sd`` of the pitch's, ``age_sd`` s of the age of the
+    fixes, to which the motion was dated.
     ``delay`` [n] is how much later than the fixes' clock the stamps run, in s: an error of the
     clock, or of the samples, which then belong to ``delay`` earlier than their stamp.
     """
@@ -117,7 +118,7 @@ def node_trajectory(
         cov[:, :PHI_ID, :PHI_ID] += arm_covariance(quat_to_matrix(attitude), bend, arm_sd)
         node_rpy = quat_to_rpy(attitude)
         node_sd = rpy_sd_from_tilt(node_rpy, vehicle_tilt(nominal, cov, turn_there))
-        node_sd[:, 2] = np.hypot(node_sd[:, 2], slip_sd)
+        node_sd[:, 1:] = np.hypot(node_sd[:, 1:], [slope_sd, slip_sd])
         variances = [np.maximum(cov[:, i, i], 0.0) for i in range(6)]
         variance = np.stack([_between(t, at, v, blend) for v in variances], axis=1)
         yield Trajectory(

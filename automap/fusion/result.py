@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
@@ -17,7 +18,7 @@ from automap.fusion.aside import whole_trajectory
 from automap.fusion.delay_states import DELAY_STATE, SKEW_STATE
 from automap.fusion.filtered import filtered_states
 from automap.fusion.measurements.constraint import sd_on_springs
-from automap.fusion.measurements.position import unseen_errors
+from automap.fusion.measurements.position import unseen_changes, unseen_errors
 from automap.fusion.mounting import Mounting
 from automap.fusion.nodes import Nodes
 from automap.fusion.output import (
@@ -37,6 +38,7 @@ from automap.fusion.worse_stretches import WorseStretches
 from automap.records import ClockModel, FloatArray, IntArray, Trajectory
 
 ARM_UP = "gnss_lever_arm_z"
+PITCH = "imu_mounting_pitch"
 
 
 @dataclass(frozen=True)
@@ -145,6 +147,17 @@ def moved_imu(problem: Problem, final: Mapping[str, float]) -> FloatArray:
     return moved
 
 
+def _slope_sd(outcome: Outcome, drift: FloatArray) -> float:
+    """Sigma, rad, of a path's mean slope where heights drift by ``drift`` [n] m at the nodes, one
+    sigma, that nothing shows: by that slope, but for what was known before, a mounting is told."""
+    model, t, velocity = outcome.problem.model, outcome.nodes.t, outcome.smoothed.nominal[:, 3:5]
+    if PITCH not in model.names or len(t) < 2:
+        return 0.0
+    way = float(np.trapezoid(np.hypot(*velocity.T), t))
+    known = float(model.prior_sd[model.names.index(PITCH)])
+    return min(math.atan2(float(np.median(drift)), way), known)
+
+
 def _beside(history: ParameterHistory, up_sd: float) -> ParameterHistory:
     """Parameters with the height of the antenna as unsure as it was before, ``up_sd`` m."""
     return replace(history, sd=np.hypot(history.sd, up_sd * (np.array(history.names) == ARM_UP)))
@@ -184,6 +197,7 @@ def assemble(
     # what nothing shows is no larger where what shows is
     stated = nodes.stated_sd if worse is None else nodes.stated_sd / worse.at(nodes.fix_row)
     unseen[:, :3] = unseen_errors(stated, options, outcome.shown)
+    drift = unseen_changes(stated, float(np.ptp(nodes.t)), options, outcome.shown)
     accel_noise = options.accel_noise * outcome.factors.get("accel", 1.0)
     unseen[:, 5] = sd_on_springs(nodes.flags, accel_noise, options.nhc_mean_s)
 
@@ -193,7 +207,7 @@ def assemble(
         * outcome.problem.t, delay_is_clock=delay_is_clock,
         turn=rpy_to_matrix(mounted + moved) if moved.any() else turn, unseen_sd=unseen,
         arm_sd=arm_sd, slip_sd=np.radians(options.nhc_lasting_deg),
-        age_sd=age_sd,
+        slope_sd=_slope_sd(outcome, drift[:, 2]), age_sd=age_sd,
     )  # fmt: skip
     return FusionResult(
         session.imu.t_ns,

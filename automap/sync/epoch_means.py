@@ -67,12 +67,36 @@ def epoch_means(path: ReceiverPath, use: BoolArray) -> EpochMeans | None:
     return max(_found(path, use), key=lambda means: means.nats, default=None)
 
 
+def path_of_means(path: ReceiverPath, use: BoolArray, means: EpochMeans) -> ComplexArray:
+    """The path [n] that the velocities of the rows ``use`` [n] add up to, from zero, each in the
+    middle of the interval of which it is the mean. Over lost rows, of which none tells, it is that
+    of the positions, but where these go further aside than chance lets them go over any."""
+    late = {BEFORE: 0.5, AFTER: -0.5, AROUND: 0.0}[means.interval] * means.seconds
+    known = use & np.isfinite(path.velocity)
+    velocity = np.interp(path.t + late, path.t[known], path.velocity[known])
+    ways = 0.5 * (velocity[1:] + velocity[:-1]) * np.diff(path.t)
+    aside = np.diff(path.place) - ways
+    lost = ~_whole(path, use)
+    if np.count_nonzero(lost) >= limits.LEAST_WINDOWS:
+        usual = sd_by_median(np.concatenate([aside[lost].real, aside[lost].imag]))
+        lost &= np.abs(aside) < math.sqrt(2.0 * limits.CERTAIN_LEAD_NATS) * usual
+        ways[lost] += aside[lost]
+    return np.concatenate([[0.0], np.cumsum(ways)])
+
+
+def _whole(path: ReceiverPath, use: BoolArray) -> BoolArray:
+    """Which steps [n - 1] of a path are of the usual length between rows ``use`` [n]."""
+    step = np.diff(path.t)
+    usual = limits.LONG_WINDOW * float(np.median(step))
+    return np.asarray(use[1:] & use[:-1] & (step < usual))
+
+
 def _found(path: ReceiverPath, use: BoolArray) -> Iterator[EpochMeans]:
     if len(path) < limits.LEAST_INTERVALS:
         return
     step = np.diff(path.t)
     usual = float(np.median(step))
-    broken = ~(use[1:] & use[:-1] & (step < limits.LONG_WINDOW * usual))
+    broken = ~_whole(path, use)
     gaps = np.concatenate([[0], np.cumsum(broken)])
     told = np.where(broken, 0.0, 0.5 * (path.velocity[1:] + path.velocity[:-1])) * step
     ways = np.concatenate([[0.0], np.cumsum(told)])

@@ -15,7 +15,7 @@ from automap.sync import limits
 from automap.sync.between_fixes import nothing_new
 from automap.sync.climb_match import match_climbs
 from automap.sync.digits import course_held, course_step
-from automap.sync.epoch_means import epoch_means
+from automap.sync.epoch_means import epoch_means, path_of_means
 from automap.sync.held_values import (
     Stretch,
     frozen_positions,
@@ -63,7 +63,8 @@ def velocity_consistency(fixes: Fixes) -> VelocityConsistency:
 
     again = match_paths(path, use, position)
     match = match if again.scale is None else again
-    right = match.path(path, use)
+    means = epoch_means(path, use & position)
+    right = match.path(path, use) if means is None else path_of_means(path, use & position, means)
     # paths of no relation part the further the longer, those of noisy positions do not
     apart = excesses(path, right, use, position)
     worse = max([1.0, *apart])
@@ -84,7 +85,7 @@ def velocity_consistency(fixes: Fixes) -> VelocityConsistency:
         # a unit is mistaken of all three
         vertical=None if wrong else match_climbs(path, use & position, worse),
         worse=worse,
-        means=epoch_means(path, use & position),
+        means=means,
         height_stuck=_height_stuck(path),
         height_held=_intervals(path, held_heights(path)),
         aside=_intervals(path, asides(path, right, parted)),

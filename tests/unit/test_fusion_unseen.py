@@ -11,12 +11,12 @@ import pytest
 from automap.fusion import limits
 from automap.fusion.engine import fuse_imu_gnss
 from automap.fusion.levels import ALL_LEVELS
-from automap.fusion.measurements.position import unseen_errors
+from automap.fusion.measurements.position import unseen_changes, unseen_errors
 from automap.fusion.options import FusionOptions
 from automap.fusion.result import FusionResult, Prior
 from automap.lever_arm import turn_rate
 from automap.records import FloatArray
-from tests.unit.fusion_drive import CLOCK, Sensor, record
+from tests.unit.fusion_drive import BASE_NS, CLOCK, Sensor, record
 from tests.unit.fusion_motion import city_drive
 from tests.unit.fusion_receiver import Receiver, receive
 
@@ -83,6 +83,36 @@ def test_heights_err_with_the_ranges_that_positions_show() -> None:
     seen = 0.2 * OPTIONS.wander_share * STATED[:, 2]
     lasting = math.hypot(OPTIONS.wander_share, OPTIONS.bias_share)
     assert np.hypot(unseen[:, 2], seen) == pytest.approx(4.0 * lasting * STATED[:, 2])
+
+
+def test_what_is_unseen_changes_as_slow_errors_do_but_for_its_constant_part() -> None:
+    shown = _factors(wander=0.3, wander_v=0.3)
+    unseen = unseen_errors(STATED, OPTIONS, shown)
+    long = unseen_changes(STATED, 1e6, OPTIONS, shown)
+    assert np.hypot(long / math.sqrt(2.0), OPTIONS.bias_share * STATED) == pytest.approx(unseen)
+    one = unseen_changes(STATED, OPTIONS.wander_tau_s, OPTIONS, shown)
+    assert one == pytest.approx(long * math.sqrt(1.0 - math.exp(-1.0)))
+    assert unseen_changes(STATED, 1e6, OPTIONS, _factors()) == pytest.approx(0.0, abs=1e-6)
+    # three times the errors of minutes, and of hours with them
+    grown = unseen_changes(STATED, 1e6, OPTIONS, _factors(wander=3.0, wander_v=3.0))
+    assert grown == pytest.approx(0.0, abs=1e-6)
+
+
+def test_heights_that_go_off_evenly_are_in_the_sigma_of_the_pitch() -> None:
+    """No innovation tells them from a road that falls: four metres of receivers of three were four
+    sigmas of the pitch."""
+    motion = city_drive(70.0, 4)
+    imu, fixes = record(motion, Sensor(), 2), receive(motion, Receiver(wander=(0.0,) * 3), 3)
+    fixes = replace(fixes, sd_pos_ned=np.full((len(fixes), 3), 3.0))
+    off = replace(fixes, height_m=fixes.height_m + np.linspace(0.0, 4.0, len(fixes)))
+    path = fuse_imu_gnss(
+        imu, off, CLOCK, OPTIONS, Prior(0.0, 0.1), lever_arm=np.zeros(3)
+    ).trajectory
+    true = motion.at((path.t_ns - BASE_NS) * 1e-9)
+    error = float(np.median(path.rpy[:, 1] + np.arcsin(true.c_n_b[:, 2, 0])))
+    way = float(np.hypot(*true.vel[:, :2].T).mean()) * 70.0
+    assert error == pytest.approx(4.0 / way, rel=0.3)
+    assert 0.5 * error < np.median(path.sd_rpy[:, 1]) < 1.5 * error
 
 
 def _fused(receiver: Receiver, arm: FloatArray | None) -> FusionResult:

@@ -100,6 +100,24 @@ def unseen_errors(
     stated, heights err with them, however smooth they are. Positions need not err as heights do,
     which the air delays.
     """
+    left, _ = _unseen_shares(options, factors)
+    return stated_sd * np.sqrt(left)
+
+
+def unseen_changes(
+    stated_sd: FloatArray, seconds: float, options: FusionOptions, factors: Mapping[str, float]
+) -> FloatArray:
+    """Sigma NED [n, 3] m by which ``unseen_errors`` differ after ``seconds``: all but the constant
+    part, which is ``bias_share``, lasts as slow errors do."""
+    left, constant = _unseen_shares(options, factors)
+    gone = -2.0 * math.expm1(-seconds / options.wander_tau_s)
+    return stated_sd * np.sqrt(gone * (left - constant))
+
+
+def _unseen_shares(
+    options: FusionOptions, factors: Mapping[str, float]
+) -> tuple[FloatArray, FloatArray]:
+    """Variances NED [3] of unseen errors over those stated, and of their constant part."""
     slow, quick = _lasting(options, factors)
     level, down = (min(factors.get(name, 1.0), 1.0) for name in ("position_h", "position_v"))
     white = options.white_share * np.array([level, level, down])
@@ -107,7 +125,7 @@ def unseen_errors(
     grown = np.maximum(np.maximum.accumulate(slow) / options.wander_share, 1.0)
     lasts = grown * math.hypot(options.wander_share, options.bias_share)
     left = lasts**2 + options.multipath_share**2 + options.white_share**2 - shown
-    return stated_sd * np.sqrt(left)
+    return left, np.minimum((grown * options.bias_share) ** 2, left)
 
 
 def common_errors(fixes: Fixes, options: FusionOptions) -> FloatArray:

@@ -178,7 +178,7 @@ def sensor_input(drive: Drive) -> Path | None:
 
 STAGE = Stage(
     name="ingest",
-    version=19,
+    version=20,
     run=run,
     inputs=_inputs,
     needs=(),
