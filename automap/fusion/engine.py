@@ -8,32 +8,27 @@ from typing import IO
 
 import numpy as np
 
-from automap.errors import InputError
 from automap.frames import (
     matrix_to_quat,
     quat_to_matrix,
 )
 from automap.fusion import limits
 from automap.fusion.aside import ROWS
-from automap.fusion.delay_states import DELAY_STATE, LATENCY_STATE, WHEELS_STATE
+from automap.fusion.delay_states import WHEELS_STATE
 from automap.fusion.dense_pieces import MARGIN_S, dense_pieces
-from automap.fusion.gnss_only import smooth_fixes
 from automap.fusion.kernel_runs import Start
-from automap.fusion.layout import HAS_POS_H, HAS_POS_V
-from automap.fusion.measurements.position import age_sd_of, by_carrier
+from automap.fusion.layout import HAS_POS_V
+from automap.fusion.measurements.position import by_carrier
 from automap.fusion.mounting import Mounting, estimate_mounting
-from automap.fusion.nodes import FixModel, Shift, model_fixes
+from automap.fusion.nodes import Shift
 from automap.fusion.options import FusionOptions
 from automap.fusion.passes import Basis, Pass, Session, basis_of, run_passes, without_readings
+from automap.fusion.preparation import prepare
 from automap.fusion.problem import stored
-from automap.fusion.result import ARM_UP, FusionResult, Prior, WheelResult, assemble, collect
+from automap.fusion.result import FusionResult, Prior, WheelResult, assemble, collect
 from automap.fusion.screening import screen_fixes
-from automap.fusion.standstill import find_standstill, rest_gyro_bias, shown_speed, unmoved
-from automap.fusion.unread import longest_trip, over_holes
-from automap.fusion.unusable_readings import bridge_noise, bridge_unusable
-from automap.fusion.wheels import Wheels, prepare_wheels
+from automap.fusion.wheels import Wheels
 from automap.fusion.worse_stretches import WINDOWS, find_again, find_worse, fixes_in
-from automap.interpolation import LONGEST_GAP_S
 from automap.records import (
     ClockModel,
     Fixes,
@@ -47,8 +42,6 @@ _NO_NHC = ("imu_mounting", "nhc_lever_arm", "vehicle_pitch")
 _AGAIN = 2
 """Times at most that stretches of larger errors are found anew by a path that knows of them: one
 finds most of each, the next what the path followed until then, and each costs passes over all."""
-_OF_WHEELS = ("odometer_scale", "odometer_time_offset")
-"""What is estimated where a drive has wheel speed."""
 
 
 def fuse_imu_gnss(
@@ -84,103 +77,35 @@ def fuse_imu_gnss(
     Raises:
         InputError: fewer than two usable fixes within the IMU's span, or hardly any samples.
     """
-    if len(imu) < 10:
-        raise InputError(f"the IMU recording has only {len(imu)} usable samples; record longer")
-    made_noise: FloatArray | None = None
-    trips: list[str] = []
-    if np.diff(imu.t_ns).max() > LONGEST_GAP_S * 1e9:
-        alone = smooth_fixes(fixes, clock, options)
-        imu, trips = longest_trip(imu, alone)
-        imu, made_noise = over_holes(imu, alone)
-    base_ns = int(imu.t_ns[0])
-    bridged = bridge_unusable(imu)
-    imu = bridged.imu
-    if bridged.stretch_s.any():
-        gaps = options.gap_force_sd, options.gap_rate_sd
-        noise = bridge_noise(bridged.stretch_s, *gaps)
-        made_noise = noise if made_noise is None else made_noise + noise
-    fix_t = (clock.t_ns(fixes.gps_s) - base_ns) * 1e-9
-    stated = model_fixes(fixes, np.asarray(fix_t), options)
-    screened = screen_fixes(stated, options.wander_tau_s)
-    model = screened.fixes
-    t_imu = np.asarray((imu.t_ns - base_ns) * 1e-9)
-    span = (0.0, float(t_imu[-1]))
-    near = (model.t > span[0] - limits.FIX_EDGE_S) & (model.t < span[1] + limits.FIX_EDGE_S)
-    inside = near & ((model.flags & HAS_POS_H) > 0)
-    if int(inside.sum()) < limits.LEAST_FIXES:
-        raise InputError(
-            f"only {int(inside.sum())} usable fixes fall within the IMU recording "
-            f"({span[1]:.0f} s); check the clocks with 'automap check'"
-        )
-    speed_t, speed, speed_sd = shown_speed(model)
-    standstill = find_standstill(t_imu - delay.mean, imu.gyro, imu.accel, speed_t, speed, speed_sd)
-    standstill = unmoved([(a + delay.mean, b + delay.mean) for a, b in standstill], model)
-    rest_bias = rest_gyro_bias(t_imu, imu.gyro, standstill)
-    means = {DELAY_STATE: delay.mean}
-    sds = {DELAY_STATE: delay.sd}
-    effects = tuple(options.effects)
-    # a metre-grade receiver's own filter errs with every turn like an arm of its own, and all
-    # filters smooth the sway away by which velocities would tell how high the antenna is
-    arm_sd = np.zeros(3)
-    if "gnss_lever_arm" not in effects:
-        tells_arm = lever_arm is not None or _median_sd(model) < limits.ARM_TOLD_SD_M
-        arm_sd[2 if tells_arm else 0 :] = (
-            limits.UNKNOWN_ARM_SD_M if lever_arm is None else lever_arm_sd
-        )
-        effects = (*effects, "gnss_lever_arm") if tells_arm else effects
-    age_sd = 0.0 if delay_is_clock else age_sd_of(fixes, clock, options)
-    if delay.sd < limits.BETTER_KNOWN * age_sd and "gnss_latency" not in effects:
-        # the stamps are known better than the age of the fixes, which looks like their delay
-        effects = (*effects, "gnss_latency")
-        sds[LATENCY_STATE] = age_sd
-    if "gnss_latency" in effects:
-        age_sd = 0.0
-    if rest_bias is not None:
-        for axis, value in zip("xyz", rest_bias, strict=True):
-            means[f"gyro_bias_{axis}"] = float(value)
-            sds[f"gyro_bias_{axis}"] = limits.REST_BIAS_SD
-    wheels = prepare_wheels(odometer, base_ns, span, model, options)
-    readings = None if wheels is None else wheels.odometer
-    if readings is not None:
-        effects = (*effects, *(e for e in _OF_WHEELS if e not in effects))
-    options = replace(options, effects=effects)
-    session = Session(imu, model, options, standstill, means, sds, span, readings)
-    session = replace(session, made_noise=made_noise)
-    warnings = [*trips, *(wheels.warnings if wheels else ())]
-
+    session, known = prepare(
+        *(imu, fixes, clock, options, delay),
+        *(lever_arm, lever_arm_sd, roll_sd, delay_is_clock, odometer),
+    )
+    axes_known, base_ns = imu.axes_known, int(session.imu.t_ns[0])
+    del imu
+    options, warnings = session.options, known.warnings
     mounting = Mounting(np.eye(3), np.zeros(3), np.zeros(3))
     start: Start | None = None
     shift: Shift | None = None
     margin = np.inf
-    # level is what the IMU says it is: the constraint cannot tell the roll of the mounting
-    known_sds = {"imu_mounting_roll": max(roll_sd, limits.KNOWN_ROLL_SD)}
-    known_means: dict[str, float] = {}
-    if lever_arm is not None:
-        known_means |= {
-            f"gnss_lever_arm_{a}": float(v) for a, v in zip("xyz", lever_arm, strict=True)
-        }
-        known_sds |= dict.fromkeys(known_means, lever_arm_sd)
-        # one that is held at what is wrong by half a metre would bend delays and the arm's others
-        if arm_sd[2]:
-            known_sds[ARM_UP] = limits.HELD_ARM_SD_M
-    if not imu.axes_known:
-        free = replace(options, effects=tuple(e for e in effects if e not in _NO_NHC))
-        loose = replace(session, options=free)
+    known_means, known_sds = known.in_vehicle
+    if not axes_known:
         progress(0.05, "fusing in sensor axes to find the mounting")
-        basis = _basis_of(loose, scratch)
-        last, found = run_passes(loose, None, constrained=False, basis=basis)
+        free = replace(options, effects=tuple(e for e in options.effects if e not in _NO_NHC))
+        loose = replace(session, options=free)
+        last, found = run_passes(loose, None, constrained=False, basis=_basis_of(loose, scratch))
         margin = found.margin
         mounting = _mounting_of(last)
         session, start = _turn(session, last, mounting)
         shift = last.shift
         # what gravity and turns left open stays open, also in the vehicle's roll
-        known_sds["imu_mounting_roll"] = float(mounting.sd[0])
-        del loose, last, found, basis
-    session = replace(session, means=session.means | known_means, sds=session.sds | known_sds)
-    axes_known = imu.axes_known
-    basis, session = _basis_of(session, scratch), without_readings(session)
+        known_sds = {**known_sds, "imu_mounting_roll": float(mounting.sd[0])}
+        del loose, last, found
+    session = replace(
+        session, means={**session.means, **known_means}, sds={**session.sds, **known_sds}
+    )
     # of a long drive the readings are as large again as what is made of them
-    del imu, bridged, t_imu, made_noise
+    basis, session = _basis_of(session, scratch), without_readings(session)
     progress(0.3, "fusing")
     last, found = run_passes(
         session,
@@ -190,13 +115,14 @@ def fuse_imu_gnss(
         found=shift,
         basis=basis,
     )
+    screened = known.screened
     worse, window_s = None, WINDOWS * options.multipath_tau_s
     # a carrier-phase solution is as good as it says, from one moment to the next
     if options.adapt and not by_carrier(fixes):
         worse = find_worse(last, window_s, len(fixes))
     again = 0
     while worse is not None:
-        screened = screen_fixes(fixes_in(stated, worse), options.wander_tau_s)
+        screened = screen_fixes(fixes_in(known.stated, worse), options.wander_tau_s)
         session = replace(session, fixes=screened.fixes)
         start, shift = found.start, last.shift
         del last
@@ -232,11 +158,11 @@ def fuse_imu_gnss(
         warnings,
         axes_known,
         delay_is_clock,
-        arm_sd,
-        age_sd,
+        known.arm_sd,
+        known.age_sd,
         worse,
     )
-    return replace(result, wheels=_wheels_of(wheels, result, delay_is_clock))
+    return replace(result, wheels=_wheels_of(known.wheels, result, delay_is_clock))
 
 
 def _wheels_of(
@@ -256,12 +182,6 @@ def _wheels_of(
         # IMU and wheels share the clock that is off against the fixes
         late = replace(late, mean=late.mean - result.delay.mean)
     return WheelResult(wheels, replace(scale, mean=1.0 + scale.mean), late)
-
-
-def _median_sd(model: FixModel) -> float:
-    """The level accuracy that fixes state, m."""
-    has = (model.flags & HAS_POS_H) > 0
-    return float(np.median(model.stated_sd[has, :2])) if has.any() else np.inf
 
 
 def _basis_of(session: Session, scratch: IO[bytes] | None) -> Basis:
