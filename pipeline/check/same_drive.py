@@ -115,10 +115,9 @@ def other_drive(
         return None
     where, strange, likely, there = "", seen, whole.log_odds, fixes
     stamps = (clock.t_ns(fixes.gps_s) - int(imu.t_ns[0])) * 1e-9
-    # what positions err by comes and goes, and with it what ways between them scatter by
-    for i in range(1, 1 if of_positions else len(pieces)):
+    for i in range(1, len(pieces)):
         sides = [together([p.seen for p in part]) for part in (pieces[:i], pieces[i:])]
-        odds = [likeness(side, worse).log_odds for side in sides]
+        odds = [likeness(a, worse, b).log_odds for a, b in (sides, sides[::-1])]
         k = int(np.argmin(odds))
         if max(odds) > CERTAIN_LEAD_NATS and odds[k] < likely:
             at = f"{pieces[i].start_s:.0f} s after the first reading"

@@ -91,6 +91,21 @@ def test_velocities_that_are_mostly_noise_are_no_other_drive() -> None:
     assert told(readings(2), fixes) is not None
 
 
+def test_positions_that_err_between_houses_are_no_other_drive() -> None:
+    """Velocities between them, twice a second, of which the readings explain a third in all, and of
+    the first pieces next to nothing: more than those of another drive do of any."""
+    fixes = receive(city_drive(SECONDS, 1), Receiver(rate=2.0), 1)
+    t = fixes.gps_s - fixes.gps_s[0]
+    there = np.sin(2.0 * np.pi * t / 60.0) > 0.0
+    error = np.random.default_rng(5).normal(0.0, 0.2, (len(fixes), 3))
+    error[there] *= 10.0
+    rough = replace(fixes, vel_ned=fixes.vel_ned + np.gradient(error, fixes.gps_s, axis=0))
+    assert told(readings(1), rough) is None
+    text = told(readings(2), rough)
+    assert text is not None
+    assert "are of two drives: they explain" in text
+
+
 @pytest.mark.parametrize(
     "axes", others_slow([np.diag([1.0, -1.0, 1.0]), np.roll(np.eye(3), 1, axis=0), -np.eye(3)])
 )
