@@ -19,6 +19,7 @@ from automap.fusion.options import FusionOptions
 from automap.fusion.result import FusionResult, Prior
 from automap.fusion.weighed import level_sd
 from automap.records import ClockModel, Fixes, FloatArray, Trajectory
+from automap.sync.limits import DELAY_SD_S
 from automap.sync.velocity_findings import VelocityConsistency
 
 
@@ -59,6 +60,15 @@ class Judged:
     def old_s(self) -> float:
         """Sigma, s, of what dates the path."""
         return math.hypot(age_sd_of(self.fixes, self.clock, self.options), self.result.delay.sd)
+
+    @property
+    def velocity_late_s(self) -> float:
+        """By how much, s, velocities may be told late: as the motions that IMU and receiver share
+        tell, no more than the fixes are of earlier instants than their stamps."""
+        by_motions = self.delay_is_clock and self.clock.method != "arrival"
+        if by_motions or LATENCY_STATE in self.found:
+            return DELAY_SD_S
+        return min(max(-self.result.delay.mean, 0.0) + self.delay.sd, DELAY_SD_S)
 
     def known(self, lean: float) -> Iterator[tuple[slice, Trajectory]]:
         """The path's stretches as sure as it is of a mounting that leans by ``lean`` rad, of a

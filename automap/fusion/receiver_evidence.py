@@ -58,7 +58,7 @@ def of_fixes(
     readings ``free`` by themselves, with the antenna at ``arm`` [3] m; ``felt``: nothing speaks
     against these."""
     start = float(path.gps_s[0])
-    reasons = receiver_doubts(drive.receiver, start, felt)
+    reasons = receiver_doubts(drive.receiver, start, felt, drive.velocity_late_s)
     reasons += smoothed_doubts(drive.fixes, drive.receiver)
     reasons += accuracy_doubts(drive.fixes, drive.options)
     reasons += separation_doubts(drive.fixes, reasons)

@@ -135,6 +135,9 @@ def test_late_positions_are_told_dated_back_and_unsure_by_it() -> None:
     assert reason.code == "positions_late"
     # what is left is how late the velocities are themselves
     assert 0.5 < reason.late_s < 0.6
+    (known,) = receiver_doubts(found, 0.0, velocity_late_s=0.2)
+    assert (reason.state, known.state) == ("doubtful", "good")
+    assert known.late_s == pytest.approx(reason.late_s - 0.3)
     back = usable_fixes(late, found)
     north = metres_per_radian(float(fixes.lat_rad[0]), 0.0)[0]
     off = np.abs(back.lat_rad - fixes.lat_rad) * north

@@ -29,13 +29,15 @@ from automap.io.drive import load_drive
 from automap.io.recording import read_recording
 from automap.records import ClockModel, DriveClocks, Fixes, ImuData
 from automap.sync.velocity_consistency import velocity_consistency
+from automap.sync.velocity_findings import VelocityConsistency
 from pipeline.check.same_drive import usable_receiver
 from pipeline.run.fusion_inputs import _delay_prior
 from tests.unit.foreign_tables import SAMPLE
-from tests.unit.fusion_drive import CLOCK, Sensor, record
+from tests.unit.fusion_drive import CLOCK, Sensor, errors, record
 from tests.unit.fusion_fixes import town_fixes
 from tests.unit.fusion_motion import city_drive
 from tests.unit.fusion_receiver import GPS0, Receiver, receive
+from tests.unit.test_fusion_doubted_sigmas import with_late_positions
 
 BY_MOTION = replace(CLOCK, method="correlation", sd_offset_s=0.02)
 LEVER = (0.3, 0.2, -1.1)
@@ -80,6 +82,7 @@ def fused(
     lever: tuple[float, float, float] = LEVER,
     logged: Callable[[Fixes], Fixes] = lambda fixes: fixes,
     read: Callable[[ImuData], ImuData] = lambda imu: imu,
+    found: VelocityConsistency | None = None,
 ) -> tuple[FusionResult, Weighed]:
     """A drive of three minutes, and what is said of its path."""
     motion = city_drive(180.0, 4)
@@ -87,7 +90,7 @@ def fused(
     delay, is_clock = _delay_prior(DriveClocks(clock, "boot_ns"), 0.05)
     arm, options = np.array(lever), FusionOptions()
     result = fuse_imu_gnss(imu, fixes, clock, options, delay, arm, delay_is_clock=is_clock)
-    seen = velocity_consistency(fixes)
+    seen = velocity_consistency(fixes) if found is None else found
     with TemporaryFile() as file:
         aside = put_aside(result.path_run(), result.t_ns, file)
         weighed = weigh(
@@ -111,6 +114,31 @@ def test_late_velocities_beside_prompt_positions_are_no_contradiction() -> None:
     assert impossible_ages(found, dated_by_arrival=False) == []
     prior = Prior(-0.1, 0.1)
     assert unexpected_delay(found, prior.mean, prior.sd, 10.0)[0].code == "delay_unexpected"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("clock_late_s", [0.0, 0.6])
+def test_stamps_say_how_late_velocities_beside_later_positions_are(clock_late_s: float) -> None:
+    """Positions that a filter makes late are dated back by the velocities; by arrival times these
+    are known to be late by no more than the stamps are early."""
+    clock = replace(CLOCK, ref_gps_s=CLOCK.ref_gps_s - clock_late_s, method="arrival")
+    fixes = with_late_positions(receive(city_drive(180.0, 4), Receiver(lever=LEVER), 5), 0.9)
+    found = velocity_consistency(fixes)
+    back = usable_fixes(fixes, found)
+    result, weighed = fused(Receiver(lever=LEVER), clock, logged=lambda _: back, found=found)
+    assert result.delay.mean == pytest.approx(-clock_late_s, abs=0.1)
+    (reason,) = (r for r in weighed.verdict.reasons if r.code == "positions_late")
+    error = errors(weighed.trajectory, city_drive(180.0, 4))[:, :2]
+    inside = np.hypot(*(error / weighed.trajectory.sd_pos_ned[:, :2]).T) < np.sqrt(
+        gate(OUTSIDE_95, 2)
+    )
+    assert inside.mean() > 0.95
+    if clock_late_s:
+        assert reason.state == "doubtful"
+        assert reason.late_s > 0.5
+    else:
+        assert reason.state == "good"
+        assert reason.late_s < 0.3
 
 
 def overshot(fixes: Fixes) -> Fixes:

@@ -113,15 +113,19 @@ def dated_velocities(fixes: Fixes, found: VelocityConsistency) -> Fixes:
 
 
 def receiver_doubts(
-    found: VelocityConsistency, start_gps_s: float, felt: bool = False
+    found: VelocityConsistency,
+    start_gps_s: float,
+    felt: bool = False,
+    velocity_late_s: float = DELAY_SD_S,
 ) -> list[Reason]:
     """Reasons of a receiver that contradicts itself; ``start_gps_s`` of the path's first row,
-    ``felt``: an IMU feels the speeds of its positions.
+    ``felt``: an IMU feels the speeds of its positions; its velocities may be ``velocity_late_s``
+    late.
 
     What was left out leaves the path as sure as it says. Where positions and velocities part, and
     nothing says which is wrong, the path may be off by as much.
     """
-    return list(_doubts(found, start_gps_s, felt))
+    return list(_doubts(found, start_gps_s, felt, velocity_late_s))
 
 
 def accuracy_doubts(fixes: Fixes, options: FusionOptions) -> list[Reason]:
@@ -165,7 +169,9 @@ def overstated(misses: Misses) -> list[Reason]:
     ]
 
 
-def _doubts(found: VelocityConsistency, start: float, felt: bool) -> Iterator[Reason]:
+def _doubts(
+    found: VelocityConsistency, start: float, felt: bool, velocity_late_s: float
+) -> Iterator[Reason]:
     held = dict(
         zip(
             _HELD,
@@ -201,7 +207,9 @@ def _doubts(found: VelocityConsistency, start: float, felt: bool) -> Iterator[Re
             )
             # velocities have an age, and a filter that follows slowly is late by differing times:
             # how much more by one than by the other, what the path sees of the rest is in its noise
-            yield Reason(reason.code, text, late_s=found.lateness_apart_s + DELAY_SD_S)
+            late_s = found.lateness_apart_s + velocity_late_s
+            state: State = "doubtful" if velocity_late_s >= DELAY_SD_S else "good"
+            yield Reason(reason.code, text, state=state, late_s=late_s)
             continue
         if reason.code == "positions_straight":
             text = f"the receiver's {reason.text}; log the receiver's own"
@@ -212,7 +220,7 @@ def _doubts(found: VelocityConsistency, start: float, felt: bool) -> Iterator[Re
             if max(i.seconds for i in held[reason.code]) < limits.HELD_S:
                 continue
             spans = _spans(held[reason.code], start)
-        state: State = "good" if reason.code in ("course_coarse", "height_held") else "doubtful"
+        state = "good" if reason.code in ("course_coarse", "height_held") else "doubtful"
         text = f"the receiver's {reason.text}{_LEFT_OUT}"
         yield Reason(reason.code, text, spans, state=state, handled=True)
     if found.unrelated:
