@@ -1,4 +1,4 @@
-"""Which country's set of signs the classes of a list are of.
+"""Which country's signs a list has: by its codes, or else by the set that its classes are of.
 
 A face is one of those that stand in the country, or now and then a strange one, as the classifier
 takes it to be. What every set has tells nothing, and a face tells once, however often it stands
@@ -11,13 +11,24 @@ import math
 from collections.abc import Iterable
 from functools import cache
 
-from automap.inventory.limits import SURE
+from automap.inventory.limits import SURE, TOLD_BY_CHANCE
 from automap.signs.classes import country_set
-from automap.signs.codes import face_of
+from automap.signs.codes import countries_of, face_of
 from automap.vision.limits import FOREIGN
 
 _SETS = ("DE", "AU")
 """Countries by whose sets the table of classes goes."""
+
+
+def country_of_list(codes: Iterable[str], listed: Iterable[str]) -> str | None:
+    """The country of nine in ten of the ``codes`` that tell one, in ISO 3166; by the classes
+    ``listed`` where none does."""
+    told = countries_of(codes)
+    del told["VIENNA"]
+    if not told:
+        return country_of_classes(listed)
+    country, count = told.most_common(1)[0]
+    return country if count >= SURE * told.total() else None
 
 
 def country_of_classes(listed: Iterable[str]) -> str | None:
@@ -33,7 +44,7 @@ def country_of_classes(listed: Iterable[str]) -> str | None:
         odds[place] = len(told - faces) * math.log(FOREIGN) - len(told) * math.log(whole)
     best = max(odds, key=lambda place: odds[place])
     likely = 1.0 / sum(math.exp(value - odds[best]) for value in odds.values())
-    return best if likely >= SURE else None
+    return best if likely >= 1.0 - TOLD_BY_CHANCE else None
 
 
 @cache

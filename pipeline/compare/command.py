@@ -66,7 +66,7 @@ def compare_with_inventory(
     )
     from automap.export.inventory_style import comparison_styles
     from automap.inventory.comparison import compare_inventory
-    from automap.inventory.country import country_of_classes
+    from automap.inventory.country import country_of_list
     from automap.io.inventory_file import read_inventory
     from automap.signs.classes import country_set, load_classes
     from automap.signs.national import country_code
@@ -94,7 +94,7 @@ def compare_with_inventory(
     at_home = len(country_set(driven)) < len(load_classes())
     shares, left_out = _class_shares(products, signs), _left_out(folder, warnings)
     if any(shares) and not driven:
-        warnings += no_country(folder, country or country_of_classes(listed.class_name))
+        warnings += no_country(folder, country or country_of_list(read.codes, listed.class_name))
     country = country or driven
     result = compare_inventory(signs, listed, drives, shares, at_home, left_out)
     doubtful, findings = doubts(result, signs, listed, inventory, placeless(read, country))

@@ -83,9 +83,10 @@ def _tell_unread(codes: list[str], country: str | None, path: Path, warnings: li
             unsure[f"{code!r}, which may be {' or '.join(shown + more)}"] += 1
         elif not names:
             unknown[repr(code)] += 1
+    catalogue = f"read as {country}'s; --country names another" if country else "named by --country"
     for told, have, advice in (
-        (unknown, "not known", "--country names the catalogue."),
-        (unsure, "of several classes", "Write the class; --country names the catalogue of codes."),
+        (unknown, "not known", f"The catalogue is {catalogue}."),
+        (unsure, "of several classes", f"Write the class; the catalogue of codes is {catalogue}."),
     ):
         if told:
             most = "; ".join(f"{what} ({n})" for what, n in told.most_common(5))
