@@ -13,7 +13,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial import cKDTree
 from scipy.special import pdtr
 
 from automap.earth import from_local_ned, metres_per_radian
@@ -130,11 +129,12 @@ def of_stretches(
     # places of one sign agree to no better than the extent of its face
     own = np.array([s.covariance - np.diag(s.path_sd**2) for s in seen])
     own += limits.FACE_SD_M**2 * np.eye(3)
-    for a, b in _near_pairs(place, own).tolist():
-        together = stretch[a] == stretch[b] and camera[a] == camera[b]
-        if together and turn[a] == turn[b] and not seen_beside(frames[a], frames[b]):
-            turn[b] += 1.0
-    looks = np.column_stack([stretch, camera, turn])
+    looks = np.column_stack([stretch, camera])
+    for group in _same_rows(looks):
+        for a, b in group[_near_pairs(place[group], own[group])].tolist():
+            if turn[a] == turn[b] and not seen_beside(frames[a], frames[b]):
+                turn[b] += 1.0
+    looks = np.column_stack([looks, turn])
     drive = np.unique(looks, axis=0, return_inverse=True)[1].ravel()
     order = np.lexsort([time_s, drive])
     seen, own, time_s, drive = [seen[k] for k in order], own[order], time_s[order], drive[order]
@@ -160,17 +160,18 @@ def of_stretches(
     )  # fmt: skip
 
 
+def _same_rows(table: FloatArray) -> list[IntArray]:
+    """Numbers of the rows that are the same, ascending, of each kind of row."""
+    members = Members(np.unique(table, axis=0, return_inverse=True)[1].ravel())
+    return np.split(members.order, members.edges[1:-1])
+
+
 def _near_pairs(place: FloatArray, own: FloatArray) -> IntArray:
     """Pairs [k, 2] of places [n, 3] that may be one by what they are off ``own`` [n, 3, 3], m^2:
     from afar a sign is placed metres off along the line of sight."""
-    near = cKDTree(place).query_pairs(limits.TWICE_REACH_M, output_type="ndarray")
-    square = gate(limits.APART_PROBABILITY, 3)
-    reach = np.sqrt(2.0 * square * np.linalg.eigvalsh(own)[:, 2])
-    found = cKDTree(place).query_ball_point(place, reach)
-    a = np.repeat(np.arange(len(place)), [len(k) for k in found])
-    b = np.concatenate([np.array(k, np.int64) for k in found])
-    a, b = a[a != b], b[a != b]
-    apart = place[a] - place[b]
-    good = np.einsum("ki,kij,kj->k", apart, np.linalg.inv(own[a] + own[b]), apart) < square
-    pairs = np.unique(np.vstack([near, np.sort(np.column_stack([a, b])[good], axis=1)]), axis=0)
-    return np.asarray(pairs[np.lexsort(pairs.T)])
+    second, first = np.tril_indices(len(place), -1)
+    apart = place[first] - place[second]
+    weighted = np.linalg.solve(own[first] + own[second], apart[:, :, None])[:, :, 0]
+    near = np.einsum("ki,ki->k", apart, weighted) < gate(limits.APART_PROBABILITY, 3)
+    near |= np.linalg.norm(apart, axis=1) <= limits.TWICE_REACH_M
+    return np.asarray(np.column_stack([first, second])[near], np.int64)
