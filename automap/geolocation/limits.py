@@ -265,10 +265,11 @@ is so at 2.7 and 2.4 m. On eight drives in drawn streets it was none to one in f
 PASS_S = 30.0
 """Longer without a view of a sign is another pass: no block is driven round sooner."""
 APART_PROBABILITY = 1e-3
-"""A sign that is seen twice at a time is taken for two so rarely."""
+"""A sign that is seen twice at a time, or whose far boxes place it elsewhere, is taken for two so
+rarely."""
 TWICE_REACH_M = 3.0
-"""Two tracks of one sign are placed no further apart. Chosen: a sign is seen to half a metre or so,
-and posts are no nearer than half of that."""
+"""Two tracks of one sign are placed no further apart, unless what they are off on their own allows
+more. Chosen: a sign is seen to half a metre or so, and posts are no nearer than half of that."""
 FACE_SD_M = 0.1
 """Places of one sign agree to no better than this: the extent of its face."""
 

@@ -13,10 +13,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial import cKDTree
 from scipy.special import pdtr
 
 from automap.earth import from_local_ned, metres_per_radian
+from automap.gates import gate
 from automap.geolocation import limits
 from automap.geolocation.control import match_control
 from automap.geolocation.sightings import Sighting, class_of
@@ -122,24 +122,25 @@ def of_stretches(
     sees a sign once: of two near one another that are not seen beside one another in their
     ``frames`` [n], as two tracks of one sign, the second is another drive's. ``row`` are their
     numbers. What only a map's signs inherit is not told."""
-    time_s, camera = np.array([(s.time_s, s.camera) for s in sightings]).T
+    seen = list(sightings)
+    time_s, camera = np.array([(s.time_s, s.camera) for s in seen]).T
     stretch = np.floor((time_s - time_s.min()) / limits.PASS_S)
-    turn, place = np.zeros(len(sightings)), np.array([s.position for s in sightings])
-    pairs = cKDTree(place).query_pairs(limits.TWICE_REACH_M, output_type="ndarray")
-    for a, b in pairs[np.lexsort(pairs.T)].tolist():
-        together = stretch[a] == stretch[b] and camera[a] == camera[b]
-        if together and turn[a] == turn[b] and not seen_beside(frames[a], frames[b]):
-            turn[b] += 1.0
-    looks = np.column_stack([stretch, camera, turn])
-    drive = np.unique(looks, axis=0, return_inverse=True)[1].ravel()
-    order = np.lexsort([time_s, drive])
-    seen, time_s, drive = [sightings[k] for k in order], time_s[order], drive[order]
-    n = len(seen)
-    lat, lon, height = from_local_ned(place[order], origin)
-    per_lat, per_lon = metres_per_radian(lat, height)
+    turn, place = np.zeros(len(sightings)), np.array([s.position for s in seen])
     # places of one sign agree to no better than the extent of its face
     own = np.array([s.covariance - np.diag(s.path_sd**2) for s in seen])
     own += limits.FACE_SD_M**2 * np.eye(3)
+    looks = np.column_stack([stretch, camera])
+    for group in _same_rows(looks):
+        for a, b in group[_near_pairs(place[group], own[group])].tolist():
+            if turn[a] == turn[b] and not seen_beside(frames[a], frames[b]):
+                turn[b] += 1.0
+    looks = np.column_stack([looks, turn])
+    drive = np.unique(looks, axis=0, return_inverse=True)[1].ravel()
+    order = np.lexsort([time_s, drive])
+    seen, own, time_s, drive = [seen[k] for k in order], own[order], time_s[order], drive[order]
+    n = len(seen)
+    lat, lon, height = from_local_ned(place[order], origin)
+    per_lat, per_lon = metres_per_radian(lat, height)
     effect = np.array([s.size_effect for s in seen])
     classes, code = np.unique([s.class_name for s in seen], return_inverse=True)
     unknown, none = np.full(n, np.nan), np.full(n, "", np.object_)
@@ -157,3 +158,20 @@ def of_stretches(
         sd_above_road_m=unknown, size_m=unknown, side=none, status=none,
         by_size_e_m=effect[:, 1], by_size_n_m=effect[:, 0], by_size_u_m=-effect[:, 2],
     )  # fmt: skip
+
+
+def _same_rows(table: FloatArray) -> list[IntArray]:
+    """Numbers of the rows that are the same, ascending, of each kind of row."""
+    members = Members(np.unique(table, axis=0, return_inverse=True)[1].ravel())
+    return np.split(members.order, members.edges[1:-1])
+
+
+def _near_pairs(place: FloatArray, own: FloatArray) -> IntArray:
+    """Pairs [k, 2] of places [n, 3] that may be one by what they are off ``own`` [n, 3, 3], m^2:
+    from afar a sign is placed metres off along the line of sight."""
+    second, first = np.tril_indices(len(place), -1)
+    apart = place[first] - place[second]
+    weighted = np.linalg.solve(own[first] + own[second], apart[:, :, None])[:, :, 0]
+    near = np.einsum("ki,ki->k", apart, weighted) < gate(limits.APART_PROBABILITY, 3)
+    near |= np.linalg.norm(apart, axis=1) <= limits.TWICE_REACH_M
+    return np.asarray(np.column_stack([first, second])[near], np.int64)

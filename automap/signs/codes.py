@@ -7,7 +7,8 @@ the Vienna Convention whose faces the table has.
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Iterable, Sequence
 from functools import cache
 
 from automap.signs.classes import load_classes
@@ -139,6 +140,17 @@ def readings_of(texts: Sequence[str], country: str | None = None) -> list[list[s
     ]
 
 
+def countries_of(texts: Iterable[str]) -> Counter[str]:
+    """How many different codes say whose they are (ISO 3166, or of no country, VIENNA), or stand in
+    one country's catalogue alone."""
+    told: Counter[str] = Counter()
+    for where, code in {_code(text, None) for text in texts}:
+        having = [c for c in _CATALOGUES if (c, code) in _by_code()]
+        told[where or (having[0] if len(having) == 1 else "")] += 1
+    del told[""]
+    return told
+
+
 def _code(text: str, country: str | None) -> tuple[str, str]:
     """Country and code in the table's form: ``de: Zeichen 274 [60]`` is DE, 274-60."""
     # of "274-60,1040-30" what follows the comma are plates beneath
@@ -147,8 +159,10 @@ def _code(text: str, country: str | None) -> tuple[str, str]:
     where = where.strip() or (country or "").upper()
     rest = re.sub(r"[\s_]+", "", rest).replace("(", "[").replace(")", "]")
     if where in ("", "DE", "AT", "CH") or rest[:1] in "ZVN":
-        rest = _PREFIX.sub("", rest).replace(".", "-")
-        rest = re.sub(r"\[(\d+)(?:KM/?H)?\]$", r"-\1", rest)
+        rest = _PREFIX.sub("", rest)
+        # others begin with a letter, and have the number in brackets
+        if rest[:1].isdigit():
+            rest = re.sub(r"\[(\d+)(?:KM/?H)?\]$", r"-\1", rest.replace(".", "-"))
     return where, rest
 
 

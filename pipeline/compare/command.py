@@ -66,11 +66,12 @@ def compare_with_inventory(
     )
     from automap.export.inventory_style import comparison_styles
     from automap.inventory.comparison import compare_inventory
+    from automap.inventory.country import country_of_list
     from automap.io.inventory_file import read_inventory
     from automap.signs.classes import country_set, load_classes
     from automap.signs.national import country_code
     from pipeline.compare.doubts import doubts
-    from pipeline.compare.listing import listed_signs, placeless, without_repeats
+    from pipeline.compare.listing import listed_signs, no_country, placeless, without_repeats
     from pipeline.compare.report import comparison_report
     from pipeline.shared.run_record import country_of, drive_of, results_of
 
@@ -86,13 +87,15 @@ def compare_with_inventory(
     read = read_inventory(inventory, columns, crs, layer, near if signs else None)
     warnings += read.warnings
     driven = country_of(products.json(names.RUN))
-    country = country or driven
     named = {sign.class_name for sign in signs}
-    listed, rows_of = listed_signs(read, country, inventory, warnings, named)
+    listed, rows_of = listed_signs(read, country or driven, inventory, warnings, named)
     listed, rows_of = without_repeats(listed, rows_of, read, signs, inventory, warnings)
     drives = _drives(folder, warnings)
     at_home = len(country_set(driven)) < len(load_classes())
     shares, left_out = _class_shares(products, signs), _left_out(folder, warnings)
+    if any(shares) and not driven:
+        warnings += no_country(folder, country or country_of_list(read.codes, listed.class_name))
+    country = country or driven
     result = compare_inventory(signs, listed, drives, shares, at_home, left_out)
     doubtful, findings = doubts(result, signs, listed, inventory, placeless(read, country))
     warnings += doubtful

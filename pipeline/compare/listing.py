@@ -16,6 +16,7 @@ from automap.mapping.grid import east_north
 from automap.mapping.limits import MOVED_M
 from automap.records import Sign
 from automap.records.sign_lists import numbers_of
+from automap.signs.classes import country_set, load_classes
 from automap.signs.codes import classes_of, face_of, readings_of
 
 _SHOWN = 3
@@ -82,9 +83,10 @@ def _tell_unread(codes: list[str], country: str | None, path: Path, warnings: li
             unsure[f"{code!r}, which may be {' or '.join(shown + more)}"] += 1
         elif not names:
             unknown[repr(code)] += 1
+    catalogue = f"read as {country}'s; --country names another" if country else "named by --country"
     for told, have, advice in (
-        (unknown, "not known", "--country names the catalogue."),
-        (unsure, "of several classes", "Write the class; --country names the catalogue of codes."),
+        (unknown, "not known", f"The catalogue is {catalogue}."),
+        (unsure, "of several classes", f"Write the class; the catalogue of codes is {catalogue}."),
     ):
         if told:
             most = "; ".join(f"{what} ({n})" for what, n in told.most_common(5))
@@ -92,6 +94,18 @@ def _tell_unread(codes: list[str], country: str | None, path: Path, warnings: li
             warnings.append(
                 f"{path}: {signs} {have}, such as {most}; classes are not compared there. {advice}"
             )
+
+
+def no_country(folder: Path, country: str | None) -> list[str]:
+    """What to say of a map whose drives name no country, where the list's is one of those whose
+    set of signs is known."""
+    if len(country_set(country)) == len(load_classes()):
+        return []
+    return [
+        f"{folder}: its drives name no country, so that their faces were read among those of all. "
+        f'The list is of signs of {country}: with country = "{country}" in [site] of drive.toml a '
+        "new run names more of them, and tells more of what the list has wrong."
+    ]
 
 
 def _entries(read: InventoryFile, path: Path, warnings: list[str]) -> tuple[list[int], list[str]]:

@@ -77,9 +77,11 @@ def export_run(
     write(content, path)
     beside = path.parent / names.PICTURES
     if content.pictures and fmt in _NAME_PICTURES and not beside.is_dir():
+        # "to .." would be the folder above
+        there = "this folder" if path.parent == Path() else path.parent
         content.warnings.append(
             f"{path} names the pictures of its signs as files of {names.PICTURES} beside it; copy "
-            f"the folder {out / names.PICTURES} to {path.parent}."
+            f"the folder {out / names.PICTURES} to {there}."
         )
     write_dictionary(path.with_name(names.DICTIONARY))
     if fmt in TRAJECTORY_FORMATS:

@@ -4,9 +4,9 @@
 a map without errors of its own kind, for one drive as it usually is (8 % missed, 3 % false, 3 %
 misread) and for merged maps of two, three and five such, per kind: due; all statements told,
 their precision and recall; the sure ones, likewise. "At most" is the recall that an order by the
-map's own beliefs leaves to whoever knows every pair, where nine of ten are to be right: of new
-signs beside what is none, of wrong classes beside misread ones. Then how often statements of each
-probability were right.
+map's own beliefs leaves to whoever knows every pair, where nine of ten of each list are to be
+right: of new signs beside what is none, of wrong classes beside misread ones. Then how often
+statements of each probability were right.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ def main(seeds: int, first: int) -> None:
     ):
         rows: dict[str, list[tuple[float, bool, bool]]] = {kind: [] for kind in KINDS}
         wanted = dict.fromkeys(KINDS, 0)
-        beliefs: dict[str, list[tuple[float, bool]]] = {"new": [], "class": []}
+        beliefs: dict[str, list[list[tuple[float, bool]]]] = {"new": [], "class": []}
         for seed in range(first, first + seeds):
             rng, town, drives, truth, signs = make(seed)
             case = faulty(rng, town)
@@ -53,7 +53,7 @@ def main(seeds: int, first: int) -> None:
                     right = correct(finding, case, truth)
                     rows[finding.kind].append((finding.probability, right, finding.sure))
             for kind, told in believed(signs, case, truth).items():
-                beliefs[kind] += told
+                beliefs[kind].append(told)
         print(f"{label}\n  kind       due  told  prec  rec   sure  prec  rec")
         for kind in KINDS:
             print(f"  {kind:8} {wanted[kind]:5}", end="")
@@ -86,12 +86,15 @@ def believed(
     return told
 
 
-def at_most(beliefs: list[tuple[float, bool]]) -> float:
-    """The largest recall of the most believed, as long as ``SURE`` of them are due."""
-    right = np.array([due for _, due in sorted(beliefs, reverse=True)], np.float64)
-    found = np.cumsum(right)
-    good = found >= SURE * np.arange(1, len(right) + 1)
-    return float(found[good].max(initial=0.0) / max(right.sum(), 1.0))
+def at_most(lists: Sequence[list[tuple[float, bool]]]) -> float:
+    """The largest recall of the most believed of each list, as long as ``SURE`` of them are due."""
+    best = total = 0.0
+    for beliefs in lists:
+        right = np.array([due for _, due in sorted(beliefs, reverse=True)], np.float64)
+        found = np.cumsum(right)
+        good = found >= SURE * np.arange(1, len(right) + 1)
+        best, total = best + float(found[good].max(initial=0.0)), total + float(right.sum())
+    return best / max(total, 1.0)
 
 
 if __name__ == "__main__":

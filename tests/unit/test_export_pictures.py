@@ -216,10 +216,11 @@ def test_after_a_review_each_sign_still_has_its_street_and_names_files_that_are_
 
 
 def test_a_file_that_is_written_elsewhere_is_told_to_want_the_pictures_beside_it(
-    tmp_path: Path,
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     out, away = write_run(tmp_path / "out"), tmp_path / "away"
     away.mkdir()
+    monkeypatch.chdir(away)
     views = choose_views(observations([30.0, 60.0]), ["s0001"])
     write_pictures(out, [Picture(view, small_picture(), None) for view in views])
 
@@ -228,6 +229,7 @@ def test_a_file_that_is_written_elsewhere_is_told_to_want_the_pictures_beside_it
 
     (text,) = told("csv", away / "signs.csv")
     assert str(out / names.PICTURES) in text
+    assert told("csv", Path("signs.csv"))[0].endswith("to this folder.")
     # beside the pictures, with them inside, or without any
     assert told("csv", None) == told("xlsx", away / "signs.xlsx") == []
     assert told("tum", away / "path.tum") == []

@@ -65,6 +65,20 @@ def test_two_tracks_of_a_sign_in_one_pass_are_one(seen: tuple[Views, list[Sighti
     assert len(group_sightings(views, [one, beside])) == 2
 
 
+def test_a_far_part_of_an_approach_is_the_sign_that_it_may_be(
+    seen: tuple[Views, list[Sighting]],
+) -> None:
+    """Far boxes tell the distance to metres; what they show is no sign of its own for that."""
+    views, (a, b, _) = seen
+    near = placed(b, 0.0, 0.3)
+    far = replace(placed(a, 5.0, 4.0), time_s=near.time_s - 1.0)
+    assert group_sightings(views, [far, near]) == [[0, 1]]
+    sure = replace(placed(a, 5.0, 0.3), time_s=far.time_s)
+    assert len(group_sightings(views, [sure, near])) == 2
+    beside = replace(far, landmark=near.landmark)
+    assert len(group_sightings(views, [beside, near])) == 2
+
+
 def test_a_stretch_is_laid_over_the_others_as_a_whole(seen: tuple[Views, list[Sighting]]) -> None:
     """Signs every 5 m, passed again by a path that is 4 m off: taken one by one each lies nearer to
     its neighbour."""

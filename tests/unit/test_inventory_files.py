@@ -43,6 +43,8 @@ from tests.slow_cases import others_slow
         ("DE:274-60,1040-30", None, "regulatory--maximum-speed-limit-60--g1"),
         ("DE:274[60]", None, "regulatory--maximum-speed-limit-60--g1"),
         ("R4-1 (60)", "AU", "regulatory--maximum-speed-limit-60--g1"),
+        ("R4-1(60)", None, "regulatory--maximum-speed-limit-60--g1"),
+        ("StVO 274(60)", None, "regulatory--maximum-speed-limit-60--g1"),
         ("R2-1[50]", "US", "regulatory--maximum-speed-limit-50--g1"),
         ("R5-1", "US", "regulatory--no-entry--g1"),
         ("VIENNA:B2", "FR", "regulatory--stop--g1"),

@@ -352,7 +352,7 @@ STAGE = Stage(
     # 45: k1 of lenses; a focal length that nobody states
     # 49: tracks are held against all of the path
     # 51: time offsets that explain the boxes alike are told by tracks along the path
-    version=52,
+    version=53,
     run=run,
     inputs=_inputs,
     needs=(
