@@ -169,10 +169,11 @@ def runs_contradicted() -> Any:
 @scenario
 def runs_damaged() -> Any:
     """Gaps, wild and frozen readings, wild fixes, no velocities; tuned levels."""
-    from automap.fusion.engine import _median_sd, fuse_imu_gnss
+    from automap.fusion.engine import fuse_imu_gnss
     from automap.fusion.measurements.position import age_sd_of
     from automap.fusion.nodes import model_fixes
     from automap.fusion.options import FusionOptions
+    from automap.fusion.preparation import _median_sd
     from automap.fusion.result import Prior
     from automap.records import ClockModel
     from tests.unit.fusion_drive import BASE_NS, CLOCK, Sensor, record
