@@ -21,14 +21,13 @@ from automap.fusion.options import FusionOptions
 from automap.fusion.passes import Pass, Session, run_passes
 from automap.fusion.relinearise import relinearise
 from automap.gap.drive import OpenDrive
+from automap.gap.lean import LEANS, told_by_weight
 from automap.gap.motion import (
-    LEANS,
     Delays,
     delays_of,
     has_delays,
     linear_in_delays,
     motion_of,
-    told_by_weight,
 )
 from automap.records import FloatArray, IntArray
 

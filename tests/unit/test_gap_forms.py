@@ -11,7 +11,7 @@ import pytest
 
 from automap.gap import base_model, confirm, limits, reforming, search
 from automap.gap.candidates import Candidate
-from automap.gap.confirm import Judge
+from automap.gap.judge import Judge
 from automap.gap.linear import Column
 from automap.gap.noise import Fitted, Joint
 from automap.gap.reforming import Forms, Screened
