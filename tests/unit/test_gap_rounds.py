@@ -15,9 +15,10 @@ from automap.fusion.level_climb import Maximum
 from automap.gap import base_fit, base_model, noise, search
 from automap.gap import judge as judging
 from automap.gap.candidates import Candidate
+from automap.gap.joint import Joint
 from automap.gap.judge import Judge
 from automap.gap.linear import Column
-from automap.gap.noise import Fitted, Joint
+from automap.gap.noise import Fitted
 from automap.gap.screening import Screening
 from automap.gap.search import Search
 from automap.gap.selection import Chosen
