@@ -50,7 +50,9 @@ class Session:
     s from the first sample, which was taken ``begin_s`` into the drive; ``made_noise`` [n, 2]
     the PSD of what force and rate err by where they were made up; ``late_change`` how late
     velocities change; ``readings`` as the filter takes them, and ``calm`` ones, where many models
-    are asked of them; ``section_nodes`` the longest stretch of whose filter all is kept.
+    are asked of them; ``section_nodes`` the longest stretch of whose filter all is kept;
+    ``path`` times [k] and velocities [k, 3] NED of the vehicle that the quantities of the drive are
+    told by in place of fixes, which may be late.
     """
 
     imu: ImuData
@@ -67,6 +69,7 @@ class Session:
     readings: Samples | None = None
     calm: CalmReadings | None = None
     section_nodes: int = SECTION_NODES
+    path: tuple[FloatArray, FloatArray] | None = None
 
 
 @dataclass(frozen=True)
@@ -111,9 +114,12 @@ def session_signals(session: Session) -> Signals:
 
 def _velocities(session: Session) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Times [n] of the IMU samples in s since the drive began, times [m] and velocities [m, 3] of
-    fixes."""
+    the path, or of fixes."""
     imu, fixes = session.imu, session.fixes
     t = np.asarray((imu.t_ns - imu.t_ns[0]) * 1e-9) + session.begin_s
+    if session.path is not None:
+        path_t, vel = session.path
+        return t, path_t + session.begin_s, vel
     has = (fixes.flags & HAS_VEL_H) > 0
     return t, fixes.t[has] + session.begin_s, fixes.values[has, 3:6]
 
@@ -122,6 +128,8 @@ def problem_of(session: Session) -> Problem:
     """What the filter needs of a session but its nodes, noise levels as the options state them."""
     model = build_state_model(session.options, session.means, session.sds)
     speed_t, speed, _ = fix_speed(session.fixes)
+    if session.path is not None:
+        speed_t, speed = session.path[0], np.hypot(*session.path[1][:, :2].T)
     along = None
     if len(speed_t):
         t_imu = np.asarray((session.imu.t_ns - session.imu.t_ns[0]) * 1e-9)

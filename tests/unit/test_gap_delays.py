@@ -400,3 +400,15 @@ def test_an_antenna_that_slid_swings_late_velocities_as_the_car_turned_then() ->
     assert sd < 0.1
     # as the car turned at the tag it was 0.68
     assert abs(k - 1.0) < 3.0 * sd
+
+
+def test_what_follows_the_speed_follows_it_at_once_beside_late_velocities() -> None:
+    """An accelerometer that reads more with the speed squared, of which late velocities tell 0.8 s
+    later: k v(t - 0.8)^2 lacks 1.6 k v a, a coupling of the axes that grows with the speed."""
+    wrong = {"speed_vibration": {"z": 1e-3}, "gnss_velocity_latency": {"s": 0.8}}
+    estimate = {**dict.fromkeys(wrong, 5.0), "accel_misalignment": 1.0}
+    fit = fit_drive(open_drive(simulated(wrong), MODEL.options), MODEL, estimate)
+    value, sd = estimates(fit, "speed_vibration")["z"]
+    assert value == pytest.approx(1e-3, abs=3.0 * sd)
+    value, sd = estimates(fit, "accel_misalignment")["zx"]
+    assert abs(value) < 3.0 * sd
