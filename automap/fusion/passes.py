@@ -107,19 +107,18 @@ def rate_of_turn(t: FloatArray, gyro: FloatArray) -> FloatArray:
 def session_signals(session: Session) -> Signals:
     """The quantities of a drive at its IMU samples, as readings and fixes show them."""
     imu = session.imu
-    t, fix_t, fix_vel = _velocities(session)
+    t, vel_t, vel = _velocities(session)
+    if session.path is not None:
+        vel_t, vel = session.path[0] + session.begin_s, session.path[1]
     readings = t, imu.gyro, imu.accel, imu.temp_c
-    return signals_of_readings(*readings, fix_t, fix_vel, session.calm)
+    return signals_of_readings(*readings, vel_t, vel, session.calm)
 
 
 def _velocities(session: Session) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Times [n] of the IMU samples in s since the drive began, times [m] and velocities [m, 3] of
-    the path, or of fixes."""
+    fixes."""
     imu, fixes = session.imu, session.fixes
     t = np.asarray((imu.t_ns - imu.t_ns[0]) * 1e-9) + session.begin_s
-    if session.path is not None:
-        path_t, vel = session.path
-        return t, path_t + session.begin_s, vel
     has = (fixes.flags & HAS_VEL_H) > 0
     return t, fixes.t[has] + session.begin_s, fixes.values[has, 3:6]
 
@@ -141,10 +140,10 @@ def problem_of(session: Session) -> Problem:
         *(session.imu, model, session.options, along, signals, session.made_noise, session.readings)
     )
     problem = replace(problem, turning=rate_of_turn(problem.t, session.imu.gyro))
-    if of_drive and signals is None:
-        # the direction of travel alone is quickly told
+    if of_drive.intersection(TRAVEL) and (signals is None or session.path is not None):
+        # alone it is quickly told; what velocities err by along it they err by as they are told
         travel = zip(TRAVEL, travel_of_fixes(*_velocities(session)), strict=True)
-        problem = replace(problem, users=dict(travel))
+        problem = replace(problem, users={**problem.users, **dict(travel)})
     if session.late_change is None:
         return problem
     return with_late_change(problem, session.late_change)
