@@ -50,7 +50,9 @@ class Session:
     s from the first sample, which was taken ``begin_s`` into the drive; ``made_noise`` [n, 2]
     the PSD of what force and rate err by where they were made up; ``late_change`` how late
     velocities change; ``readings`` as the filter takes them, and ``calm`` ones, where many models
-    are asked of them; ``section_nodes`` the longest stretch of whose filter all is kept.
+    are asked of them; ``section_nodes`` the longest stretch of whose filter all is kept;
+    ``path`` times [k] and velocities [k, 3] NED of the vehicle that the quantities of the drive are
+    told by in place of fixes, which may be late.
     """
 
     imu: ImuData
@@ -67,6 +69,7 @@ class Session:
     readings: Samples | None = None
     calm: CalmReadings | None = None
     section_nodes: int = SECTION_NODES
+    path: tuple[FloatArray, FloatArray] | None = None
 
 
 @dataclass(frozen=True)
@@ -104,9 +107,11 @@ def rate_of_turn(t: FloatArray, gyro: FloatArray) -> FloatArray:
 def session_signals(session: Session) -> Signals:
     """The quantities of a drive at its IMU samples, as readings and fixes show them."""
     imu = session.imu
-    t, fix_t, fix_vel = _velocities(session)
+    t, vel_t, vel = _velocities(session)
+    if session.path is not None:
+        vel_t, vel = session.path[0] + session.begin_s, session.path[1]
     readings = t, imu.gyro, imu.accel, imu.temp_c
-    return signals_of_readings(*readings, fix_t, fix_vel, session.calm)
+    return signals_of_readings(*readings, vel_t, vel, session.calm)
 
 
 def _velocities(session: Session) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -122,6 +127,8 @@ def problem_of(session: Session) -> Problem:
     """What the filter needs of a session but its nodes, noise levels as the options state them."""
     model = build_state_model(session.options, session.means, session.sds)
     speed_t, speed, _ = fix_speed(session.fixes)
+    if session.path is not None:
+        speed_t, speed = session.path[0], np.hypot(*session.path[1][:, :2].T)
     along = None
     if len(speed_t):
         t_imu = np.asarray((session.imu.t_ns - session.imu.t_ns[0]) * 1e-9)
@@ -133,10 +140,10 @@ def problem_of(session: Session) -> Problem:
         *(session.imu, model, session.options, along, signals, session.made_noise, session.readings)
     )
     problem = replace(problem, turning=rate_of_turn(problem.t, session.imu.gyro))
-    if of_drive and signals is None:
-        # the direction of travel alone is quickly told
+    if of_drive.intersection(TRAVEL) and (signals is None or session.path is not None):
+        # alone it is quickly told; what velocities err by along it they err by as they are told
         travel = zip(TRAVEL, travel_of_fixes(*_velocities(session)), strict=True)
-        problem = replace(problem, users=dict(travel))
+        problem = replace(problem, users={**problem.users, **dict(travel)})
     if session.late_change is None:
         return problem
     return with_late_change(problem, session.late_change)

@@ -21,8 +21,9 @@ from automap.effects.catalogue import bias_walks
 from automap.effects.imu import imu_terms
 from automap.effects.terms import SPEED_SQUARED, TEMPERATURE, WARM_UP
 from automap.gap import limits
-from automap.gap.confirm import Judge
-from automap.gap.noise import Fitted, Joint, Log, noise_score, with_levels
+from automap.gap.joint import Joint
+from automap.gap.judge import Judge
+from automap.gap.noise import Fitted, Log, noise_score, with_levels
 from automap.gap.scoring import likelier
 from automap.gap.selection import Chosen, Selection
 

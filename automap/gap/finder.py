@@ -12,8 +12,8 @@ from automap.gap import limits
 from automap.gap.base_fit import first_fit
 from automap.gap.camera.search import CameraGap
 from automap.gap.candidates import library
-from automap.gap.confirm import costs
 from automap.gap.constancy import drifts
+from automap.gap.costs import costs
 from automap.gap.dictionary import forget_formulas
 from automap.gap.doubt import (
     doubt_of_usual,

@@ -21,14 +21,13 @@ from automap.fusion.options import FusionOptions
 from automap.fusion.passes import Pass, Session, run_passes
 from automap.fusion.relinearise import relinearise
 from automap.gap.drive import OpenDrive
+from automap.gap.lean import LEANS, told_by_weight
 from automap.gap.motion import (
-    LEANS,
     Delays,
     delays_of,
     has_delays,
     linear_in_delays,
     motion_of,
-    told_by_weight,
 )
 from automap.records import FloatArray, IntArray
 
@@ -273,7 +272,9 @@ def _repeat_passes(
     if delays != Delays():
         unknown = _arm_unknown(session)
         fixes, change = linear_in_delays(session.fixes, last, motion_of(last), delays, unknown)
-        session = replace(session, fixes=fixes, late_change=change)
+        # what acts with the speed acts at once, whenever a fix tells of it
+        path = last.nodes.t, np.ascontiguousarray(last.smooth.nominal[:, 3:6])
+        session = replace(session, fixes=fixes, late_change=change, path=path)
     return relinearise(session, last, start)
 
 

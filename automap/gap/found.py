@@ -9,9 +9,10 @@ from dataclasses import dataclass, field
 
 from automap.gap.confirm import Confirmed
 from automap.gap.fit import Fit, Values
+from automap.gap.joint import Joint
 from automap.gap.linear import Column, Conditional, Linear, conditional
 from automap.gap.nodes import NodeMotion, motions_of
-from automap.gap.noise import Fitted, Joint
+from automap.gap.noise import Fitted
 from automap.gap.selection import Chosen, Selection
 from automap.gap.sensitivity import ColumnsOf, linearised
 

@@ -2,7 +2,7 @@
 
 A filter that takes delays as states sees a position as late by delay times velocity, a velocity
 by delay times acceleration. What is more to it is taken from the smoothed motion and out of the
-fixes, so models with other delays are compared at the same nodes. And by how much a sensor leans.
+fixes, so models with other delays are compared at the same nodes.
 """
 
 from __future__ import annotations
@@ -15,10 +15,9 @@ import numpy as np
 
 from automap.columns_between import interpolate
 from automap.earth import gravity, metres_per_radian
+from automap.effects.courses import size_of_course, turns_of, with_courses
 from automap.effects.gnss import low_pass
-from automap.effects.limits import COURSE_SPEED
-from automap.effects.measured_kernels import course_changes
-from automap.frames import quat_to_matrix, quat_to_rpy
+from automap.frames import quat_to_matrix
 from automap.fusion.delay_states import (
     COURSE_DISTANCE_STATE,
     COURSE_STATE,
@@ -27,12 +26,9 @@ from automap.fusion.delay_states import (
     VEL_LAG_STATE,
     VEL_LATENCY_STATE,
 )
-from automap.fusion.filtered import full_covariance
 from automap.fusion.kernel_runs import run_dense
-from automap.fusion.layout import PHI_ID
-from automap.fusion.limits import ROAD_ROLL_SD
 from automap.fusion.nodes import FixModel
-from automap.fusion.passes import Pass, Session
+from automap.fusion.passes import Pass
 from automap.fusion.problem import LateChange
 from automap.records import FloatArray
 
@@ -43,11 +39,6 @@ STREET_SPEED = 10.0
 """At which a distance is so many seconds, m/s."""
 CHANGE = 5e-4
 """Ages that moved by less, in s or as a share, change nothing of the remainder."""
-
-LEANS = ("imu_mounting", "roll")
-"""Effect and parameter of what a sensor leans by in its vehicle. Vehicles do not lean in the mean
-of a drive; the vehicle constraint does not tell a roll of the mounting, and fixes do by the arm
-alone, as an arm to the side does. So its weight tells."""
 
 
 @dataclass(frozen=True)
@@ -215,10 +206,9 @@ def linear_in_delays(
         first_order -= delays.course_s * at_times(motion, change.course, t)
         first_order -= delays.course_m * at_times(motion, change.behind, t)
     if delays.course_s != 0.0 or delays.course_m != 0.0:
-        behind = delays.course_s + delays.course_m / _speed(seen)
-        seen = _turned(seen, at_times(motion, passed, told - behind))
-        turns = _turning(vel, acc)
-        first_order -= delays.course_s * turns
+        behind = delays.course_s + delays.course_m / size_of_course(seen)
+        seen = with_courses(seen, at_times(motion, passed, told - behind))
+        first_order -= delays.course_s * turns_of(vel, acc)
         first_order -= delays.course_m * at_times(motion, swings(motion), t)
     values[:, 3:6] -= seen - first_order
     return replace(fixes, values=values), change
@@ -238,11 +228,11 @@ def late_change(
         return None
     once = lagged(motion, acc, delays.lag_s) if delays.lag_s > 0.0 else acc
     then = then_of(motion, delays)
-    size, its_size = _speed(then.seen), _speed(then.course)
-    turned = (size / its_size)[:, None] * _turning(then.course, at_times(motion, once, then.before))
+    size, its_size = size_of_course(then.seen), size_of_course(then.course)
+    turned = (size / its_size)[:, None] * turns_of(then.course, at_times(motion, once, then.before))
     return LateChange(
         as_told(motion, once, delays, then) - acc,
-        turned - _turning(motion.vel, acc),
+        turned - turns_of(motion.vel, acc),
         turned / size[:, None] - swings(motion),
         tuple(swung(motion, axis, delays, then) for axis in range(3)) if arm_unknown else (),
     )
@@ -261,8 +251,8 @@ def as_told(motion: Motion, change: FloatArray, delays: Delays, then: Then) -> F
     if delays.lag_s > 0.0:
         change = lagged(motion, change, delays.lag_s)
     out, before = (at_times(motion, change, t) for t in (then.told, then.before))
-    size, its_size = _speed(then.seen)[:, None], _speed(then.course)[:, None]
-    turned = size / its_size * _turning(then.course, before) - _turning(then.seen, out)
+    size, its_size = size_of_course(then.seen)[:, None], size_of_course(then.course)[:, None]
+    turned = size / its_size * turns_of(then.course, before) - turns_of(then.seen, out)
     # what makes it faster points where the course does
     faster = np.sum(out[:, :2] * then.seen[:, :2], axis=1)[:, None] / size
     out[:, :2] += faster * (then.course[:, :2] / its_size - then.seen[:, :2] / size)
@@ -284,40 +274,14 @@ def then_of(motion: Motion, delays: Delays) -> Then:
     passed = lagged(motion, motion.vel, delays.lag_s) if delays.lag_s > 0.0 else motion.vel
     told = delays.told(motion.t)
     seen = at_times(motion, passed, told)
-    before = told - delays.course_s - delays.course_m / _speed(seen)
+    before = told - delays.course_s - delays.course_m / size_of_course(seen)
     return Then(told, before, seen, at_times(motion, passed, before))
-
-
-def _speed(vel: FloatArray) -> FloatArray:
-    """Speeds [k], those that a course has something to say of."""
-    return np.asarray(np.maximum(np.hypot(vel[:, 0], vel[:, 1]), COURSE_SPEED))
 
 
 def swings(motion: Motion, axis: int = 0) -> FloatArray:
     """What a metre along a vehicle axis swings NED [n, 3], m/s."""
     turning = np.cross(motion.calm, np.eye(3)[axis])
     return np.asarray(np.einsum("nij,nj->ni", motion.dcm, turning))
-
-
-def _turning(vel: FloatArray, acc: FloatArray) -> FloatArray:
-    """What of accelerations [k, 3] turns velocities [k, 3]."""
-    out = np.zeros_like(vel)
-    course_changes(np.ascontiguousarray(vel), np.ascontiguousarray(acc), out)
-    return out
-
-
-def _turned(vel: FloatArray, course_of: FloatArray) -> FloatArray:
-    """Velocities [k, 3] with the courses of others, where either crawls hardly: there a course is
-    anything, and another with each path."""
-    size = np.hypot(vel[:, 0], vel[:, 1])
-    other = np.hypot(course_of[:, 0], course_of[:, 1])
-    told = np.minimum((np.minimum(size, other) / COURSE_SPEED) ** 2, 1.0)
-    moving = other > 0.0
-    out = vel.copy()
-    for a in range(2):
-        turned = np.where(moving, course_of[:, a] / np.where(moving, other, 1.0) * size, vel[:, a])
-        out[:, a] += told * (turned - vel[:, a])
-    return out
 
 
 def _path(motion: Motion) -> FloatArray:
@@ -333,23 +297,3 @@ def _steady(last: Pass, motion: Motion) -> FloatArray:
     acc = np.einsum("nij,nj->ni", motion.dcm, force)
     acc[:, 2] += float(gravity(float(motion.pos[0, 0]), float(motion.pos[0, 2])))
     return np.asarray(acc)
-
-
-def leaning(last: Pass) -> tuple[float, float]:
-    """Mean roll of the sensor's axes along a drive, rad, and the variance with which that is the
-    mounting's: what the filter does not know of it, and ``ROAD_ROLL_SD``."""
-    cov = full_covariance(last.forward.store.cov[-1:], last.problem.model.size)[0]
-    tilt = 0.5 * float(cov[PHI_ID, PHI_ID] + cov[PHI_ID + 1, PHI_ID + 1])
-    roll = quat_to_rpy(last.smooth.nominal[:, 6:10])[:, 0]
-    return float(roll.mean()), ROAD_ROLL_SD**2 + tilt
-
-
-def told_by_weight(session: Session, about: Pass) -> Session:
-    """A session that estimates the mounting, begun with what another pass tells of its roll."""
-    name = "_".join(LEANS)
-    mean, var = session.means.get(name, 0.0), session.sds[name] ** 2
-    lean, its_var = leaning(about)
-    share = var / (var + its_var)
-    mean += share * (lean - mean)
-    sd = float(np.sqrt(share * its_var))
-    return replace(session, means={**session.means, name: mean}, sds={**session.sds, name: sd})

@@ -25,7 +25,9 @@ from automap.fusion.passes import Pass
 from automap.fusion.problem import Problem
 from automap.gap.drive import OpenDrive
 from automap.gap.fit import Fit, GapModel, fit_drive, parameter_names, prior_sd
+from automap.gap.joint import Joint, combine
 from automap.gap.limits import LEAST_RESTS, LEVEL_RANGE, MAX_NODES, REST_S
+from automap.gap.rest import squared_steps, surely
 from automap.records import FloatArray
 
 Log = Callable[[str], None]
@@ -44,32 +46,6 @@ _LIMITS = {
     "nhc_z": (1.0, 64.0),
 }
 _BY_SLOPE = tuple(level for level in ALL_LEVELS if level not in TIME_FACTORS)
-
-
-@dataclass(frozen=True)
-class Joint:
-    """Estimated parameters of all drives together: ``values`` [p], ``cov`` [p, p], the log Bayes
-    factor in nats against the model without them."""
-
-    names: tuple[tuple[str, str], ...]
-    values: FloatArray
-    cov: FloatArray
-    nats: float
-
-    def of(self, effect: str) -> dict[str, tuple[float, float]]:
-        """Parameter -> value and sd of one effect."""
-        sd = np.sqrt(np.maximum(np.diag(self.cov), 0.0))
-        rows = zip(self.names, self.values, sd, strict=True)
-        return {p: (float(v), float(s)) for (e, p), v, s in rows if e == effect}
-
-    def without(self, effect: str) -> Joint:
-        """What is known of the others where one effect is nothing; the nats stay those of all."""
-        gone = np.array([e == effect for e, _ in self.names], bool)
-        gain = self.cov[np.ix_(~gone, gone)] @ np.linalg.inv(self.cov[np.ix_(gone, gone)])
-        values = self.values[~gone] - gain @ self.values[gone]
-        cov = self.cov[np.ix_(~gone, ~gone)] - gain @ self.cov[np.ix_(gone, ~gone)]
-        names = tuple(name for name in self.names if name[0] != effect)
-        return Joint(names, np.asarray(values), np.asarray(0.5 * (cov + cov.T)), self.nats)
 
 
 @dataclass(frozen=True)
@@ -164,33 +140,6 @@ def fitted_about(model: GapModel, estimate: Mapping[str, float], about: Sequence
     return Fitted(model, dict(estimate), fits)
 
 
-def combine(fits: Sequence[Fit], gains: Sequence[float], prior_sd: FloatArray) -> Joint:
-    """Estimates of several drives as one, as if they had been filtered in a row.
-
-    ``gains``: each drive's log Bayes factor under its own prior ``prior_sd`` [p].
-    """
-    names = fits[0].names
-    p = len(names)
-    if p == 0:
-        return Joint((), np.zeros(0), np.zeros((0, 0)), float(sum(gains)))
-    info: FloatArray = np.eye(p)
-    eta: FloatArray = np.zeros(p)
-    nats = 0.0
-    for fit, gain in zip(fits, gains, strict=True):
-        each = fit.cov / np.outer(prior_sd, prior_sd)
-        own = np.linalg.inv(0.5 * (each + each.T) + 1e-12 * np.eye(p))
-        value = fit.values / prior_sd
-        info += own - np.eye(p)
-        eta += own @ value
-        nats += gain - 0.5 * float(value @ own @ value) + 0.5 * np.linalg.slogdet(own)[1]
-    info = np.asarray(0.5 * (info + info.T))
-    cov: FloatArray = np.asarray(np.linalg.inv(info), np.float64)
-    value = cov @ eta
-    nats += 0.5 * float(value @ eta) - 0.5 * np.linalg.slogdet(info)[1]
-    scale = np.outer(prior_sd, prior_sd)
-    return Joint(names, value * prior_sd, cov * scale, float(nats))
-
-
 def fit_noise(
     fits: Sequence[Fit],
     levels: Collection[str] = ALL_LEVELS,
@@ -254,34 +203,14 @@ def rest_factors(fits: Sequence[Fit]) -> dict[str, float]:
         imu = fit.opened.drive.imu
         t = (imu.t_ns - imu.t_ns[0]) * 1e-9
         for level, readings in (("accel", imu.accel), ("gyro", imu.gyro)):
-            squares = [_squared_steps(t, readings, span) for span in fit.opened.session.standstill]
+            squares = [squared_steps(t, readings, span) for span in fit.opened.session.standstill]
             steps = np.concatenate(squares) if squares else np.zeros((0, 3))
             if len(steps) < LEAST_RESTS:
                 continue
             density = np.sqrt(0.5 * steps.mean(axis=0) * REST_S)
             stated = getattr(fit.model.options, f"{level}_noise")
-            found[level].append(float(density.min() / stated) * _surely(len(steps)))
+            found[level].append(float(density.min() / stated) * surely(len(steps)))
     return {level: min(values) for level, values in found.items() if values}
-
-
-def _squared_steps(t: FloatArray, readings: FloatArray, span: tuple[float, float]) -> FloatArray:
-    """Squared differences [k, 3] of neighbouring means over ``REST_S`` within a halt."""
-    inside = np.flatnonzero((t >= span[0]) & (t < span[1]))
-    if len(inside) == 0:
-        return np.zeros((0, 3))
-    number = ((t[inside] - span[0]) / REST_S).astype(np.int64)
-    starts = np.flatnonzero(np.diff(number, prepend=-1))
-    counts = np.diff(np.append(starts, len(inside)))
-    means = np.add.reduceat(readings[inside], starts, axis=0) / counts[:, None]
-    # the last one may be cut short
-    return np.asarray(np.diff(means[:-1], axis=0) ** 2)
-
-
-def _surely(count: int) -> float:
-    """Share of a standard deviation of ``count`` values that it exceeds with 95 %."""
-    from scipy.stats import chi2
-
-    return float(np.sqrt(count / chi2.ppf(0.95, count)))
 
 
 def rooms_of(fits: Sequence[Fit]) -> list[Room]:

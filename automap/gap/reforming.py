@@ -16,11 +16,12 @@ from automap.effects import CATALOGUE
 from automap.effects.catalogue import pairs_of_sign
 from automap.gap import limits
 from automap.gap.candidates import follows_time
-from automap.gap.confirm import Judge
 from automap.gap.evidence import nats_of_parts
+from automap.gap.joint import Joint
+from automap.gap.judge import Judge
 from automap.gap.linear import Column
 from automap.gap.neighbours import Terms, complexity
-from automap.gap.noise import Fitted, Joint, with_noise
+from automap.gap.noise import Fitted, with_noise
 from automap.gap.result import equation
 from automap.gap.scoring import likelier
 from automap.gap.selection import Chosen, Move, Selection

@@ -30,11 +30,12 @@ from automap.gap.dictionary import (
 )
 from automap.gap.fit import CONSTANTS, ORIGIN, SKEW, Fit, fit_drive
 from automap.gap.forms import About, nearby, ranked
+from automap.gap.joint import Joint
 from automap.gap.linear import Column, Part
 from automap.gap.motion import motion_of
 from automap.gap.neighbours import Terms
 from automap.gap.nodes import NodeMotion, motion_signals, motions_of, node_motion
-from automap.gap.noise import Fitted, Joint, Log, fitted_about
+from automap.gap.noise import Fitted, Log, fitted_about
 from automap.gap.result import equation
 from automap.gap.selection import Chosen, Key, Selection
 from automap.gap.sensitivity import ColumnsOf, linearised

@@ -18,9 +18,10 @@ from automap.effects.catalogue import pairs_of_sign
 from automap.gap import limits
 from automap.gap.bias_drift import BiasDrift, loose, steady
 from automap.gap.candidates import FIX_AGE, is_course
-from automap.gap.confirm import Confirmed, Judge, confirmed
+from automap.gap.confirm import Confirmed, confirmed
 from automap.gap.drive import OpenDrive
 from automap.gap.found import Found, in_layout
+from automap.gap.judge import Judge
 from automap.gap.noise import Fitted, Log, fitted_about, with_levels, with_noise
 from automap.gap.reforming import WHOLE_DELAYS, Forms, log_prior
 from automap.gap.scoring import likelier

@@ -15,8 +15,9 @@ import numpy as np
 
 from automap.gap.fit import Fit, whitened_innovations
 from automap.gap.kernels import propagate_columns
+from automap.gap.lean import LEANS, leaning
 from automap.gap.linear import Column, Linear
-from automap.gap.motion import LEANS, Motion, leaning
+from automap.gap.motion import Motion
 from automap.gap.nodes import NodeMotion
 from automap.gap.whitening import Rows, moments, times, whitened_rows
 from automap.records import BoolArray, FloatArray, IntArray

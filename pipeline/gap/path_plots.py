@@ -10,7 +10,7 @@ import numpy as np
 
 from automap.earth import metres_per_radian
 from automap.fusion.layout import HAS_POS_H
-from automap.gap.confirm import HeldPath, Moved, cost_between, held_path, moved
+from automap.gap.costs import HeldPath, Moved, cost_between, held_path, moved
 from automap.records import FloatArray
 from pipeline.gap.sizes import about
 from pipeline.gap.words import LEAST_M

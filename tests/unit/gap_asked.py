@@ -7,7 +7,7 @@ from types import SimpleNamespace
 from typing import Any, cast
 
 from automap.gap.bias_drift import BiasDrift
-from automap.gap.confirm import Judge
+from automap.gap.judge import Judge
 from automap.gap.reforming import Forms
 from automap.gap.search import Search
 from automap.gap.selection import Chosen, Selection

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from automap.gap.fit import Fit
-from automap.gap.noise import Joint
+from automap.gap.joint import Joint
 
 
 def estimates(fit: Fit, effect: str) -> dict[str, tuple[float, float]]:

@@ -120,6 +120,7 @@ def gap_levels() -> Any:
     from automap.gap import base_model, noise, scoring
     from automap.gap.drive import open_drive
     from automap.gap.fit import fit_drive
+    from automap.gap.joint import combine
     from tests.unit.test_gap import simulated
 
     model = base_model()
@@ -155,8 +156,8 @@ def gap_levels() -> Any:
             "limits": [noise._limits(level) for level in ALL_LEVELS],
             "relative": noise._relative(fits, factors),
             "opened": (said, fitted.model.factors, fitted.estimate),
-            "joint": [states.joint(), noise.combine(states.fits, [1.5, -0.4], prior)],
-            "none": noise.combine(fits, [1.5, -0.4], np.zeros(0)),
+            "joint": [states.joint(), combine(states.fits, [1.5, -0.4], prior)],
+            "none": combine(fits, [1.5, -0.4], np.zeros(0)),
             "values": states.values(),
             "whitener": whitener,
             "gain": scoring.gain_over(fits[:1], held, whitener),
@@ -174,19 +175,20 @@ def gap_levels() -> Any:
 def gap_rests() -> Any:
     """Noise at rest by the squares of steps, and how sure so few are."""
     from automap.gap import noise
+    from automap.gap.rest import squared_steps, surely
     from tests.unit.test_gap_noise import at_rest
 
     spans = [(5.3, 31.0), (60.0, 94.6)]
     axes = np.array([1.0, 3.0, 2.0])
     imu = at_rest(axes, 0.4 * axes[::-1], spans).opened.drive.imu
     t: FloatArray = (imu.t_ns - imu.t_ns[0]) * 1e-9
-    steps = [noise._squared_steps(t, imu.accel, span) for span in (*spans, (200.0, 210.0))]
+    steps = [squared_steps(t, imu.accel, span) for span in (*spans, (200.0, 210.0))]
     drives = [at_rest(axes, 0.4 * axes[::-1], spans[k:]) for k in (0, 1)]
     return levelled(
         {
             "steps": steps,
             "factors": [noise.rest_factors(some) for some in (drives, drives[1:])],
-            "surely": [noise._surely(n) for n in (5, 90)],
+            "surely": [surely(n) for n in (5, 90)],
             "none": _or_error(noise.rest_factors, []),
         }
     )

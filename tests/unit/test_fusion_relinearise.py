@@ -13,7 +13,7 @@ from automap.fusion.relinearise import relinearise
 from automap.gap import base_model
 from automap.gap.drive import OpenDrive, open_drive
 from automap.gap.fit import Fit, GapModel, fit_drive, session_with
-from automap.gap.motion import told_by_weight
+from automap.gap.lean import told_by_weight
 from tests.unit.test_gap import simulated
 
 WRONG = {"imu_mounting": {"yaw": 0.03, "pitch": 0.02}, "gnss_lever_arm": {"x": 0.8, "z": -0.5}}

@@ -10,7 +10,8 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from automap.gap import base_model, bias_drift, confirm
+from automap.gap import base_model, bias_drift
+from automap.gap import judge as judging
 from automap.gap.bias_drift import BiasDrift
 from automap.gap.noise import Fitted
 from automap.gap.selection import Chosen, Selection
@@ -218,7 +219,7 @@ def test_held_out_drives_alone_may_tell_a_value_from_drift(
         told = float(each.sum()), float(each.sum() / (np.sqrt(len(each)) * np.std(each)))
         return told, told
 
-    monkeypatch.setattr(confirm, "likelier_by_side", sides)
+    monkeypatch.setattr(judging, "likelier_by_side", sides)
     here: Any = SimpleNamespace(fits=[fitted])
     nats, sigmas = Stretches(cast("Any", ["a drive"])).beyond_drift(here, here, of_vehicle=True)
     assert nats == sum(fitted) + sum(held)

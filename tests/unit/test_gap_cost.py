@@ -13,7 +13,8 @@ import pytest
 from automap.earth import metres_per_radian
 from automap.frames import matrix_to_quat, rpy_to_matrix
 from automap.gap import base_model, confirm
-from automap.gap.confirm import HeldPath, cost_between, costs, moved
+from automap.gap import costs as paths
+from automap.gap.costs import HeldPath, cost_between, costs, moved
 from automap.gap.fit import GapModel
 from automap.gap.stochastic import noise_levels
 from pipeline.gap.cost_json import held_out_json
@@ -102,8 +103,9 @@ def fitted(monkeypatch: pytest.MonkeyPatch) -> list[GapModel]:
         asked.append(carried)
         return [FakeFit(carried) for _ in held_out]
 
-    monkeypatch.setattr(confirm, "fit_held_out", fit_held_out)
-    monkeypatch.setattr(confirm, "held_path", lambda fit: fit.held)
+    for module in (confirm, paths):
+        monkeypatch.setattr(module, "fit_held_out", fit_held_out)
+        monkeypatch.setattr(module, "held_path", lambda fit: fit.held)
     return asked
 
 

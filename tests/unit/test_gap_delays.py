@@ -10,6 +10,7 @@ from scipy.ndimage import minimum_filter1d
 
 from automap.columns_between import interpolate
 from automap.earth import metres_per_radian
+from automap.effects.courses import with_courses
 from automap.effects.measured_kernels import course_changes
 from automap.effects.user import set_user_effects
 from automap.effects.user_tables import effects_of_formulas
@@ -23,7 +24,6 @@ from automap.gap.motion import (
     Delays,
     Motion,
     _steady,
-    _turned,
     at_times,
     lagged,
     linear_in_delays,
@@ -245,13 +245,13 @@ def test_courses_of_a_place_behind_less_the_remainder_are_those_of_an_arm(plain:
 def test_a_course_at_a_crawl_is_not_turned() -> None:
     fast, slow = np.array([[10.0, 0.0, 0.3]]), np.array([[0.05, 0.0, 0.3]])
     before = np.array([[0.0, 3.0, 0.0]])
-    np.testing.assert_allclose(_turned(fast, before), turned_back(fast, before), atol=1e-12)
-    assert np.abs(_turned(slow, before) - slow).max() < 1e-3
+    np.testing.assert_allclose(with_courses(fast, before), turned_back(fast, before), atol=1e-12)
+    assert np.abs(with_courses(slow, before) - slow).max() < 1e-3
     # one who stood has no course
-    np.testing.assert_array_equal(_turned(fast, np.zeros((1, 3))), fast)
+    np.testing.assert_array_equal(with_courses(fast, np.zeros((1, 3))), fast)
     # as it was at rest its course is another with each path
     resting = np.array([[0.02, 0.03, 0.0]])
-    assert np.abs(_turned(fast, resting) - _turned(fast, -resting)).max() < 0.05
+    assert np.abs(with_courses(fast, resting) - with_courses(fast, -resting)).max() < 0.05
 
 
 @pytest.mark.parametrize("field", ["all_s", "skew", "velocity_s", "course_s", "course_m"])
@@ -293,7 +293,7 @@ def test_late_velocities_change_by_what_happened_then(plain: Fit, late: Delays) 
         seen = at_times(motion, passed, then)
         older = late.course_s + course + behind / np.maximum(np.hypot(*seen[:, :2].T), 1.0)
         before = at_times(motion, passed, then - older)
-        return _turned(seen, before) if older.any() else seen
+        return with_courses(seen, before) if older.any() else seen
 
     inner = (motion.t > 3.0) & (motion.t < motion.t[-1] - 3.0)
     speed = np.hypot(antenna[:, 0], antenna[:, 1])
@@ -354,7 +354,7 @@ def test_an_antenna_swings_as_late_velocities_saw_it(axis: int) -> None:
     for one in (arm, -arm):
         vel, _ = moving_antenna(motion, one)
         seen = at_times(motion, vel, motion.t - 0.8)
-        numeric.append(_turned(seen, at_times(motion, vel, motion.t - 0.5)))
+        numeric.append(with_courses(seen, at_times(motion, vel, motion.t - 0.5)))
     expected = at_times(motion, (numeric[0] - numeric[1]) / 0.2, at.t)[:, :2]
     moving = np.hypot(*at_times(motion, motion.vel, at.t)[:, :2].T) > 4.0
     moving &= np.hypot(*at_times(motion, motion.vel, at.t - 0.8)[:, :2].T) > 4.0
@@ -400,3 +400,15 @@ def test_an_antenna_that_slid_swings_late_velocities_as_the_car_turned_then() ->
     assert sd < 0.1
     # as the car turned at the tag it was 0.68
     assert abs(k - 1.0) < 3.0 * sd
+
+
+def test_what_follows_the_speed_follows_it_at_once_beside_late_velocities() -> None:
+    """An accelerometer that reads more with the speed squared, of which late velocities tell 0.8 s
+    later: k v(t - 0.8)^2 lacks 1.6 k v a, a coupling of the axes that grows with the speed."""
+    wrong = {"speed_vibration": {"z": 1e-3}, "gnss_velocity_latency": {"s": 0.8}}
+    estimate = {**dict.fromkeys(wrong, 5.0), "accel_misalignment": 1.0}
+    fit = fit_drive(open_drive(simulated(wrong), MODEL.options), MODEL, estimate)
+    value, sd = estimates(fit, "speed_vibration")["z"]
+    assert value == pytest.approx(1e-3, abs=3.0 * sd)
+    value, sd = estimates(fit, "accel_misalignment")["zx"]
+    assert abs(value) < 3.0 * sd

@@ -11,7 +11,8 @@ from automap.effects.terms import TRAVEL
 from automap.gap import GapDrive, base_model
 from automap.gap.drive import open_drive
 from automap.gap.fit import fit_drive
-from automap.gap.noise import Fitted, combine, fitted_about, noise_score, open_fits, with_noise
+from automap.gap.joint import combine
+from automap.gap.noise import Fitted, fitted_about, noise_score, open_fits, with_noise
 from tests.unit.gap_values import estimates
 from tests.unit.test_gap import simulated
 

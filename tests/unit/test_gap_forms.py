@@ -11,9 +11,10 @@ import pytest
 
 from automap.gap import base_model, confirm, limits, reforming, search
 from automap.gap.candidates import Candidate
-from automap.gap.confirm import Judge
+from automap.gap.joint import Joint
+from automap.gap.judge import Judge
 from automap.gap.linear import Column
-from automap.gap.noise import Fitted, Joint
+from automap.gap.noise import Fitted
 from automap.gap.reforming import Forms, Screened
 from automap.gap.screening import Screening
 from automap.gap.search import Search

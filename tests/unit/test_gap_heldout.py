@@ -11,8 +11,9 @@ from scipy.signal import lfilter
 from scipy.stats import multivariate_normal
 
 from automap.fusion.layout import CH_NHC, CH_POS
+from automap.gap.joint import combine
 from automap.gap.limits import HUBER, REST_S
-from automap.gap.noise import _squared_steps, combine
+from automap.gap.rest import squared_steps
 from automap.gap.scoring import _distance, _lag1, _rho
 
 
@@ -104,7 +105,7 @@ def test_estimates_of_drives_are_joined_as_one_least_squares_would(scale: float)
 def test_neighbouring_means_of_a_halt_step_by_their_noise() -> None:
     t = np.arange(0.0, 30.0, 0.01) + 100.0
     readings = np.random.default_rng(6).normal(size=(3000, 3))
-    found = _squared_steps(t, readings, (102.995, 124.9))
+    found = squared_steps(t, readings, (102.995, 124.9))
     rows = np.flatnonzero((t >= 102.995) & (t < 124.9))
     size = round(REST_S / 0.01)
     whole = len(rows) // size
@@ -112,4 +113,4 @@ def test_neighbouring_means_of_a_halt_step_by_their_noise() -> None:
     # the last, whole or cut short, is not used
     means = means if len(rows) % size else means[:-1]
     np.testing.assert_allclose(found, np.diff(means, axis=0) ** 2, rtol=1e-9)
-    assert _squared_steps(t, readings, (0.0, 50.0)).shape == (0, 3)
+    assert squared_steps(t, readings, (0.0, 50.0)).shape == (0, 3)

@@ -16,10 +16,11 @@ from automap.gap.doubt import doubts, strongest_refused, suspected
 from automap.gap.evidence import shown_by
 from automap.gap.fit import Values, base_model
 from automap.gap.found import Found
+from automap.gap.joint import Joint
 from automap.gap.linear import Column, Given, conditional
 from automap.gap.misfit import Misfit
 from automap.gap.naming import chance, describe, verdict
-from automap.gap.noise import Fitted, Joint
+from automap.gap.noise import Fitted
 from automap.gap.result import (
     BODY,
     STRETCHED,

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from automap.gap import base_model
-from automap.gap.confirm import cost_between, held_path
+from automap.gap.costs import cost_between, held_path
 from automap.gap.drive import open_drive
 from automap.gap.fit import Fit, fit_drive
 from automap.gap.noise import Fitted, with_noise

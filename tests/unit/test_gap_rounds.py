@@ -12,11 +12,13 @@ import numpy as np
 import pytest
 
 from automap.fusion.level_climb import Maximum
-from automap.gap import base_fit, base_model, confirm, noise, search
+from automap.gap import base_fit, base_model, noise, search
+from automap.gap import judge as judging
 from automap.gap.candidates import Candidate
-from automap.gap.confirm import Judge
+from automap.gap.joint import Joint
+from automap.gap.judge import Judge
 from automap.gap.linear import Column
-from automap.gap.noise import Fitted, Joint
+from automap.gap.noise import Fitted
 from automap.gap.screening import Screening
 from automap.gap.search import Search
 from automap.gap.selection import Chosen
@@ -29,7 +31,7 @@ def says(monkeypatch: pytest.MonkeyPatch, all_sigmas: float, received: float = 0
 
     told, its = ((20.0 * sigmas, sigmas) for sigmas in (all_sigmas, received))
     monkeypatch.setattr(search, "likelier", lambda one, other: told)
-    monkeypatch.setattr(confirm, "likelier_by_side", lambda one, other: (told, its))
+    monkeypatch.setattr(judging, "likelier_by_side", lambda one, other: (told, its))
 
 
 @pytest.mark.parametrize(
@@ -202,8 +204,8 @@ def test_a_fit_that_others_are_compared_with_is_made_once(monkeypatch: pytest.Mo
         made.append(model)
         return []
 
-    monkeypatch.setattr(confirm, "fit_held_out", held_out)
-    monkeypatch.setattr(confirm, "likelier_by_side", lambda one, other: ((0.0, 0.0), (0.0, 0.0)))
+    monkeypatch.setattr(judging, "fit_held_out", held_out)
+    monkeypatch.setattr(judging, "likelier_by_side", lambda one, other: ((0.0, 0.0), (0.0, 0.0)))
     judge = Judge(cast("Any", ["a drive"]))
     here, *others = (
         cast("Any", SimpleNamespace(fits=(), model=name, values=dict)) for name in "habcd"

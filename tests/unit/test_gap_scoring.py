@@ -11,7 +11,7 @@ import pytest
 from automap.fusion.layout import CH_NHC
 from automap.gap import scoring
 from automap.gap.fit import Fit
-from automap.gap.noise import combine
+from automap.gap.joint import combine
 from automap.gap.scoring import likelier
 from automap.records import FloatArray
 

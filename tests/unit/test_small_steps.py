@@ -26,7 +26,7 @@ from automap.fusion.limits import (
     LEAST_FIXES,
     LEVEL_SPREAD,
 )
-from automap.gap.noise import combine
+from automap.gap.joint import combine
 from automap.records import FloatArray
 from automap.sync import held_values, limits, steps
 from automap.sync.held_values import _jump_after, in_long_repeats, stuck_velocities
