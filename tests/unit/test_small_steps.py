@@ -15,7 +15,7 @@ from automap.effects.navigation import N_NAV
 from automap.effects.term_sums import SIGNAL_COLUMN, SIGNAL_ONE, TIME, TURN, new_room, set_signals
 from automap.errors import InputError
 from automap.frames import rotation_vector_to_matrix
-from automap.fusion import adapt, engine
+from automap.fusion import adapt, engine, preparation
 from automap.fusion.layout import HAS_POS_H
 from automap.fusion.level_likelihood import LevelLikelihood
 from automap.fusion.levels import ALL_LEVELS, VELOCITY_TAU, VELOCITY_WANDER
@@ -177,13 +177,13 @@ def test_halts_are_looked_for_in_the_fixes_time_and_told_in_the_readings(
         raise ReachedError
 
     monkeypatch.setattr(
-        engine, "bridge_unusable", lambda imu: SimpleNamespace(imu=imu, stretch_s=np.zeros(1))
+        preparation, "bridge_unusable", lambda imu: SimpleNamespace(imu=imu, stretch_s=np.zeros(1))
     )
-    monkeypatch.setattr(engine, "model_fixes", lambda *_: fixes)
-    monkeypatch.setattr(engine, "screen_fixes", lambda *_: SimpleNamespace(fixes=fixes))
-    monkeypatch.setattr(engine, "shown_speed", lambda model: (None, None, None))
-    monkeypatch.setattr(engine, "find_standstill", halts)
-    monkeypatch.setattr(engine, "unmoved", stop)
+    monkeypatch.setattr(preparation, "model_fixes", lambda *_: fixes)
+    monkeypatch.setattr(preparation, "screen_fixes", lambda *_: SimpleNamespace(fixes=fixes))
+    monkeypatch.setattr(preparation, "shown_speed", lambda model: (None, None, None))
+    monkeypatch.setattr(preparation, "find_standstill", halts)
+    monkeypatch.setattr(preparation, "unmoved", stop)
     options: Any = SimpleNamespace(wander_tau_s=1.0, effects=(), gap_force_sd=1.0, gap_rate_sd=0.1)
     delay: Any = SimpleNamespace(mean=delay_s, sd=0.1)
     with pytest.raises(ReachedError):
@@ -212,11 +212,11 @@ def test_fixes_count_up_to_a_second_beside_the_readings(
     fixes = SimpleNamespace(t=t, flags=np.full(len(t), HAS_POS_H), gps_s=t)
     clock: Any = SimpleNamespace(t_ns=lambda gps_s: gps_s * 1e9)
     monkeypatch.setattr(
-        engine, "bridge_unusable", lambda imu: SimpleNamespace(imu=imu, stretch_s=np.zeros(1))
+        preparation, "bridge_unusable", lambda imu: SimpleNamespace(imu=imu, stretch_s=np.zeros(1))
     )
-    monkeypatch.setattr(engine, "model_fixes", lambda *_: fixes)
-    monkeypatch.setattr(engine, "screen_fixes", lambda *_: SimpleNamespace(fixes=fixes))
-    monkeypatch.setattr(engine, "shown_speed", reached)
+    monkeypatch.setattr(preparation, "model_fixes", lambda *_: fixes)
+    monkeypatch.setattr(preparation, "screen_fixes", lambda *_: SimpleNamespace(fixes=fixes))
+    monkeypatch.setattr(preparation, "shown_speed", reached)
     options: Any = SimpleNamespace(wander_tau_s=1.0, effects=(), gap_force_sd=1.0, gap_rate_sd=0.1)
     delay: Any = SimpleNamespace(mean=0.0, sd=0.1)
     with pytest.raises(ReachedError if inside else InputError):
