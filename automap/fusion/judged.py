@@ -92,9 +92,10 @@ def judged(
     delay: Prior,
     delay_is_clock: bool,
     receiver: VelocityConsistency,
-    lever_arm: FloatArray | None,
+    lever_arm: FloatArray | None = None,
 ) -> Judged:
-    """What a verdict is to be given on; the arguments as in ``weigh``."""
+    """What a verdict is to be given on: ``fixes`` as they were fused, ``receiver`` what they say of
+    each other as recorded, the rest as in :class:`Judged`."""
     larger = larger_errors(fixes, result, options)
     stated = model_fixes(larger.fixes, larger.fixes.gps_s, options)
     return Judged(

@@ -13,7 +13,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from automap.fusion.aside import Aside
 from automap.fusion.consistency import (
     channel_consistency,
     innovation_doubts,
@@ -33,57 +32,35 @@ from automap.fusion.doubts.antenna import (
 from automap.fusion.doubts.bridged import outside
 from automap.fusion.doubts.constancy import constancy_doubts
 from automap.fusion.doubts.difference import off_course
-from automap.fusion.doubts.estimates import (
-    early_velocities,
-    of_axes,
-    unexpected_delay,
-)
+from automap.fusion.doubts.estimates import early_velocities, of_axes, unexpected_delay
 from automap.fusion.doubts.heights import height_doubts
 from automap.fusion.doubts.path import fix_misses, off_the_fixes
 from automap.fusion.doubts.reason import Reason
-from automap.fusion.doubts.receiver import (
-    overstated,
-    told_late,
-)
+from automap.fusion.doubts.receiver import overstated, told_late
 from automap.fusion.doubts.sideways import sideways
 from automap.fusion.doubts.slow_drift import drifting
 from automap.fusion.fixes_beside import between_readings, fixes_alone, in_its_place
 from automap.fusion.inertial_evidence import of_readings
-from automap.fusion.judged import Judged, judged
+from automap.fusion.judged import Judged
 from automap.fusion.limits import STATED_ARM_SD_M
 from automap.fusion.measurements.position import age_sd_of, by_carrier
 from automap.fusion.nodes import as_shown
-from automap.fusion.options import FusionOptions
 from automap.fusion.receiver_evidence import of_fixes
-from automap.fusion.result import FusionResult, Prior
 from automap.fusion.unread import driven_m, unread
 from automap.fusion.verdict_alone import seen_at_sensor
 from automap.fusion.weighed import Weighed, weighed_path
 from automap.fusion.widening import widening
-from automap.records import ClockModel, Fixes, FloatArray, ImuData, Trajectory
-from automap.sync.velocity_findings import VelocityConsistency
+from automap.records import ImuData, Trajectory
 
 
 def weigh(
-    result: FusionResult,
-    fused: Aside,
-    read_imu: Callable[[], ImuData],
-    as_read: Callable[[ImuData], ImuData],
-    fixes: Fixes,
-    clock: ClockModel,
-    options: FusionOptions,
-    delay: Prior,
-    delay_is_clock: bool,
-    receiver: VelocityConsistency,
-    lever_arm: FloatArray | None = None,
+    drive: Judged, read_imu: Callable[[], ImuData], as_read: Callable[[ImuData], ImuData]
 ) -> Weighed:
     """Judge a fused path, put aside, by what it was made of.
 
-    ``read_imu`` reads the readings, ``as_read`` gives them in the sensor's own axes; ``fixes`` as
-    they were fused, ``delay`` and ``delay_is_clock`` as in ``fuse_imu_gnss``; ``receiver`` what the
-    fixes as recorded say of each other; ``lever_arm`` [3] m to the antenna as it was stated.
+    ``read_imu`` reads the readings, ``as_read`` gives them in the sensor's own axes.
     """
-    drive = judged(result, fused, fixes, clock, options, delay, delay_is_clock, receiver, lever_arm)
+    result, fused, options, lever_arm = drive.result, drive.fused, drive.options, drive.lever_arm
     found, innovations = drive.found, result.innovations
     parting = innovation_doubts(channel_consistency(innovations))
     inertial = of_readings(drive, read_imu, as_read, bool(parting))

@@ -41,6 +41,7 @@ def _summary(result: Any) -> dict[str, Any]:
 
 def _judged(result: Any, imu: ImuData, fixes: Fixes, options: Any, **changes: Any) -> Any:
     from automap.fusion.aside import put_aside
+    from automap.fusion.judged import judged
     from automap.fusion.result import Prior
     from automap.fusion.verdict import weigh
     from automap.sync.velocity_consistency import velocity_consistency
@@ -49,8 +50,6 @@ def _judged(result: Any, imu: ImuData, fixes: Fixes, options: Any, **changes: An
     given: dict[str, Any] = {
         "result": result,
         "fused": put_aside(result.path_run(), result.t_ns, BytesIO()),
-        "read_imu": lambda: imu,
-        "as_read": lambda readings: readings,
         "fixes": fixes,
         "clock": CLOCK,
         "options": options,
@@ -58,7 +57,7 @@ def _judged(result: Any, imu: ImuData, fixes: Fixes, options: Any, **changes: An
         "delay_is_clock": False,
         "receiver": velocity_consistency(fixes),
     }
-    found = weigh(**(given | changes))
+    found = weigh(judged(**(given | changes)), lambda: imu, lambda readings: readings)
     return {
         "verdict": found.verdict,
         "reasons": [str(reason.as_dict()) for reason in found.verdict.reasons],

@@ -20,6 +20,7 @@ from automap.fusion.doubts.outcome import unsure_path
 from automap.fusion.doubts.path import Misses
 from automap.fusion.doubts.receiver import overstated, receiver_doubts, usable_fixes
 from automap.fusion.engine import fuse_imu_gnss
+from automap.fusion.judged import judged
 from automap.fusion.options import FusionOptions
 from automap.fusion.result import FusionResult, Prior
 from automap.fusion.verdict import weigh
@@ -93,10 +94,8 @@ def fused(
     seen = velocity_consistency(fixes) if found is None else found
     with TemporaryFile() as file:
         aside = put_aside(result.path_run(), result.t_ns, file)
-        weighed = weigh(
-            *(result, aside, lambda: imu, lambda read: read, fixes, clock, options),
-            *(delay, is_clock, seen, arm),
-        )
+        drive = judged(result, aside, fixes, clock, options, delay, is_clock, seen, arm)
+        weighed = weigh(drive, lambda: imu, lambda read: read)
         path = weighed.trajectory
         return result, replace(weighed, run=lambda: iter([path]))
 

@@ -116,6 +116,7 @@ def _smooth_fixes(context: StageContext, clock: ClockModel, reason: str) -> None
 
 def _fuse(context: StageContext) -> None:
     from automap.fusion.aside import put_aside
+    from automap.fusion.judged import judged
     from automap.fusion.verdict import weigh
     from automap.io.atomic import scratch_file
     from automap.io.trajectory_table import write_trajectory
@@ -139,19 +140,11 @@ def _fuse(context: StageContext) -> None:
             write_trajectory(context.work / names.TRAJECTORY_FILTER, result.filter_run())
             fused = put_aside(result.path_run(), result.t_ns, file)
         result = replace(result, path_run=_let_go, filter_run=_let_go)
-        weighed = weigh(
-            result,
-            fused,
-            lambda: inputs.imu,
-            context.drive.imu_axes.as_read,
-            inputs.fixes,
-            inputs.clock,
-            options,
-            inputs.delay,
-            is_clock,
-            inputs.receiver,
-            inputs.lever_arm,
+        drive = judged(
+            *(result, fused, inputs.fixes, inputs.clock, options, inputs.delay, is_clock),
+            *(inputs.receiver, inputs.lever_arm),
         )
+        weighed = weigh(drive, lambda: inputs.imu, context.drive.imu_axes.as_read)
         context.verdict = weighed.verdict.as_dict()
         write_trajectory(context.work / names.TRAJECTORY, weighed.run())
     if weighed.unread_m > 0.0:
