@@ -31,8 +31,12 @@ ELAPSED = "elapsed"
 FORWARD_ACCELERATION = "forward_acceleration"
 LATERAL_ACCELERATION = "lateral_acceleration"
 """Of the vehicle along its own axes, m/s^2, right positive."""
-POSITION_ACCURACY = ("position_sd_n", "position_sd_e", "position_sd_d")
-"""What a fix states of its own error, m."""
+POSITION_ACCURACY = (
+    *("position_sd_n", "position_sd_e", "position_sd_d"),
+    *("quick_sd_n", "quick_sd_e", "quick_sd_d"),
+)
+"""What a fix states of its own error, m, and what errors of seconds go by, which are larger than
+that in some stretches."""
 TRAVEL = ("travel_n", "travel_e")
 """The direction of travel, of length one, of none where the vehicle stands."""
 STATE_SIGNALS = (ONE, ELAPSED, FORWARD_ACCELERATION, LATERAL_ACCELERATION)

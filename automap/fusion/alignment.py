@@ -54,16 +54,17 @@ def start_state(
         nominal[0] -= nominal[3] * wait / earth.A
         nominal[1] -= nominal[4] * wait / (earth.A * np.cos(nominal[0]))
     nominal[6:10] = matrix_to_quat(attitude)
-    sd_position = (
-        limits.START_WANDERS * fixes.stated_sd[first]
-        + limits.START_SD_M
-        + limits.START_DRIFT * wait
-    )
-    sd_position += np.sqrt(fixes.white_var[first, :3])
+    sd_position = first_position_sd(fixes, first) + limits.START_DRIFT * wait
     if len(has_height) == 0:
         sd_position[2] = limits.UNKNOWN_HEIGHT_SD_M
     sd = np.concatenate([sd_position, [speed_sd] * 3, sd_attitude])
     return Start(nominal, sd)
+
+
+def first_position_sd(fixes: FixModel, first: int) -> FloatArray:
+    """How unsure [3] m a position is that is told by one fix."""
+    lasting = limits.START_WANDERS * fixes.whole_sd[first]
+    return np.asarray(lasting + limits.START_SD_M + np.sqrt(fixes.white_var[first, :3]))
 
 
 def level(

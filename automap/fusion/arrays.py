@@ -44,7 +44,7 @@ class ModelArrays(NamedTuple):
 class NodeArrays(NamedTuple):
     """``t`` [k] s within the samples, ``flags`` [k], ``fix`` [k, 8] latitude, longitude,
     height, velocity NED, wheel speed, speed downwards on springs, ``var`` [k, 15] variances by
-    channel, ``signals`` [k, e] that terms are multiplied with; ``keep`` [k, 3] the share of a
+    channel, ``signals`` [k, e] that terms are multiplied with; ``keep`` [k, 6] the share of a
     normalised error that outlasts a change of its size."""
 
     t: FloatArray

@@ -13,14 +13,15 @@ from automap.frames import (
     quat_to_matrix,
 )
 from automap.fusion import limits
+from automap.fusion.alignment import first_position_sd
 from automap.fusion.aside import ROWS
 from automap.fusion.delay_states import WHEELS_STATE
 from automap.fusion.dense_pieces import MARGIN_S, dense_pieces
 from automap.fusion.kernel_runs import Start
-from automap.fusion.layout import HAS_POS_V
+from automap.fusion.layout import HAS_POS_H, HAS_POS_V
 from automap.fusion.measurements.position import by_carrier
 from automap.fusion.mounting import Mounting, estimate_mounting
-from automap.fusion.nodes import Shift
+from automap.fusion.nodes import FixModel, Shift
 from automap.fusion.options import FusionOptions
 from automap.fusion.passes import Basis, Pass, Session, basis_of, run_passes, without_readings
 from automap.fusion.preparation import prepare
@@ -122,15 +123,20 @@ def fuse_imu_gnss(
         worse = find_worse(last, window_s, len(fixes))
     again = 0
     while worse is not None:
-        screened = screen_fixes(fixes_in(known.stated, worse), options.wander_tau_s)
+        screened = screen_fixes(fixes_in(known.stated, worse, options), options.wander_tau_s)
         session = replace(session, fixes=screened.fixes)
-        start, shift = found.start, last.shift
+        start, shift = _unsure(found.start, screened.fixes), last.shift
         del last
         progress(0.6, "fusing, with errors as large as they are by stretches")
         last, found = run_passes(session, start, constrained=True, found=shift, basis=basis)
-        now = find_again(last, window_s, worse)
-        if again == _AGAIN or now.spans == worse.spans:
+        if not worse.slow:
             break
+        now = worse if again == _AGAIN else find_again(last, window_s, worse)
+        if now.spans == worse.spans:
+            # where they are is settled: what lasts for minutes is as ever there. Levels begin
+            # where they are, for a path that drifts looks like positions that do
+            session = replace(session, options=replace(session.options, factors=last.factors))
+            now = replace(worse, slow=False)
         again, worse = again + 1, now
     if worse is not None:
         warnings.append(worse.text())
@@ -163,6 +169,16 @@ def fuse_imu_gnss(
         worse,
     )
     return replace(result, wheels=_wheels_of(known.wheels, result, delay_is_clock))
+
+
+def _unsure(start: Start, fixes: FixModel) -> Start:
+    """A start no surer than its first fix, which may lie in a worse stretch."""
+    first = int(np.flatnonzero((fixes.flags & HAS_POS_H) > 0)[0])
+    sd = start.sd.copy()
+    sd[:2] = np.maximum(sd[:2], first_position_sd(fixes, first)[:2])
+    if fixes.flags[first] & HAS_POS_V:
+        sd[2] = max(sd[2], first_position_sd(fixes, first)[2])
+    return Start(start.nominal, sd)
 
 
 def _wheels_of(

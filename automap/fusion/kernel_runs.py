@@ -150,7 +150,7 @@ def node_arrays(problem: Problem, nodes: Nodes) -> NodeArrays:
         nodes.values,
         nodes.var,
         node_signals(problem, nodes),
-        nodes.wander_keep,
+        nodes.lasting_keep,
     )
 
 
@@ -252,7 +252,7 @@ def run_smoother(
     variances = np.empty((k, n - N_NAV))
     kernels.run_smoother(
         forward.nodes.t,
-        forward.nodes.wander_keep,
+        forward.nodes.lasting_keep,
         problem.model.kept,
         problem.model.tau,
         store,

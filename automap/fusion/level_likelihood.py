@@ -111,7 +111,7 @@ def _slopes(
     level_slopes(
         nodes.t,
         nodes.var,
-        nodes.wander_keep,
+        nodes.lasting_keep,
         problem.model.kept,
         problem.model.tau,
         problem.model.walk,

@@ -10,7 +10,7 @@ import numpy as np
 from automap.effects import CATALOGUE, Effect, ImuTerm, effect_named, imu_terms
 from automap.effects.measured import MEASURED, measured_terms
 from automap.effects.term_sums import MeasuredTerms
-from automap.effects.terms import INERTIAL
+from automap.effects.terms import INERTIAL, POSITION_ACCURACY
 from automap.errors import ConfigError
 from automap.fusion.layout import N_NAV
 from automap.fusion.options import FusionOptions
@@ -25,7 +25,7 @@ class StateModel:
     terms on fixes and vehicle and ``signals`` what they are multiplied with, ``places`` the first
     row of each such effect; ``names`` of the states after the nine navigation errors,
     ``prior_mean`` and ``prior_sd`` [n - 9], ``tau`` [n] s, 0 where a state only walks, ``walk`` [n]
-    its variance, or the walk's growth of it in a second. ``kept`` [n]: which of a node's three
+    its variance, or the walk's growth of it in a second. ``kept`` [n]: which of a node's six
     shares outlasts a change of the fixes' size, -1 where the state does not go by it.
     """
 
@@ -112,7 +112,8 @@ def build_state_model(
         walk[rows] = np.square(sd[first - N_NAV : rows.stop - N_NAV])
         if CATALOGUE[name].follows_accuracy:
             # normalised by the accuracy that fixes state, which changes along a drive
-            kept[rows] = np.arange(rows.stop - first)
+            shown = (effect_named(name).terms_of(state)[0] for state in effect_named(name).states)
+            kept[rows] = [POSITION_ACCURACY.index(term.signal) for term in shown]
     mean = np.array([means.get(name, 0.0) for name in names])
     spreads = np.array([sds.get(name, s) for name, s in zip(names, sd, strict=True)])
     codes = [(t.sensor, t.axis, t.basis, names.index(t.name)) for t in terms]

@@ -69,7 +69,8 @@ class FixModel:
 
     ``t`` [m] seconds on the IMU's time axis without any delay, ``flags`` [m], ``values`` [m, 6]
     latitude, longitude (rad), height, velocity NED, ``white_var`` [m, 6], ``stated_sd`` [m, 3],
-    ``row`` [m] the fix's row in its table.
+    ``row`` [m] the fix's row in its table, ``larger`` [m, 2] by how much positions err more than
+    is usual: by the whole of it, and by what lasts for seconds.
     """
 
     t: FloatArray
@@ -78,14 +79,21 @@ class FixModel:
     white_var: FloatArray
     stated_sd: FloatArray
     row: IntArray
+    larger: FloatArray
+
+    @property
+    def whole_sd(self) -> FloatArray:
+        """Sigma [m, 3] m of all that lasts of positions."""
+        return np.asarray(self.stated_sd * self.larger[:, :1])
 
 
 @dataclass(frozen=True)
 class Nodes:
     """The filter's nodes in time order; arrays as ``run_forward`` takes them.
 
-    ``fix_row`` [k] the row of the fix table that was used, -1 for none; ``wander_keep`` [k, 3] how
-    much of the normalised wander outlasts the step to a node where its size has changed.
+    ``stated_sd`` [k, 3] goes with errors that last for minutes, ``quick_sd`` [k, 3] with those of
+    seconds; ``fix_row`` [k] the row of the fix table that was used, -1 for none; ``lasting_keep``
+    [k, 6] how much of the two, normalised, outlasts the step to a node where its size has changed.
     """
 
     t: FloatArray
@@ -93,8 +101,9 @@ class Nodes:
     values: FloatArray
     var: FloatArray
     stated_sd: FloatArray
+    quick_sd: FloatArray
     fix_row: IntArray
-    wander_keep: FloatArray
+    lasting_keep: FloatArray
 
     def first(self, count: int) -> Nodes:
         """The first nodes alone."""
@@ -109,8 +118,9 @@ class Nodes:
             self.values[part],
             self.var[part],
             self.stated_sd[part],
+            self.quick_sd[part],
             self.fix_row[part],
-            self.wander_keep[part],
+            self.lasting_keep[part],
         )
 
     def first_moving(self, moving_s: float, most_s: float) -> Nodes:
@@ -148,6 +158,7 @@ def model_fixes(fixes: Fixes, t: FloatArray, options: FusionOptions) -> FixModel
         np.concatenate([white, sd_vel], axis=1)[order] ** 2,
         hold_reported_sd(sd[order]),
         order.astype(np.int64),
+        np.ones((len(order), 2)),
     )
 
 
@@ -194,7 +205,7 @@ def build_nodes(
     flags = np.zeros(n, dtype=np.int64)
     values = np.zeros((n, N_VALUES))
     var = np.ones((n, MAX_SCALARS))
-    wander = np.ones((n, 3))
+    lasting = np.ones((n, 6))
     has = row >= 0
     flags[has] = model.flags[row[has]]
     values[has, :6] = model.values[row[has]]
@@ -202,9 +213,11 @@ def build_nodes(
     if has.any():
         latest = np.maximum.accumulate(np.where(has, np.arange(n), -1))
         latest = np.where(latest < 0, int(np.flatnonzero(has)[0]), latest)
-        wander = model.stated_sd[row[latest]]
-    before = np.concatenate([wander[:1], wander[:-1]])
-    keep_share = np.minimum(before / wander, wander / before)
+        stated = model.stated_sd[row[latest]]
+        quick = stated * model.larger[row[latest], 1:]
+        lasting = np.concatenate([stated, quick], axis=1)
+    before = np.concatenate([lasting[:1], lasting[:-1]])
+    keep_share = np.minimum(before / lasting, lasting / before)
 
     spacing = np.diff(t, prepend=t[0] - limits.MAX_NODE_SPACING_S)
     spacing = np.clip(spacing, limits.LEAST_SPACING_S, limits.MOST_SPACING_S)
@@ -218,7 +231,8 @@ def build_nodes(
     if odometer is not None and constrained:
         note_wheels(flags, values, var, wheel_row, odometer)
     fix_row = np.where(has, model.row[np.maximum(row, 0)] if len(model.row) else -1, -1)
-    return Nodes(t, flags, values, var, wander, fix_row.astype(np.int64), keep_share)
+    slow, quick = lasting[:, :3].copy(), lasting[:, 3:].copy()
+    return Nodes(t, flags, values, var, slow, quick, fix_row.astype(np.int64), keep_share)
 
 
 def _node_times(
@@ -276,6 +290,7 @@ def _split(model: FixModel, shift: Shift) -> FixModel:
         model.white_var[rows],
         model.stated_sd[rows],
         model.row[rows],
+        model.larger[rows],
     )
 
 

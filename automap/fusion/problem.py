@@ -235,11 +235,12 @@ def _model_arrays(model: StateModel, options: FusionOptions, step: float) -> Mod
 
 def node_signals(problem: Problem, nodes: Nodes) -> FloatArray:
     """The signals [k, e] at the nodes that the model's terms on measurements are multiplied with:
-    the size of the fixes' wandering error, or a user's."""
+    the sizes of the fixes' lasting errors, or a user's."""
     out = np.empty((len(nodes.t), len(problem.model.signals)))
     for column, name in enumerate(problem.model.signals):
         if name in problem.users:
             out[:, column] = np.interp(nodes.t, problem.t, problem.users[name])
         else:
-            out[:, column] = nodes.stated_sd[:, POSITION_ACCURACY.index(name)]
+            part, axis = divmod(POSITION_ACCURACY.index(name), 3)
+            out[:, column] = (nodes.stated_sd, nodes.quick_sd)[part][:, axis]
     return out

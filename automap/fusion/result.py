@@ -194,10 +194,8 @@ def assemble(
 
     nodes, options = outcome.nodes, session.options
     unseen = np.zeros((len(nodes.t), 6))
-    # what nothing shows is no larger where what shows is
-    stated = nodes.stated_sd if worse is None else nodes.stated_sd / worse.at(nodes.fix_row)
-    unseen[:, :3] = unseen_errors(stated, options, outcome.shown)
-    drift = unseen_changes(stated, float(np.ptp(nodes.t)), options, outcome.shown)
+    unseen[:, :3] = unseen_errors(nodes.stated_sd, options, outcome.shown)
+    drift = unseen_changes(nodes.stated_sd, float(np.ptp(nodes.t)), options, outcome.shown)
     accel_noise = options.accel_noise * outcome.factors.get("accel", 1.0)
     unseen[:, 5] = sd_on_springs(nodes.flags, accel_noise, options.nhc_mean_s)
 

@@ -58,7 +58,7 @@ def screen_fixes(model: FixModel, tau_s: float) -> Screening:
         model.values[use, 0], model.values[use, 1], height, (first[0], first[1], float(height[0]))
     ).reshape(-1, 3)
     has_velocity = (model.flags[use] & HAS_VEL_H) > 0
-    expected = model.white_var[use, :3] + model.stated_sd[use] ** 2
+    expected = model.white_var[use, :3] + model.whole_sd[use] ** 2
     velocity_var = model.white_var[use, 3:5] + _delay_var(t, model.values[use, 3:5], has_velocity)
     outlier_from = gate(limits.OUTLIER_PROBABILITY, 2)
     extra = np.zeros(len(use))

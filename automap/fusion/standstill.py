@@ -120,7 +120,7 @@ def unmoved(standstill: list[tuple[float, float]], fixes: FixModel) -> list[tupl
             moved = (last - first) * [float(north[0]), float(east[0])]
             sd = np.sqrt(
                 fixes.white_var[has][rows, :2].max(axis=0)
-                + fixes.stated_sd[has][rows, :2].max(axis=0) ** 2
+                + fixes.whole_sd[has][rows, :2].max(axis=0) ** 2
             )
             if float((moved**2 / (2.0 * sd**2)).sum()) > limit:
                 continue

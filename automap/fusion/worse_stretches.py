@@ -25,7 +25,9 @@ from automap.fusion.limits import (
     WORSE_SHARES,
     WORSE_STAYS,
 )
+from automap.fusion.measurements.position import quick_factor
 from automap.fusion.nodes import FixModel
+from automap.fusion.options import FusionOptions
 from automap.fusion.passes import Pass
 from automap.records import BoolArray, FloatArray, IntArray
 from automap.sync.limits import CERTAIN_LEAD_NATS
@@ -49,11 +51,13 @@ car in town passes a house."""
 @dataclass(frozen=True)
 class WorseStretches:
     """Positions err by ``times`` what is usual in ``spans``, s from the first sample; ``factor``
-    [n] is by how much, of each row of the fixes, 1 where it is as usual."""
+    [n] is by how much, of each row of the fixes, 1 where it is as usual; what lasts for minutes
+    is larger, too, where errors are ``slow``."""
 
     times: float
     spans: tuple[tuple[float, float], ...]
     factor: FloatArray
+    slow: bool = True
 
     @property
     def seconds(self) -> float:
@@ -68,12 +72,6 @@ class WorseStretches:
     def as_dict(self) -> dict[str, Any]:
         """For a summary."""
         return {"times": self.times, "spans_s": self.spans}
-
-    def at(self, fix_row: IntArray) -> FloatArray:
-        """The factor [k, 1] at nodes, of the last fix before each; ``fix_row`` [k], -1 for none."""
-        last = np.maximum.accumulate(np.where(fix_row >= 0, np.arange(len(fix_row)), -1))
-        last[last < 0] = int(np.argmax(fix_row >= 0))
-        return self.factor[fix_row[last]][:, None]
 
     def text(self) -> str:
         """One sentence for a user."""
@@ -152,12 +150,20 @@ def _stretches(
     return WorseStretches(times, _spans(edges, worse > 0.5), factor)
 
 
-def fixes_in(model: FixModel, worse: WorseStretches) -> FixModel:
-    """Fixes with errors as large as they are there."""
+def fixes_in(model: FixModel, worse: WorseStretches, options: FusionOptions) -> FixModel:
+    """Fixes with errors as large as they are there.
+
+    Houses and trees add to what errs, for as long as they are passed; what air and orbits make
+    lasts on unchanged. A size that changes at each edge leaves no error that lasts.
+    """
     factor = worse.factor[model.row][:, None]
     white = model.white_var.copy()
     white[:, :3] *= factor**2
-    return replace(model, white_var=white, stated_sd=model.stated_sd * factor)
+    if worse.slow:
+        return replace(model, white_var=white, stated_sd=model.stated_sd * factor)
+    there = worse.there[model.row]
+    larger = np.where(there[:, None], [worse.times, quick_factor(worse.times, options)], 1.0)
+    return replace(model, white_var=white, larger=larger)
 
 
 def _windows(

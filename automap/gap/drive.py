@@ -183,4 +183,5 @@ def _rows(fixes: FixModel, keep: BoolArray) -> FixModel:
         fixes.white_var[keep],
         fixes.stated_sd[keep],
         fixes.row[keep],
+        fixes.larger[keep],
     )

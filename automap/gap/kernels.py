@@ -43,7 +43,7 @@ def propagate_columns(
     ``t`` [n] s, ``force`` [n, 3] corrected specific force, ``dcm`` [n, 3, 3] body to NED,
     ``signals`` [n, g]. ``terms`` [m, 5]: column, sensor (0 gyro, 1 accelerometer), axis, signal,
     and one that it is multiplied with, or -1. The filter's run: ``node_t`` [k], ``trans``
-    [k, 9, n], ``tau`` [n], ``keep`` [k, 3], ``kept`` [n], ``scalars`` [k] running totals, ``h``,
+    [k, 9, n], ``tau`` [n], ``keep`` [k, 6], ``kept`` [n], ``scalars`` [k] running totals, ``h``,
     ``gain`` [s, n], ``var`` [s]. ``direct`` [s, d]: the last ``d`` columns also act on the scalars
     themselves.
     """

@@ -132,7 +132,7 @@ def sensitivities(fit: Fit, motion: Motion, columns: Sequence[Column]) -> FloatA
         last.nodes.t,
         store.trans,
         last.problem.model.tau,
-        last.nodes.wander_keep,
+        last.nodes.lasting_keep,
         last.problem.model.kept,
         store.scalars,
         store.h,

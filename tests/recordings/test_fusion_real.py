@@ -127,8 +127,9 @@ def _nodes(t_fix: FloatArray, fixes, epochs: FloatArray) -> Nodes:  # type: igno
         np.where(row[:, None] >= 0, values[np.maximum(row, 0)], 0.0),
         var,
         np.ones((len(times), 3)),
-        row.astype(np.int64),
         np.ones((len(times), 3)),
+        row.astype(np.int64),
+        np.ones((len(times), 6)),
     )
 
 

@@ -189,7 +189,7 @@ def _nodes(motion: Motion) -> Nodes:
     wander[k // 2 :] *= [1.5, 1.2, 0.8]
     keep = np.ones((k, 3))
     keep[k // 2] = 1 / 1.5, 1 / 1.2, 0.8
-    return replace(make_nodes(t, flags, values, var, wander), wander_keep=keep)
+    return replace(make_nodes(t, flags, values, var, wander), lasting_keep=np.hstack([keep, keep]))
 
 
 def _nearly_true(motion: Motion, t: float) -> np.ndarray:
@@ -218,7 +218,7 @@ def _seen(nodes: Nodes, table: Innovations) -> list[Seen]:
                 nodes.values[k, 3:6],
                 float(nodes.values[k, 6]),
                 nodes.stated_sd[k],
-                nodes.wander_keep[k],
+                nodes.lasting_keep[k, :3],
             )
         )
     return out

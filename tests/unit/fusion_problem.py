@@ -30,8 +30,9 @@ def make_nodes(
         of_nodes,
         np.ones((k, MAX_SCALARS)) if var is None else var,
         np.ones((k, 3)) if stated_sd is None else stated_sd,
+        np.ones((k, 3)) if stated_sd is None else stated_sd,
         np.full(k, -1, np.int64),
-        np.ones((k, 3)),
+        np.ones((k, 6)),
     )
 
 

@@ -32,7 +32,8 @@ def _drive(seed: int = 0, seconds: float = 120.0) -> FixModel:
     n = len(t)
     var = np.column_stack([np.full((n, 3), 0.3**2), np.full((n, 3), 0.07**2)])
     flags = np.full(n, ALL, np.int64)
-    return FixModel(t, flags, values, var, np.ones((n, 3)), np.arange(n, dtype=np.int64))
+    rows = np.arange(n, dtype=np.int64)
+    return FixModel(t, flags, values, var, np.ones((n, 3)), rows, np.ones((n, 2)))
 
 
 def _moved(model: FixModel, rows: slice, metres: float) -> FixModel:
@@ -88,9 +89,8 @@ def test_old_velocities_make_no_position_wild(lag_s: float) -> None:
     )
     var = np.column_stack([np.full((len(t), 3), 0.02**2), np.full((len(t), 3), 0.03**2)])
     rows = np.arange(len(t), dtype=np.int64)
-    model = FixModel(
-        t, np.full(len(t), ALL, np.int64), values, var, np.full((len(t), 3), 0.02), rows
-    )
+    flags, stated = np.full(len(t), ALL, np.int64), np.full((len(t), 3), 0.02)
+    model = FixModel(t, flags, values, var, stated, rows, np.ones((len(t), 2)))
     assert screen_fixes(model, 60.0).n_outliers == 0
     jumped = _moved(model, slice(300, 306), 12.0)
     assert screen_fixes(jumped, 60.0).n_outliers == 6
@@ -133,7 +133,7 @@ def test_a_changed_figure_keeps_only_its_share_of_the_wander() -> None:
     nodes = build_nodes(
         model, Shift(), (0.0, 19.0), [], empty, empty, empty, None, FusionOptions(), False
     )
-    change = np.flatnonzero(nodes.wander_keep[:, 0] < 1.0)
+    change = np.flatnonzero(nodes.lasting_keep[:, 0] < 1.0)
     assert len(change) == 1
     assert nodes.t[change[0]] == pytest.approx(model.t[50])
-    assert nodes.wander_keep[change[0]] == pytest.approx(1.0 / 8.0)
+    assert nodes.lasting_keep[change[0]] == pytest.approx(1.0 / 8.0)

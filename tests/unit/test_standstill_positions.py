@@ -40,7 +40,8 @@ def fixes(step_s: float, noise_m: float, velocity: bool = False) -> FixModel:
     flags = HAS_POS_H | HAS_POS_V | (HAS_VEL_H if velocity else 0)
     white = np.full((len(t), 6), noise_m**2)
     stated = np.full((len(t), 3), 1.0)
-    return FixModel(t, np.full(len(t), flags), values, white, stated, np.arange(len(t)))
+    rows, usual = np.arange(len(t)), np.ones((len(t), 2))
+    return FixModel(t, np.full(len(t), flags), values, white, stated, rows, usual)
 
 
 def readings() -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -85,6 +86,7 @@ def test_few_positions_show_no_speed(count: int) -> None:
         *(getattr(model, name)[:count] for name in ("t", "flags", "values", "white_var")),
         model.stated_sd[:count],
         model.row[:count],
+        model.larger[:count],
     )
     assert [len(values) for values in shown_speed(few)] == [0, 0, 0]
 

@@ -100,7 +100,7 @@ RECEIVER = (
         "gnss",
         (Parameter("sigma", "m", 0.3, 0.0), Parameter("tau", "s", 10.0, 0.0)),
         "position error that lasts for seconds",
-        axes(POSITION, names="n e d", signal="position_sd_{}"),
+        axes(POSITION, names="n e d", signal="quick_sd_{}"),
         markov=GaussMarkov("multipath_tau_s", "multipath_share", ("multipath",) * 3),
         nuisance=True,
     ),

@@ -10,7 +10,11 @@ import numpy as np
 
 from automap.fusion.doubts.position_jump import Jump
 from automap.fusion.limits import DOUBT_PROBABILITY
-from automap.fusion.measurements.position import position_errors
+from automap.fusion.measurements.position import (
+    lasting_share,
+    position_errors,
+    quick_factor,
+)
 from automap.fusion.nodes import as_shown, model_fixes
 from automap.fusion.options import FusionOptions
 from automap.fusion.result import FusionResult
@@ -68,5 +72,8 @@ def larger_errors(fixes: Fixes, result: FusionResult, options: FusionOptions) ->
     stating = replace(fixes, sd_pos_ned=stated)
     shown = as_shown(model_fixes(stating, fixes.gps_s, options), options, result.noise_factors)
     rows = np.flatnonzero(there[shown.row])
-    sd = np.sqrt(shown.white_var[rows, :3] + shown.stated_sd[rows] ** 2)
+    sizes = lasting_share(options, result.noise_factors, quick_factor(result.worse.times, options))
+    sizes /= lasting_share(options, result.noise_factors)
+    lasting = shown.stated_sd[rows] / result.worse.factor[shown.row[rows]][:, None] * sizes
+    sd = np.sqrt(shown.white_var[rows, :3] + lasting**2)
     return LargerErrors(stating, shown.t[rows], sd, WINDOWS * options.multipath_tau_s)

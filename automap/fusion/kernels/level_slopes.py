@@ -51,7 +51,7 @@ def level_slopes(
     [g, l] the variance that each slope has where its level is right, those of the ``part`` [k] that
     each node, with the interval before it, is of.
 
-    ``node_t`` [k] s, ``var`` [k, 15] by channel, ``keep`` [k, 3] and ``kept`` [n] as in the
+    ``node_t`` [k] s, ``var`` [k, 15] by channel, ``keep`` [k, 6] and ``kept`` [n] as in the
     forward pass, ``tau``, ``walk`` [n], ``noise`` [2] PSD of force and rate. Levels of
     channels [15], of states [n] and of how long these last [n], -1 none; ``store`` of a forward
     run about given states.

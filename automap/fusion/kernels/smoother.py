@@ -174,7 +174,7 @@ def run_smoother(
     they are left as they are before the first. G. J. Bierman, "Fixed interval smoothing with
     discrete measurements", International Journal of Control 18, 1973.
 
-    ``keep`` [k, 3] and ``kept`` [n] as in the forward pass. They refer to the state after the
+    ``keep`` [k, 6] and ``kept`` [n] as in the forward pass. They refer to the state after the
     update of each node. ``cov_rows`` [k, r, r] receives the
     covariance of the states ``rows`` [r], or is empty; ``variances`` [k, n - 9] those of the
     parameters, at least every ``every_s`` seconds (NaN between).

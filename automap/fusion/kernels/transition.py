@@ -176,7 +176,7 @@ def outlasting(
     span: float, tau: FloatArray, kept: IntArray, keep: FloatArray, out: FloatArray
 ) -> None:
     """What of each parameter outlasts ``span`` s, ``out`` [n]: correlated ones decay with ``tau``
-    [n] s, and normalised ones by a share of ``keep`` [3] more (``kept`` [n], -1 none)."""
+    [n] s, and normalised ones by a share of ``keep`` [6] more (``kept`` [n], -1 none)."""
     for j in range(N_NAV, out.shape[0]):
         out[j] = 1.0
         if tau[j] > 0.0:

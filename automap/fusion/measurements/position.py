@@ -73,17 +73,31 @@ def _unstated(fixes: Fixes) -> FloatArray:
     return least
 
 
-def lasting_share(options: FusionOptions, factors: Mapping[str, float]) -> FloatArray:
+def lasting_share(
+    options: FusionOptions, factors: Mapping[str, float], larger: float = 1.0
+) -> FloatArray:
     """Sigma NED [3] of the errors that last for seconds and minutes, as a share of the accuracy
-    that fixes state; ``factors`` on their sizes by level, 1 for one that is missing."""
+    that fixes state; ``factors`` on their sizes by level, 1 for one that is missing, and by how
+    much those of seconds are ``larger``."""
     slow, quick = _lasting(options, factors)
-    return np.hypot(slow, quick)
+    return np.hypot(slow, quick * larger)
 
 
 def _lasting(options: FusionOptions, factors: Mapping[str, float]) -> tuple[FloatArray, float]:
     level, down = (factors.get(name, 1.0) for name in ("wander", "wander_v"))
     quick = options.multipath_share * factors.get("multipath", 1.0)
     return options.wander_share * np.array([level, level, down]), quick
+
+
+def quick_factor(times: float, options: FusionOptions) -> float:
+    """By how much errors of seconds are larger where positions change ``times`` as much from one
+    half of such an error to the next, and errors of minutes are as ever."""
+    if options.multipath_share == 0.0:
+        return times
+    step = 0.5 * options.multipath_tau_s
+    changes = math.expm1(-step / options.wander_tau_s) / math.expm1(-0.5)
+    slow = (options.wander_share / options.multipath_share) ** 2 * changes
+    return math.sqrt(times**2 + (times**2 - 1.0) * slow)
 
 
 def unseen_errors(

@@ -341,7 +341,7 @@ def _inputs(drive: Drive) -> list[Path]:
 
 STAGE = Stage(
     name="fuse",
-    version=50,
+    version=51,
     run=run,
     inputs=_inputs,
     needs=(names.IMU, names.FIXES, names.ODOMETER, names.SYNC, names.INGEST),
