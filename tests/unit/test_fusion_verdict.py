@@ -107,6 +107,7 @@ def test_fixes_from_the_future_cannot_be() -> None:
         {"imu_time_offset_s": (0.14, 0.001), "gnss_velocity_latency_s": (-0.14, 0.001)},
         {"imu_time_offset_s": (0.6, 0.3), "gnss_velocity_latency_s": (-0.4, 0.2)},
         {"imu_time_offset_s": (-0.4, 0.01), "gnss_velocity_latency_s": (0.6, 0.01)},
+        {"imu_time_offset_s": (-0.4, 0.01), "gnss_velocity_latency_s": (-0.3, 0.01)},
     ):
         assert impossible_ages(fine, True) == []
 

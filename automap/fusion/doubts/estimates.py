@@ -62,24 +62,22 @@ def impossible_ages(
 
     ``dated_by_arrival``: the delay of the IMU's stamps is minus the age of the fixes on arrival. A
     clock that was found by the motions has the age of the receiver's velocities in it, and says
-    nothing of what came first. ``expected_s`` the delay about which it was looked for.
+    nothing of what came first. What is ahead of positions that are themselves old is of its own
+    time. ``expected_s`` the delay about which it was looked for.
     """
     reasons = []
     beyond = sigmas(DOUBT_PROBABILITY)
-    ages: list[tuple[str, tuple[str, ...], float]] = [
-        ("velocities", (VEL_LATENCY_STATE, VEL_LAG_STATE), 1.0)
-    ]
+    lead, lead_sd = velocity_lead(found)
+    late, late_sd = found.get(DELAY_STATE, (0.0, 0.0))
+    ages = [("velocities", lead + min(late, 0.0), math.hypot(lead_sd, late_sd))]
     if dated_by_arrival:
-        ages.append(("positions", (DELAY_STATE,), -1.0))
-    for what, names, sign in ages:
-        known = [found[name] for name in names if name in found]
-        age = sign * sum(value for value, _ in known)
-        sd = math.sqrt(sum(s**2 for _, s in known))
-        if age < -limits.LEAST_AGE_S - beyond * sd:
+        ages.append(("positions", late, late_sd))
+    for what, ahead, sd in ages:
+        if ahead > limits.LEAST_AGE_S + beyond * sd:
             reasons.append(
                 Reason(
                     "negative_delay",
-                    f"the receiver's {what} seem to be {-age:.2f} s ahead of what the IMU feels, "
+                    f"the receiver's {what} seem to be {ahead:.2f} s ahead of what the IMU feels, "
                     "which cannot be: check the stamps of both, and the IMU's axes",
                     inertial=True,
                 )
