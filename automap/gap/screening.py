@@ -20,17 +20,11 @@ from automap.fusion.options import FusionOptions
 from automap.gap import limits
 from automap.gap.candidates import Candidate, candidates_of, follows_time, library
 from automap.gap.columns import named_columns, term_columns
-from automap.gap.dictionary import (
-    effect_for,
-    formula_columns,
-    formula_terms,
-    left_out_columns,
-    left_out_effect,
-    warm,
-)
+from automap.gap.dictionary import formula_columns, formula_terms, warm
 from automap.gap.fit import CONSTANTS, ORIGIN, SKEW, Fit, fit_drive
 from automap.gap.forms import About, nearby, ranked
-from automap.gap.joint import Joint
+from automap.gap.formula_effects import effect_for, left_out_columns, left_out_effect
+from automap.gap.joint import Joint, estimate_nats
 from automap.gap.linear import Column, Part
 from automap.gap.motion import motion_of
 from automap.gap.neighbours import Terms
@@ -407,12 +401,3 @@ def _joined(
     known: Mapping[str, Mapping[str, float]], more: Mapping[str, Mapping[str, float]]
 ) -> dict[str, dict[str, float]]:
     return {e: {**known.get(e, {}), **more.get(e, {})} for e in {**known, **more}}
-
-
-def estimate_nats(values: FloatArray, cov: FloatArray, prior_sd: FloatArray) -> float:
-    """Nats that an estimate [p] of covariance [p, p] is worth against nothing: the density of the
-    prior, of sds [p], at zero over that of the estimate (Savage and Dickey)."""
-    z = values / prior_sd
-    root = np.linalg.cholesky(cov / np.outer(prior_sd, prior_sd) + 1e-12 * np.eye(len(z)))
-    y = np.linalg.solve(root, z)
-    return 0.5 * float(y @ y) + float(np.log(np.diag(root)).sum())

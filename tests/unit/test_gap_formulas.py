@@ -14,18 +14,17 @@ from automap.effects.memory_kernels import play
 from automap.effects.user import INERTIAL, set_user_effects, user_effects
 from automap.effects.user_tables import effects_of_formulas
 from automap.gap import GapDrive, base_model, limits
-from automap.gap.candidates import Candidate
-from automap.gap.dictionary import (
-    PREFIX,
+from automap.gap.candidates import PREFIX, Candidate
+from automap.gap.dictionary import formula_columns
+from automap.gap.drive import open_drive
+from automap.gap.fit import Fit, fit_drive
+from automap.gap.formula_effects import (
     effect_for,
     forget_formulas,
-    formula_columns,
     left_out,
     left_out_columns,
     left_out_effect,
 )
-from automap.gap.drive import open_drive
-from automap.gap.fit import Fit, fit_drive
 from automap.gap.found import in_layout
 from automap.gap.motion import motion_of
 from automap.gap.nodes import node_motion
