@@ -155,9 +155,11 @@ class BiasDrift:
                     continue
                 its, fitted = best
                 of_vehicle = loose(selection, its, {name})
+                price = selection.log_prior(its) - selection.log_prior(chosen)
+                # the other levels suit the drift: what this follows badly was taken for noise
+                fitted = with_levels(replace(fitted, curvature=here.curvature))
                 ahead, sigmas = self.judge.beyond_drift(fitted, here, of_vehicle)
-                odds = ahead + selection.log_prior(its) - selection.log_prior(chosen)
-                yield name, its, odds, sigmas
+                yield name, its, ahead + price, sigmas
 
     def _acting(
         self, about: Fitted, fitted: Fitted, selection: Selection, chosen: Chosen, name: str

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any, cast
@@ -10,6 +10,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
+from automap.fusion.levels import ALL_LEVELS
 from automap.gap import base_model, bias_drift
 from automap.gap import judge as judging
 from automap.gap.bias_drift import BiasDrift
@@ -176,7 +177,13 @@ def test_drift_is_asked_for_rivals_where_it_took_what_is_worth_a_name(
     )
     monkeypatch.setattr(Fitted, "joint", lambda fitted: None)
     monkeypatch.setattr(bias_drift, "noise_score", score)
-    monkeypatch.setattr(bias_drift, "with_levels", lambda fitted, walks: fitted)
+    moved: list[Collection[str]] = []
+
+    def with_levels(fitted: Fitted, levels: Collection[str] = ALL_LEVELS) -> Fitted:
+        moved.append(levels)
+        return fitted
+
+    monkeypatch.setattr(bias_drift, "with_levels", with_levels)
     judge: Any = SimpleNamespace(beyond_drift=lambda *about: (20.0, 3.0))
     drift = BiasDrift(screening, judge, {}, print)
     names = (WARM, AGED, SHAKEN, "accel_warm_up", "gyro_scale")
@@ -192,6 +199,8 @@ def test_drift_is_asked_for_rivals_where_it_took_what_is_worth_a_name(
     assert all((odds, sigmas) == (17.0, 3.0) for _, _, odds, sigmas in told)
     # drift as it was fitted would leave nothing to them
     assert begun == [0.1] * len(asked_about)
+    # the other levels are those that suited the drift
+    assert moved == [["gyro_bias_walk"], ALL_LEVELS] * len(asked_about)
 
 
 @pytest.mark.parametrize(
