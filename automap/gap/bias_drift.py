@@ -93,7 +93,8 @@ class BiasDrift:
             if name in SLOW:
                 # a fitted drive alone is little surer of what is slow than drift is
                 self.nats[name] = max(self.nats[name], ahead + prior)
-            worth[name] -= limits.CLOSE_NATS if name in SLOW else limits.LEAST_ODDS
+            walks = [WALK_OF[sensor] for sensor in selection.sensors(found, name)]
+            worth[name] -= _least(here, walks) if name in SLOW else limits.LEAST_ODDS
             if worth[name] < 0.0:
                 self._note(selection, found, name, ahead + prior, sigmas)
         weakest = min(worth, key=lambda n: worth[n], default="")
@@ -102,14 +103,14 @@ class BiasDrift:
     def behind(self, here: Fitted, selection: Selection, found: Chosen) -> Chosen | None:
         """The set with what is told apart from a drift in the place of that, of each set asked
         once; what a drift says nearly as well is noted."""
-        best, instead = limits.CLOSE_NATS, None
+        best, instead = 0.0, None
         asked = frozenset(found.names)
         if asked in self.asked:
             return None
         self.asked.add(asked)
-        for name, its, odds, sigmas in self._rivals(here, selection, found):
+        for name, its, odds, sigmas, least in self._rivals(here, selection, found):
             self._note(selection, its, name, odds, sigmas)
-            if odds >= best and sigmas > limits.APART:
+            if odds >= max(best, least) and sigmas > limits.APART:
                 best, instead = odds, its
         if instead is not None:
             # that is what it would be asked again, with noise that has grown in its place
@@ -128,9 +129,9 @@ class BiasDrift:
 
     def _rivals(
         self, here: Fitted, selection: Selection, chosen: Chosen
-    ) -> Iterator[tuple[str, Chosen, float, float]]:
+    ) -> Iterator[tuple[str, Chosen, float, float, float]]:
         """The choice with what may be there in the place of a sensor's drift, by name, and by how
-        much its log odds are ahead, with the sigmas of that.
+        much its log odds are ahead, with the sigmas of that, and how far they must be.
 
         Drift has taken none where the drives say less than a name must be worth for it, against
         biases that are steady. Its level is sought from there: the likelihood may have a top with
@@ -155,9 +156,11 @@ class BiasDrift:
                     continue
                 its, fitted = best
                 of_vehicle = loose(selection, its, {name})
+                price = selection.log_prior(its) - selection.log_prior(chosen)
+                # the other levels suit the drift: what this follows badly was taken for noise
+                fitted = with_levels(replace(fitted, curvature=here.curvature))
                 ahead, sigmas = self.judge.beyond_drift(fitted, here, of_vehicle)
-                odds = ahead + selection.log_prior(its) - selection.log_prior(chosen)
-                yield name, its, odds, sigmas
+                yield name, its, ahead + price, sigmas, _least(fitted, [walk])
 
     def _acting(
         self, about: Fitted, fitted: Fitted, selection: Selection, chosen: Chosen, name: str
@@ -187,6 +190,15 @@ class BiasDrift:
                 its = its if beside == rest else {}
                 # it is asked with drift free, and from steady biases: whichever suits it better
                 self.nearly[walk] = rest, its | {name: max(odds, its.get(name, odds))}
+
+
+def _least(fitted: Fitted, walks: Collection[str]) -> float:
+    """Log odds that must speak for what is slow and ``fitted``: those by which rivals are told
+    apart, where it is there in the place of drift. Where biases drift beside it as well, that
+    something slow is there does not speak for it: it is one claim more, as any name is."""
+    factors = fitted.model.factors
+    left = noise_score(fitted.fits, factors) - noise_score(fitted.fits, steady(factors, walks))
+    return limits.CLOSE_NATS if left < limits.LEAST_ODDS else limits.LEAST_ODDS
 
 
 def steady(

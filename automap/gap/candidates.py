@@ -19,6 +19,8 @@ from automap.gap.fit import ORIGIN
 from automap.gap.linear import Column
 
 FIX_AGE, VELOCITY_AGE = "gnss_latency", "gnss_velocity_latency"
+PREFIX = "formula_"
+"""Names of effects that were made of a formula begin with it."""
 COURSE = re.compile(
     r"\(?(step\((cos\(2 \* pi \* \()?time - |max\(time - |exp\(-time / |"
     r"(sin|cos)\(2 \* pi \* time / )"
@@ -118,3 +120,14 @@ def is_course(terms: Sequence[tuple[str, str]]) -> bool:
 def follows_time(terms: Sequence[tuple[str, str]]) -> bool:
     """Whether a formula is a course of time, of a bias or of a gain."""
     return is_course([(on, GAIN.sub("", text, count=1)) for on, text in terms])
+
+
+def twins_of(names: Sequence[str]) -> frozenset[str]:
+    """Effects that act as chosen ones do to first order."""
+    out = set()
+    for one, other in alike_to_first_order():
+        if one in names:
+            out.add(other)
+        if other in names:
+            out.add(one)
+    return frozenset(out)

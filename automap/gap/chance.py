@@ -10,7 +10,8 @@ import numpy as np
 from automap.gap import limits
 from automap.gap.evidence import by_scale, single_nats
 from automap.gap.linear import Conditional, Linear, Part, conditional
-from automap.gap.whitening import LOOSE, Rows, moments
+from automap.gap.rows import Rows, moments
+from automap.gap.whitening import LOOSE
 from automap.records import FloatArray, IntArray
 
 SINGULAR = 1e-6

@@ -21,7 +21,7 @@ from automap.effects.user import INSTALLED
 from automap.fusion.layout import CHANNELS
 from automap.fusion.levels import RECEIVER_LEVELS
 from automap.gap import limits
-from automap.gap.candidates import follows_time, is_course
+from automap.gap.candidates import follows_time, is_course, twins_of
 from automap.gap.chance import strongest_by_chance
 from automap.gap.evidence import shown_by
 from automap.gap.fit import Values
@@ -32,7 +32,7 @@ from automap.gap.noise import INERTIAL_LEVELS, Fitted, fitted_about, noise_score
 from automap.gap.reading_steps import cut_off
 from automap.gap.result import Drift, Refused
 from automap.gap.screening import Screening
-from automap.gap.selection import Chosen, Selection, twins_of
+from automap.gap.selection import Chosen, Selection
 from automap.gap.stepwise import rivals, told_apart
 
 SWALLOW = ((tuple(bias_walks()), True), (INERTIAL_LEVELS, True), (RECEIVER_LEVELS, False))

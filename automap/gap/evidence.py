@@ -153,9 +153,8 @@ def evidence(known: Conditional, part: Part, least_ratio: float = 1.0) -> Eviden
         if its_own < nats - lowered[0] * float(estimate @ g):
             rows, g, nats, cov, ratio = alone, its_g, its_nats, its_cov, its_ratio
             estimate = cov @ g
-    expected = (rows.phi @ estimate) ** 2
     starts = rows.frame.starts[limits.BLOCKS_S[0]]
-    predicted = _predicted(rows.phi, rows.w, expected, starts, np.diag(sd**-2.0))
+    predicted = _predicted(rows.phi, rows.w, (rows.phi @ estimate) ** 2, starts, np.diag(sd**-2.0))
     fixed = 0.5 * float(estimate @ g)
     return Evidence(
         nats - fixed * (1.0 - 1.0 / ratio),
@@ -264,9 +263,8 @@ def _stacked(known: Conditional, part: Part) -> _Stacked:
         if known.given.columns:
             phi = phi - others @ known.weights[:, list(part)]
         phis.append(phi)
-    return _Stacked(
-        np.concatenate(phis), np.concatenate([w for _, w in known.left]), known.linear.frame
-    )
+    w = np.concatenate([w for _, w in known.left])
+    return _Stacked(np.concatenate(phis), w, known.linear.frame)
 
 
 def _scatter(along: FloatArray, expected: FloatArray, starts: IntArray) -> float:

@@ -14,7 +14,6 @@ from automap.gap.camera.search import CameraGap
 from automap.gap.candidates import library
 from automap.gap.constancy import drifts
 from automap.gap.costs import costs
-from automap.gap.dictionary import forget_formulas
 from automap.gap.doubt import (
     doubt_of_usual,
     doubts,
@@ -24,6 +23,7 @@ from automap.gap.doubt import (
 )
 from automap.gap.drive import GapDrive, OpenDrive, in_vehicle_axes, open_drive, with_shocks
 from automap.gap.fit import Fit, GapModel, Values, base_model, fit_drive
+from automap.gap.formula_effects import forget_formulas
 from automap.gap.found import Beside, Found
 from automap.gap.linear import Column
 from automap.gap.misfit import Misfit, Place, misfits, places, worst_by_channel
@@ -36,7 +36,7 @@ from automap.gap.naming import (
 )
 from automap.gap.nodes import NodeMotion
 from automap.gap.noise import Log
-from automap.gap.noise_conditions import Levels
+from automap.gap.noise_levels import Levels
 from automap.gap.reading_steps import coarse_readings
 from automap.gap.receivers import outliers_finding, usual_findings, values_for_runs
 from automap.gap.responses import responses

@@ -76,3 +76,12 @@ def combine(fits: Sequence[Estimated], gains: Sequence[float], prior_sd: FloatAr
     nats += 0.5 * float(value @ eta) - 0.5 * np.linalg.slogdet(info)[1]
     scale = np.outer(prior_sd, prior_sd)
     return Joint(names, value * prior_sd, cov * scale, float(nats))
+
+
+def estimate_nats(values: FloatArray, cov: FloatArray, prior_sd: FloatArray) -> float:
+    """Nats that an estimate [p] of covariance [p, p] is worth against nothing: the density of the
+    prior, of sds [p], at zero over that of the estimate (Savage and Dickey)."""
+    z = values / prior_sd
+    root = np.linalg.cholesky(cov / np.outer(prior_sd, prior_sd) + 1e-12 * np.eye(len(z)))
+    y = np.linalg.solve(root, z)
+    return 0.5 * float(y @ y) + float(np.log(np.diag(root)).sum())

@@ -133,17 +133,8 @@ def _accelerometer(
         if nats < LEAST_ODDS or p > DESK_P or not _rms(ahead) < _rms(held):
             break
         confusable = tuple(e for n, e, _ in trials[1:] if nats - n < CLOSE_NATS)
-        findings.append(
-            Finding(
-                effect,
-                _parameters(effect, trial.of(effect)),
-                nats,
-                p,
-                _rms(held),
-                _rms(ahead),
-                confusable,
-            )
-        )
+        values = _parameters(effect, trial.of(effect))
+        findings.append(Finding(effect, values, nats, p, _rms(held), _rms(ahead), confusable))
         accepted, fit, held = (*accepted, effect), trial, ahead
     return findings, first, held
 

@@ -16,8 +16,9 @@ import numpy as np
 from automap.effects.user import INERTIAL
 from automap.gap import limits
 from automap.gap.mixing import Mixing
+from automap.gap.rows import Rows
 from automap.gap.stretches import Frame
-from automap.gap.whitening import LOOSE, Rows
+from automap.gap.whitening import LOOSE
 from automap.records import BoolArray, FloatArray, IntArray
 
 Part = tuple[int, ...]

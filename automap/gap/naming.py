@@ -9,6 +9,7 @@ import numpy as np
 
 from automap.effects import CATALOGUE
 from automap.gap import limits
+from automap.gap.candidates import twins_of
 from automap.gap.chance import null_maxima, p_value
 from automap.gap.columns import named_columns
 from automap.gap.evidence import between_channels
@@ -29,7 +30,7 @@ from automap.gap.result import (
     advice,
     coefficient_names,
 )
-from automap.gap.selection import Chosen, Selection, twins_of
+from automap.gap.selection import Chosen, Selection
 from automap.gap.sensitivity import linearised
 from automap.gap.stepwise import Rival, rivals, told_apart
 from automap.records import FloatArray, IntArray

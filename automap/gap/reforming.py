@@ -7,38 +7,47 @@ near: which of them a drive shows is told by the filter itself, on fitted and he
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections import Counter
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from typing import Protocol
 
 import numpy as np
 
 from automap.effects import CATALOGUE
 from automap.effects.catalogue import pairs_of_sign
+from automap.effects.signals import Signals
 from automap.gap import limits
-from automap.gap.candidates import follows_time
+from automap.gap.candidates import Candidate, follows_time
 from automap.gap.evidence import nats_of_parts
+from automap.gap.forms import About, nearby, ranked
+from automap.gap.formula_effects import left_out_effect
 from automap.gap.joint import Joint
 from automap.gap.judge import Judge
 from automap.gap.linear import Column
 from automap.gap.neighbours import Terms, complexity
-from automap.gap.noise import Fitted, with_noise
+from automap.gap.noise import Fitted, Log, with_noise
 from automap.gap.result import equation
 from automap.gap.scoring import likelier
 from automap.gap.selection import Chosen, Move, Selection
+from automap.gap.slow import switched
 
 WHOLE_DELAYS = frozenset(pair for pairs in pairs_of_sign(-1.0) for pair in pairs)
 
 
 class Screened(Protocol):
-    """What is asked of candidates: the forms near a formula, a choice with one in its place, a
-    choice as states of the filter, and what may be one thing with a formula. ``refinements`` the
-    columns of formulas that are in no dictionary."""
+    """What is asked of candidates: the formula that each is another form of, fits to ask formulas
+    about, a choice with another form in it, a choice as states of the filter, and which rows of an
+    estimate a candidate has. ``refinements`` the columns of formulas that are in no ``dictionary``,
+    ``signals`` what these are of."""
 
     refinements: dict[str, tuple[Column, ...]]
+    dictionary: list[tuple[str, str]]
+    signals: Signals
+    log: Log
 
-    def forms(
-        self, here: Fitted, selection: Selection, chosen: Chosen, name: str, gone: str = ""
-    ) -> list[tuple[Terms, float]]: ...
+    def seed(self, name: str) -> str: ...
+
+    def about(self, here: Fitted, rest: Collection[str]) -> About: ...
 
     def in_form(
         self,
@@ -52,9 +61,9 @@ class Screened(Protocol):
 
     def states(self, here: Fitted, selection: Selection, chosen: Chosen) -> Fitted: ...
 
-    def entangled(
+    def rows(
         self, joint: Joint, selection: Selection, chosen: Chosen, name: str
-    ) -> list[str]: ...
+    ) -> tuple[list[int], list[int]]: ...
 
 
 class Forms:
@@ -74,6 +83,8 @@ class Forms:
         self.stated = dict(stated)
         self.alike: dict[str, tuple[str, ...]] = {}
         self.resembling: dict[tuple[str, frozenset[str]], str] = {}
+        self._asked: Counter[tuple[str, str]] = Counter()
+        self._around: set[tuple[str, frozenset[str]]] = set()
 
     def better(
         self, here: Fitted, selection: Selection, chosen: Chosen, ending: bool
@@ -107,7 +118,7 @@ class Forms:
                 least = limits.LEAST_ODDS - limits.CLOSE_NATS
                 begun = chosen.joined(name, move.part, move.evidence.scale)
             else:
-                entangled = self.screening.entangled(joint, selection, chosen, name)
+                entangled = self.entangled(joint, selection, chosen, name)
             near = [(least, chosen, (terms, 0.0), here)]
             for gone in ("", *entangled):
                 of_vehicle = selection.of_vehicle(begun, {name, gone})
@@ -133,11 +144,75 @@ class Forms:
         """The forms near a formula of a choice, out of how many each, the choice without what is
         ``gone`` with each in its place, a candidate for so long, and its fit."""
         known = self.screening.refinements, selection.candidates
-        for form in self.screening.forms(here, selection, chosen, name, gone):
+        for form in self.near(here, selection, chosen, name, gone):
             self.screening.refinements, selection.candidates = dict(known[0]), dict(known[1])
             its = self.screening.in_form(here, selection, chosen.without(gone), name, *form)
             yield form, its, self.screening.states(here, selection, its)
             self.screening.refinements, selection.candidates = known
+
+    def near(
+        self, here: Fitted, selection: Selection, chosen: Chosen, name: str, gone: str = ""
+    ) -> list[tuple[Terms, float]]:
+        """The likeliest forms near a formula of the choice, and out of how many each, without what
+        is ``gone`` from it. Asked where nothing can be added any more: before, it follows what else
+        is missing."""
+        candidate, asked = (
+            selection.candidates[name],
+            (self.screening.seed(name), self.screening.seed(gone)),
+        )
+        rest = frozenset(n for n in chosen.names if n not in (name, gone))
+        known = (name, rest) in self._around or self._asked[asked] >= limits.TRIALS
+        if known or not self._has_forms(candidate):
+            return []
+        self.screening.log(f"looking for the form of {name}{f' without {gone}' if gone else ''}")
+        self._asked[asked] += 1
+        about, around = self.screening.about(here, rest), [candidate.terms]
+        if follows_time(candidate.terms):
+            near = _switches(about, candidate.terms)
+        else:
+            ((channel, own),) = candidate.terms
+            rivals = [
+                text for on, text in self.screening.dictionary if on == channel and text != own
+            ]
+            near, around = nearby(about, self.screening.signals, candidate.terms, rivals)
+        # what is near one of these was among what these are the likeliest of
+        self._around |= {(equation(terms), rest) for terms in around}
+        return [
+            (terms, candidate.choices * tried)
+            for terms, tried in near
+            if equation(terms) not in chosen.names
+        ]
+
+    @staticmethod
+    def _has_forms(candidate: Candidate) -> bool:
+        """Whether other forms of a candidate are known: it is a formula of one term, and no course
+        of time but one that swings."""
+        terms = candidate.terms
+        if not terms or left_out_effect(terms[0][0]):
+            return False
+        return len(terms) == 1 + follows_time(terms)
+
+    def entangled(self, joint: Joint, selection: Selection, chosen: Chosen, name: str) -> list[str]:
+        """What stands with a formula for one thing, maybe: of the choice that of which more than
+        half of what is known hangs on how large the formula is, and the other way round. Two that
+        each say a part of what neither is are known so badly beside one another. With what swings
+        what else swings on its channel does."""
+        terms = selection.candidates[name].terms
+        if not self._has_forms(selection.candidates[name]):
+            return []
+        if follows_time(terms):
+            alike = {n: selection.candidates[n].terms for n in chosen.names if n != name}
+            return [n for n, its in alike.items() if len(its) == 2 and its[0][0] == terms[0][0]][:1]
+        sd = np.sqrt(np.diag(joint.cov))
+        shared = (joint.cov / np.outer(sd, sd)) ** 2
+        own, _ = self.screening.rows(joint, selection, chosen, name)
+        best, most = 0.5, list[str]()
+        for other in (n for n in chosen.names if n != name):
+            rows, _ = self.screening.rows(joint, selection, chosen, other)
+            share = float(shared[np.ix_(own, rows)].max(initial=0.0))
+            if share > best:
+                best, most = share, [other]
+        return most
 
     def in_place(
         self, here: Fitted, selection: Selection, chosen: Chosen, name: str, nats: float
@@ -196,6 +271,17 @@ class Forms:
                 return odds, its
         self.screening.refinements, selection.candidates = known
         return None
+
+
+def _switches(about: About, terms: Terms) -> list[tuple[Terms, int]]:
+    """What is on for a part of each period, the likeliest in the place of what swings, and out of
+    how many."""
+    count = 1
+    for _ in range(2):
+        waves = switched(terms)
+        terms = ranked(about, waves)[0]
+        count *= len(waves)
+    return [(terms, count)]
 
 
 def log_prior(selection: Selection, chosen: Chosen) -> float:

@@ -7,7 +7,6 @@ dictionary, courses of time that were refined, and which effect stands for which
 from __future__ import annotations
 
 import math
-from collections import Counter
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import chain
@@ -18,19 +17,13 @@ from automap.effects import CATALOGUE
 from automap.fusion.delay_states import LATENCY_STATE
 from automap.fusion.options import FusionOptions
 from automap.gap import limits
-from automap.gap.candidates import Candidate, candidates_of, follows_time, library
+from automap.gap.candidates import candidates_of, library
 from automap.gap.columns import named_columns, term_columns
-from automap.gap.dictionary import (
-    effect_for,
-    formula_columns,
-    formula_terms,
-    left_out_columns,
-    left_out_effect,
-    warm,
-)
+from automap.gap.dictionary import formula_columns, formula_terms, warm
 from automap.gap.fit import CONSTANTS, ORIGIN, SKEW, Fit, fit_drive
-from automap.gap.forms import About, nearby, ranked
-from automap.gap.joint import Joint
+from automap.gap.forms import About, ranked
+from automap.gap.formula_effects import effect_for, left_out_columns
+from automap.gap.joint import Joint, estimate_nats
 from automap.gap.linear import Column, Part
 from automap.gap.motion import motion_of
 from automap.gap.neighbours import Terms
@@ -39,7 +32,7 @@ from automap.gap.noise import Fitted, Log, fitted_about
 from automap.gap.result import equation
 from automap.gap.selection import Chosen, Key, Selection
 from automap.gap.sensitivity import ColumnsOf, linearised
-from automap.gap.slow import box_columns, lasts, switched, variants, with_shapes
+from automap.gap.slow import box_columns, lasts, variants, with_shapes
 from automap.records import FloatArray
 
 ON = {"on": 1.0}
@@ -56,8 +49,6 @@ class Screening:
         self.effects: dict[str, str] = {}
         self.refinements: dict[str, tuple[Column, ...]] = {}
         self._seeds: dict[str, str] = {}
-        self.asked: Counter[tuple[str, str]] = Counter()
-        self._around: set[tuple[str, frozenset[str]]] = set()
         self._held_at: tuple[Fitted, list[NodeMotion], dict[str, dict[str, float]]] | None = None
         self.names = self._library()
         self.options = base.model.options
@@ -128,7 +119,7 @@ class Screening:
             if not finer or name in self.refinements:
                 continue
             self.log(f"refining {name}")
-            about = self._about(here, [n for n in chosen.names if n != name])
+            about = self.about(here, [n for n in chosen.names if n != name])
             best = ranked(about, [candidate.terms, *finer])[0]
             if lasts(best, length):
                 chosen = self.in_form(here, selection, chosen, name, best, 1.0)
@@ -137,70 +128,11 @@ class Screening:
                 chosen = chosen.without(name)
         return chosen, brief
 
-    def forms(
-        self, here: Fitted, selection: Selection, chosen: Chosen, name: str, gone: str = ""
-    ) -> list[tuple[Terms, float]]:
-        """The likeliest forms near a formula of the choice, and out of how many each, without what
-        is ``gone`` from it. Asked where nothing can be added any more: before, it follows what else
-        is missing."""
-        candidate, asked = selection.candidates[name], (self.seed(name), self.seed(gone))
-        rest = frozenset(n for n in chosen.names if n not in (name, gone))
-        known = (name, rest) in self._around or self.asked[asked] >= limits.TRIALS
-        if known or not self._has_forms(candidate):
-            return []
-        self.log(f"looking for the form of {name}{f' without {gone}' if gone else ''}")
-        self.asked[asked] += 1
-        about, around = self._about(here, rest), [candidate.terms]
-        if follows_time(candidate.terms):
-            near = _switches(about, candidate.terms)
-        else:
-            ((channel, own),) = candidate.terms
-            rivals = [text for on, text in self.dictionary if on == channel and text != own]
-            near, around = nearby(about, self.signals, candidate.terms, rivals)
-        # what is near one of these was among what these are the likeliest of
-        self._around |= {(equation(terms), rest) for terms in around}
-        return [
-            (terms, candidate.choices * tried)
-            for terms, tried in near
-            if equation(terms) not in chosen.names
-        ]
-
-    @staticmethod
-    def _has_forms(candidate: Candidate) -> bool:
-        """Whether other forms of a candidate are known: it is a formula of one term, and no course
-        of time but one that swings."""
-        terms = candidate.terms
-        if not terms or left_out_effect(terms[0][0]):
-            return False
-        return len(terms) == 1 + follows_time(terms)
-
-    def entangled(self, joint: Joint, selection: Selection, chosen: Chosen, name: str) -> list[str]:
-        """What stands with a formula for one thing, maybe: of the choice that of which more than
-        half of what is known hangs on how large the formula is, and the other way round. Two that
-        each say a part of what neither is are known so badly beside one another. With what swings
-        what else swings on its channel does."""
-        terms = selection.candidates[name].terms
-        if not self._has_forms(selection.candidates[name]):
-            return []
-        if follows_time(terms):
-            alike = {n: selection.candidates[n].terms for n in chosen.names if n != name}
-            return [n for n, its in alike.items() if len(its) == 2 and its[0][0] == terms[0][0]][:1]
-        sd = np.sqrt(np.diag(joint.cov))
-        shared = (joint.cov / np.outer(sd, sd)) ** 2
-        own, _ = self._rows(joint, selection, chosen, name)
-        best, most = 0.5, list[str]()
-        for other in (n for n in chosen.names if n != name):
-            rows, _ = self._rows(joint, selection, chosen, other)
-            share = float(shared[np.ix_(own, rows)].max(initial=0.0))
-            if share > best:
-                best, most = share, [other]
-        return most
-
     def seed(self, name: str) -> str:
         """The formula that a candidate is another form of, itself where it is none."""
         return self._seeds.get(name, name)
 
-    def _about(self, here: Fitted, rest: Collection[str]) -> About:
+    def about(self, here: Fitted, rest: Collection[str]) -> About:
         """What formulas are asked about: a fit, and the effects ``rest`` beside them."""
         if self._held_at is None or self._held_at[0] is not here:
             fits, known = self._held(here)
@@ -304,7 +236,7 @@ class Screening:
     def _worth(self, joint: Joint, selection: Selection, chosen: Chosen, name: str) -> float:
         """Log odds of a candidate by its values in a joint estimate."""
         candidate = selection.candidates[name]
-        rows, columns = self._rows(joint, selection, chosen, name)
+        rows, columns = self.rows(joint, selection, chosen, name)
         if not rows:
             return np.inf
         most = limits.ONE_IN_A_THOUSAND * max(limits.PRIOR_SCALES)
@@ -321,7 +253,7 @@ class Screening:
         its = sum(p[0] == name for p in acting.parts)
         return act + candidate.log_prior + its * candidate.log_choice
 
-    def _rows(
+    def rows(
         self, joint: Joint, selection: Selection, chosen: Chosen, name: str
     ) -> tuple[list[int], list[int]]:
         """Rows in a joint estimate of the parameters of a candidate that act, and their columns."""
@@ -354,7 +286,7 @@ class Screening:
         """What a candidate's values as the filter finds them are worth against nothing, or those of
         some ``parts`` of it."""
         own = chosen if parts is None else Chosen(tuple(parts))
-        rows, columns = self._rows(joint, selection, own, name)
+        rows, columns = self.rows(joint, selection, own, name)
         if not rows:
             return 0.0
         sds = chosen.scale_of(name) * self._prior_sds(selection, name, columns)
@@ -392,27 +324,7 @@ class Screening:
         return (c for c in every if wanted is None or c.effect in wanted)
 
 
-def _switches(about: About, terms: Terms) -> list[tuple[Terms, int]]:
-    """What is on for a part of each period, the likeliest in the place of what swings, and out of
-    how many."""
-    count = 1
-    for _ in range(2):
-        waves = switched(terms)
-        terms = ranked(about, waves)[0]
-        count *= len(waves)
-    return [(terms, count)]
-
-
 def _joined(
     known: Mapping[str, Mapping[str, float]], more: Mapping[str, Mapping[str, float]]
 ) -> dict[str, dict[str, float]]:
     return {e: {**known.get(e, {}), **more.get(e, {})} for e in {**known, **more}}
-
-
-def estimate_nats(values: FloatArray, cov: FloatArray, prior_sd: FloatArray) -> float:
-    """Nats that an estimate [p] of covariance [p, p] is worth against nothing: the density of the
-    prior, of sds [p], at zero over that of the estimate (Savage and Dickey)."""
-    z = values / prior_sd
-    root = np.linalg.cholesky(cov / np.outer(prior_sd, prior_sd) + 1e-12 * np.eye(len(z)))
-    y = np.linalg.solve(root, z)
-    return 0.5 * float(y @ y) + float(np.log(np.diag(root)).sum())

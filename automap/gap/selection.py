@@ -10,9 +10,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from automap.effects.catalogue import alike_to_first_order
 from automap.gap import limits
-from automap.gap.candidates import Candidate, follows_time
+from automap.gap.candidates import Candidate, follows_time, twins_of
 from automap.gap.evidence import Evidence, evidence, inflation, nats_of_parts
 from automap.gap.linear import Conditional, Given, Linear, Part, conditional
 from automap.gates import exceeds
@@ -37,10 +36,9 @@ class Chosen:
 
     def given(self, linear: Linear, always: Given) -> Given:
         """All parts as what is given, beside what always is."""
-        out = always
         for _, part, scale in self.parts:
-            out = out.joined(part, linear, scale)
-        return out
+            always = always.joined(part, linear, scale)
+        return always
 
     def without(self, name: str, part: Part | None = None) -> Chosen:
         """The same less one candidate, or less a part of it."""
@@ -250,8 +248,7 @@ class Selection:
         cov = ratio * cov + (limits.ANISOTROPY * mean) ** 2 * np.eye(len(every))
         weight = np.linalg.inv(cov)
         apart = values - float((weight @ values).sum() / weight.sum())
-        chance = exceeds(float(apart @ weight @ apart), len(every) - 1)
-        return chance < math.exp(-limits.LEAST_ODDS)
+        return exceeds(float(apart @ weight @ apart), len(every) - 1) < math.exp(-limits.LEAST_ODDS)
 
     def holds(self, move: Move) -> bool:
         """Whether a move's odds are high, and other stretches predict what it explains."""
@@ -275,8 +272,7 @@ class Selection:
             ]
             if not moves:
                 return []
-            first = moves[0]
-            asked.inflate(chosen.joined(first.name, first.part, first.evidence.scale))
+            asked.inflate(chosen.joined(moves[0].name, moves[0].part, moves[0].evidence.scale))
         surely = np.logaddexp.reduce([m.odds for m in moves]) >= -math.log(limits.SUSPECTED)
         return moves if surely else []
 
@@ -301,14 +297,3 @@ class Selection:
         """One part of a candidate beside a choice that has others of it."""
         found = self.evidence(self.given(rest), name, part)
         return Move(name, part, found, found.nats + self.candidates[name].log_choice)
-
-
-def twins_of(names: Sequence[str]) -> frozenset[str]:
-    """Effects that act as chosen ones do to first order."""
-    out = set()
-    for one, other in alike_to_first_order():
-        if one in names:
-            out.add(other)
-        if other in names:
-            out.add(one)
-    return frozenset(out)

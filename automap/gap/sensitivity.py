@@ -19,7 +19,8 @@ from automap.gap.lean import LEANS, leaning
 from automap.gap.linear import Column, Linear
 from automap.gap.motion import Motion
 from automap.gap.nodes import NodeMotion
-from automap.gap.whitening import Rows, moments, times, whitened_rows
+from automap.gap.rows import Rows, moments, times
+from automap.gap.whitening import whitened_rows
 from automap.records import BoolArray, FloatArray, IntArray
 
 BATCH = 96

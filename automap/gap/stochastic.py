@@ -21,7 +21,8 @@ from automap.gap import limits
 from automap.gap.drive import shocks_of
 from automap.gap.fit import Fit
 from automap.gap.noise import at_top, fit_noise, noise_score, rest_factors
-from automap.gap.noise_conditions import Levels, Ranged, conditional_noise
+from automap.gap.noise_conditions import Ranged, conditional_noise
+from automap.gap.noise_levels import Levels
 from automap.gap.reading_steps import coarse
 from automap.gap.result import Finding, NoiseClaim, ParameterValue
 from automap.gates import exceeds

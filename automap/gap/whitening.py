@@ -15,7 +15,7 @@ houses. Rows of such a stretch count for as little as its own scatter says.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,6 +23,7 @@ import numpy as np
 from automap.fusion.layout import CH_NHC, CH_ODOMETER, CH_POS, CH_VEL, MAX_SCALARS
 from automap.gap.kernels import whiten_columns
 from automap.gap.limits import AR_ORDER, BLOCKS_S, HUBER, LEAST_OWN, MAX_COEFFICIENT_SUM, MIN_ROWS
+from automap.gap.rows import STRETCH, Rows, pieces, times
 from automap.gates import sd_by_median
 from automap.records import FloatArray, IntArray
 
@@ -43,20 +44,6 @@ SCATTER_ROUNDS = 8
 """What is clipped and what is scatter have settled then."""
 PASSES = 3
 """Of weights that the residuals decide: they have settled then."""
-STRETCH = 2048
-"""Rows that are multiplied together in double precision; bounds the memory."""
-
-
-@dataclass(frozen=True)
-class Rows:
-    """Rows of one drive: ``w`` [s] with all effects left out, ``phi`` [s, c], times ``t`` [s] in s,
-    ``channel`` [s]; once white, phi' w is a score and phi' phi its information. Each column of phi
-    lies in one piece: they are asked for one by one."""
-
-    w: FloatArray
-    phi: FloatArray
-    t: FloatArray
-    channel: IntArray
 
 
 @dataclass(frozen=True)
@@ -236,7 +223,7 @@ def _factor(
     """Cholesky factor [c, c] of the information of rows in units [c] that make its diagonal one."""
     info: FloatArray = np.diag(sds**-2.0)
     for r, root in zip(raw, roots, strict=True):
-        for part, used, f in _stretches(r.phi, precision):
+        for part, used, f in pieces(r.phi, precision):
             f *= root[part, None].astype(precision)
             info[np.ix_(used, used)] += f.T @ f
     # parameters have sizes of many orders
@@ -251,7 +238,7 @@ def _studentised(left: FloatArray, rows: Rows, root: FloatArray, inverse: FloatA
     2.2)."""
     out = np.empty_like(left)
     across = inverse.T.astype(np.float32)
-    for part, used, f in _stretches(rows.phi, np.float32):
+    for part, used, f in pieces(rows.phi, np.float32):
         f *= root[part, None].astype(np.float32)
         fitted = f @ across[used]
         leverage = np.einsum("sc,sc->s", fitted, fitted)
@@ -275,39 +262,4 @@ def _root_weights(left: FloatArray, channel: IntArray) -> FloatArray:
         at = channel == c
         spread = max(sd_by_median(left[at]), MIN_SPREAD[c])
         out[at] = np.sqrt(HUBER / np.maximum(np.abs(left[at]) / spread, HUBER)) / spread
-    return out
-
-
-def moments(rows: Rows) -> tuple[FloatArray, FloatArray]:
-    """Score phi' w [c] and information phi' phi [c, c] of white rows in double precision, a stretch
-    at a time: the rows themselves are in single."""
-    c = rows.phi.shape[1]
-    score: FloatArray = np.zeros(c)
-    info: FloatArray = np.zeros((c, c))
-    for part, used, f in _stretches(rows.phi, np.float64):
-        score[used] += f.T @ rows.w[part]
-        info[np.ix_(used, used)] += f.T @ f
-    return score, info
-
-
-def _stretches(
-    phi: FloatArray, precision: type[np.float32] | type[np.float64]
-) -> Iterator[tuple[slice, IntArray, FloatArray]]:
-    """A stretch of rows [s, c] at a time: which, the columns [u] that have something there, and
-    these rows of them [r, u] in a precision. A box of time shows nothing before it."""
-    for start in range(0, len(phi), STRETCH):
-        part = slice(start, start + STRETCH)
-        used = np.flatnonzero(phi[part].any(axis=0))
-        yield part, used, phi[part, used].astype(precision)
-
-
-def times(phi: FloatArray, values: FloatArray) -> FloatArray:
-    """phi times values [s] in double precision, a stretch at a time, of the columns that count."""
-    used = np.flatnonzero(values)
-    out = np.zeros(len(phi))
-    for start in range(0, len(phi) if len(used) else 0, STRETCH):
-        part = phi[start : start + STRETCH]
-        if len(used) < len(values):
-            part = part[:, used]
-        out[start : start + STRETCH] = part.astype(np.float64) @ values[used]
     return out

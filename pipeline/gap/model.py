@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 from automap.effects.user import user_effects
 from automap.effects.user_tables import as_table
+from automap.gap.candidates import twins_of
 from automap.gap.fit import BASE_NUISANCES
-from automap.gap.selection import twins_of
 from automap.io.toml_file import toml_value
 
 if TYPE_CHECKING:

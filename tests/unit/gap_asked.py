@@ -6,6 +6,7 @@ from collections import Counter
 from types import SimpleNamespace
 from typing import Any, cast
 
+from automap.fusion.levels import ALL_LEVELS
 from automap.gap.bias_drift import BiasDrift
 from automap.gap.judge import Judge
 from automap.gap.reforming import Forms
@@ -27,7 +28,7 @@ SELECTION = cast(
         keys=lambda chosen: frozenset((name, part) for name, part, _ in chosen.parts),
     ),
 )
-HERE: Any = SimpleNamespace(fits=())
+HERE: Any = SimpleNamespace(fits=(), model=SimpleNamespace(factors=dict.fromkeys(ALL_LEVELS, 1.0)))
 
 
 class Heard(Judge):

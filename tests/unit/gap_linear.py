@@ -12,9 +12,9 @@ from automap.gap.columns import named_columns
 from automap.gap.fit import Fit, whitened_innovations
 from automap.gap.linear import Column, Linear
 from automap.gap.nodes import motions_of
+from automap.gap.rows import Rows
 from automap.gap.selection import Selection
 from automap.gap.sensitivity import linearised
-from automap.gap.whitening import Rows
 from automap.records import BoolArray, FloatArray
 
 STEP_S = 0.1

@@ -89,8 +89,8 @@ def fusion_readings() -> Any:
 def gap_evidence() -> Any:
     """Evidence of single and joint columns, what is left, what was shown."""
     from automap.gap.evidence import evidence, inflation, plain_nats, shown_by, singles
+    from automap.gap.joint import estimate_nats
     from automap.gap.linear import Given, conditional
-    from automap.gap.screening import estimate_nats
     from tests.unit.gap_linear import columns_named, linear_of
 
     rng = np.random.default_rng(8)

@@ -16,7 +16,7 @@ from tests.unit.scenarios import _or_error, scenario
 def _joint() -> Any:
     """Two drives of white rows in several channels, with holes, that four columns explain."""
     from automap.gap.linear import Linear
-    from automap.gap.whitening import Rows
+    from automap.gap.rows import Rows
     from tests.unit.gap_linear import columns_named
 
     layout = columns_named("e0.p", "e1.p", "e1.q", "e2.p", "e3.p")

@@ -10,7 +10,7 @@ import pytest
 from automap.gap import GapDrive, base_model
 from automap.gap.base_fit import first_fit
 from automap.gap.drive import open_drive
-from automap.gap.noise_conditions import Levels
+from automap.gap.noise_levels import Levels
 from automap.gap.stochastic import noise_claims
 from tests.unit.test_gap import simulated
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any, cast
@@ -10,7 +10,8 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from automap.gap import base_model, bias_drift
+from automap.fusion.levels import ALL_LEVELS
+from automap.gap import base_model, bias_drift, limits
 from automap.gap import judge as judging
 from automap.gap.bias_drift import BiasDrift
 from automap.gap.noise import Fitted
@@ -19,6 +20,18 @@ from tests.unit.gap_asked import HERE, LATE, LOW_PASSED, Heard, fit_of, only
 
 WARM, AGED = "gyro_temperature", "gyro_warm_up"
 SHAKEN = "gyro_speed_vibration"
+
+
+@pytest.fixture(autouse=True)
+def left_to_drift(monkeypatch: pytest.MonkeyPatch) -> dict[str, float]:
+    """Nats that drives say for biases that drift as they are fitted, which may be changed."""
+    said = {"nats": 0.0}
+
+    def score(fits: Any, factors: Mapping[str, float]) -> float:
+        return said["nats"] * (factors["gyro_bias_walk"] >= 1.0)
+
+    monkeypatch.setattr(bias_drift, "noise_score", score)
+    return said
 
 
 class Drifting(BiasDrift):
@@ -130,22 +143,32 @@ def test_what_drift_says_nearly_as_well_is_told_beside_the_drift(
 
 
 @pytest.mark.parametrize(
-    ("odds", "sigmas", "taken", "told"),
+    ("odds", "sigmas", "taken", "told", "least"),
     [
-        (12.0, 3.0, True, True),
-        (12.0, 1.0, False, True),
+        (12.0, 3.0, True, True, limits.CLOSE_NATS),
+        (12.0, 1.0, False, True, limits.CLOSE_NATS),
         # a thousand to one says that something is there, twenty to one which of the two
-        (3.5, 3.0, True, True),
-        (2.5, 3.0, False, True),
-        (-9.0, -3.0, False, False),
+        (3.5, 3.0, True, True, limits.CLOSE_NATS),
+        (2.5, 3.0, False, True, limits.CLOSE_NATS),
+        (-9.0, -3.0, False, False, limits.CLOSE_NATS),
+        # beside biases that drift all the same it is one claim more
+        (6.4, 3.0, False, True, limits.LEAST_ODDS),
     ],
 )
 def test_what_is_surely_behind_a_drift_takes_its_place_and_what_may_be_is_noted(
-    monkeypatch: pytest.MonkeyPatch, odds: float, sigmas: float, taken: bool, told: bool
+    monkeypatch: pytest.MonkeyPatch,
+    odds: float,
+    sigmas: float,
+    taken: bool,
+    told: bool,
+    least: float,
 ) -> None:
     asked, here = Drifting(), only(LATE)
     with_one = {n: here.joined(n, (i,), 1.0) for i, n in enumerate((WARM, AGED))}
-    rivals = [(WARM, with_one[WARM], odds, sigmas), (AGED, with_one[AGED], odds - 1.0, sigmas)]
+    rivals = [
+        (WARM, with_one[WARM], odds, sigmas, least),
+        (AGED, with_one[AGED], odds - 1.0, sigmas, least),
+    ]
     monkeypatch.setattr(asked, "_rivals", lambda *about: iter(rivals))
     on_gyro: Any = SimpleNamespace(sensors=lambda chosen, name: {0})
     assert asked.behind(HERE, on_gyro, here) == (with_one[WARM] if taken else None)
@@ -154,6 +177,18 @@ def test_what_is_surely_behind_a_drift_takes_its_place_and_what_may_be_is_noted(
     # what was decided is not asked about twice
     assert asked.borne_out == ({WARM: odds} if taken else {})
     assert asked.behind(HERE, on_gyro, here) is None
+
+
+@pytest.mark.parametrize(("left", "kept"), [(6.0, True), (8.0, False)])
+def test_what_is_slow_beside_a_drift_that_is_there_as_well_must_be_worth_a_name(
+    monkeypatch: pytest.MonkeyPatch, left_to_drift: dict[str, float], left: float, kept: bool
+) -> None:
+    asked, found = Drifting(), only(WARM)
+    left_to_drift["nats"] = left
+    # less the three of its prior a hundred to one, three sigmas
+    monkeypatch.setattr(asked.judge, "beyond_drift", lambda *about: (7.6, 3.0))
+    monkeypatch.setattr(bias_drift, "likelier", lambda one, other: (7.6, 3.0))
+    assert asked.needed(HERE, on_sensor(WARM), found) == (found if kept else Chosen())
 
 
 @pytest.mark.parametrize(("taken", "asked_about"), [(9.0, [WARM, AGED, SHAKEN]), (5.0, [])])
@@ -176,7 +211,13 @@ def test_drift_is_asked_for_rivals_where_it_took_what_is_worth_a_name(
     )
     monkeypatch.setattr(Fitted, "joint", lambda fitted: None)
     monkeypatch.setattr(bias_drift, "noise_score", score)
-    monkeypatch.setattr(bias_drift, "with_levels", lambda fitted, walks: fitted)
+    moved: list[Collection[str]] = []
+
+    def with_levels(fitted: Fitted, levels: Collection[str] = ALL_LEVELS) -> Fitted:
+        moved.append(levels)
+        return fitted
+
+    monkeypatch.setattr(bias_drift, "with_levels", with_levels)
     judge: Any = SimpleNamespace(beyond_drift=lambda *about: (20.0, 3.0))
     drift = BiasDrift(screening, judge, {}, print)
     names = (WARM, AGED, SHAKEN, "accel_warm_up", "gyro_scale")
@@ -189,9 +230,12 @@ def test_drift_is_asked_for_rivals_where_it_took_what_is_worth_a_name(
     )
     told = list(drift._rivals(here, selection, only(LATE)))
     assert [name for name, *_ in told] == asked_about
-    assert all((odds, sigmas) == (17.0, 3.0) for _, _, odds, sigmas in told)
+    # drift is left nothing beside them
+    assert all(one[2:] == (17.0, 3.0, limits.CLOSE_NATS) for one in told)
     # drift as it was fitted would leave nothing to them
     assert begun == [0.1] * len(asked_about)
+    # the other levels are those that suited the drift
+    assert moved == [["gyro_bias_walk"], ALL_LEVELS] * len(asked_about)
 
 
 @pytest.mark.parametrize(

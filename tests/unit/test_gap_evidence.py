@@ -19,8 +19,8 @@ from automap.gap.evidence import (
     plain_nats,
     singles,
 )
+from automap.gap.joint import estimate_nats
 from automap.gap.linear import Direct, Given, Linear, conditional
-from automap.gap.screening import estimate_nats
 from automap.records import FloatArray
 from tests.unit.gap_linear import PRIOR_SD, columns_named, linear_of
 

@@ -35,8 +35,9 @@ def test_what_is_known_badly_beside_a_formula_may_be_one_thing_with_it(
     layout = [Column(effect, parameter, 1.0) for effect, parameter in names]
     selection: Any = SimpleNamespace(linear=SimpleNamespace(layout=layout), candidates=candidates)
     chosen = Chosen(tuple((e, (i,), 1.0) for i, (e, _) in enumerate(names)))
-    asked = object.__new__(Screening)
-    asked.effects = {e: e for e, _ in names}
+    screening = object.__new__(Screening)
+    screening.effects = {e: e for e, _ in names}
+    asked = Forms(screening, cast("Judge", None), lambda *about: fit_of("drift"), {})
     joint = Joint(names, np.ones(3), cov, 0.0)
     told = asked.entangled(joint, selection, chosen, "formula_velocity_along")
     assert told == (["gnss_velocity_scale"] if one_thing else [])
@@ -70,6 +71,7 @@ CUBED, SQUARED, BENT = "rate_z^3", "rate_z^2", "max(rate_z^2 - 0.3, 0)"
     ],
 )
 def test_of_forms_that_say_much_the_same_the_filter_tells_one_step_by_step(
+    monkeypatch: pytest.MonkeyPatch,
     first: tuple[str, ...],
     worth: dict[str, float],
     sigmas: float,
@@ -79,14 +81,18 @@ def test_of_forms_that_say_much_the_same_the_filter_tells_one_step_by_step(
     asked = Forms(None, None, lambda *about: fit_of("drift"), {})  # type: ignore[arg-type]
     # the linear model has the first two the other way round
     near = {"rate_z": first, SQUARED: (BENT,)}
+    monkeypatch.setattr(
+        asked,
+        "near",
+        lambda here, selection, chosen, name, gone: [
+            ((("gyro_z", f),), 1.0) for f in near.get(name, ())
+        ],
+    )
+    monkeypatch.setattr(asked, "entangled", lambda joint, selection, chosen, name: [])
     asked.screening = cast(
         "Screened",
         SimpleNamespace(
             refinements={},
-            entangled=lambda joint, selection, chosen, name: [],
-            forms=lambda here, selection, chosen, name, gone: [
-                ((("gyro_z", f),), 1.0) for f in near.get(name, ())
-            ],
             in_form=lambda here, selection, chosen, name, terms, choices: only(terms[0][1]),
             states=lambda here, selection, chosen: fit_of(chosen.names[0]),
         ),
@@ -134,6 +140,7 @@ def move_of(name: str, odds: float) -> Move:
     ],
 )
 def test_what_is_suspected_is_told_in_the_form_that_is_sure(
+    monkeypatch: pytest.MonkeyPatch,
     worth: dict[str, float],
     suspects: dict[str, float],
     already: Collection[int],
@@ -141,14 +148,18 @@ def test_what_is_suspected_is_told_in_the_form_that_is_sure(
     told: str | None,
 ) -> None:
     asked = Forms(None, None, lambda *about: fit_of("drift"), {})  # type: ignore[arg-type]
+    monkeypatch.setattr(
+        asked,
+        "near",
+        lambda here, selection, chosen, name, gone: [
+            ((("gyro_z", f),), 1.0) for f in worth if name == "rate_z"
+        ],
+    )
+    monkeypatch.setattr(asked, "entangled", lambda joint, selection, chosen, name: [])
     asked.screening = cast(
         "Screened",
         SimpleNamespace(
             refinements={},
-            entangled=lambda joint, selection, chosen, name: [],
-            forms=lambda here, selection, chosen, name, gone: [
-                ((("gyro_z", f),), 1.0) for f in worth if name == "rate_z"
-            ],
             in_form=lambda here, selection, chosen, name, terms, choices: only(terms[0][1]),
             states=lambda here, selection, chosen: fit_of(chosen.names[0]),
         ),
@@ -311,13 +322,17 @@ def test_a_formula_in_its_own_form_stands_beside_the_name_that_it_resembles(
         log_prior=lambda chosen: 0.0,
         sensors=lambda chosen, name: {1},
     )
+    monkeypatch.setattr(
+        asked,
+        "near",
+        lambda here, selection, chosen, name, gone: [
+            ((("accel_x", form),), 8.0) for form in (SUN, SHADE)
+        ],
+    )
     asked.screening = cast(
         "Screened",
         SimpleNamespace(
             refinements={},
-            forms=lambda here, selection, chosen, name, gone: [
-                ((("accel_x", form),), 8.0) for form in (SUN, SHADE)
-            ],
             in_form=lambda here, selection, chosen, name, terms, choices: only(terms[0][1]),
             states=lambda here, selection, chosen: fit_of(chosen.names[0]),
         ),

@@ -14,22 +14,23 @@ from automap.effects.memory_kernels import play
 from automap.effects.user import INERTIAL, set_user_effects, user_effects
 from automap.effects.user_tables import effects_of_formulas
 from automap.gap import GapDrive, base_model, limits
-from automap.gap.candidates import Candidate
-from automap.gap.dictionary import (
-    PREFIX,
+from automap.gap.candidates import PREFIX, Candidate
+from automap.gap.dictionary import formula_columns
+from automap.gap.drive import open_drive
+from automap.gap.fit import Fit, fit_drive
+from automap.gap.formula_effects import (
     effect_for,
     forget_formulas,
-    formula_columns,
     left_out,
     left_out_columns,
     left_out_effect,
 )
-from automap.gap.drive import open_drive
-from automap.gap.fit import Fit, fit_drive
 from automap.gap.found import in_layout
+from automap.gap.judge import Judge
 from automap.gap.motion import motion_of
 from automap.gap.nodes import node_motion
 from automap.gap.noise import Fitted
+from automap.gap.reforming import Forms
 from automap.gap.result import equation
 from automap.gap.screening import Screening
 from automap.gap.selection import Chosen, Selection
@@ -55,6 +56,12 @@ def search_on(drive: GapDrive, exclude: Collection[str] = ()) -> Screening:
     model = replace(model, factors=low)
     fit = fit_drive(open_drive(drive, model.options), model)
     return Screening(Fitted(model, {}, (fit,)), exclude, lambda text: None)
+
+
+def forms_of(search: Screening) -> Forms:
+    """The search among forms of a screening."""
+    judge = Judge(())
+    return Forms(search, judge, lambda here, *about: here, {})
 
 
 @pytest.mark.slow
@@ -88,7 +95,7 @@ def test_an_axis_that_hangs_behind_is_told_with_its_play() -> None:
     chosen = select(selection, Chosen(), 1)
     assert chosen.names == ("accel_y += k * (force_y - play(force_y, 0.5))",)
     assert search.refined(search.base, selection, chosen) == (chosen, [])
-    ((_, text),), _ = search.forms(search.base, selection, chosen, *chosen.names)[0]
+    ((_, text),), _ = forms_of(search).near(search.base, selection, chosen, *chosen.names)[0]
     (width,) = re.findall(r", ([\d.]+)\)", text)
     assert float(width) == pytest.approx(0.8, rel=0.2)
 
@@ -107,7 +114,7 @@ def test_a_course_that_hangs_behind_is_told_with_its_play() -> None:
     selection = search.selection(search.base, False)
     chosen = select(selection, Chosen(), 1)
     assert chosen.names == ("velocity_across += k * (speed * (heading - play(heading, 0.01)))",)
-    ((_, text),), _ = search.forms(search.base, selection, chosen, *chosen.names)[0]
+    ((_, text),), _ = forms_of(search).near(search.base, selection, chosen, *chosen.names)[0]
     (width,) = re.findall(r", ([\d.]+)\)", text)
     # the noise of fixes, 3 mrad at 15 m/s, moves a held course on before the car has turned so far
     assert float(width) == pytest.approx(0.02, rel=0.5)

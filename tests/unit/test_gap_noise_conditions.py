@@ -11,7 +11,8 @@ from automap.gap import base_model
 from automap.gap.drive import GapDrive, open_drive
 from automap.gap.fit import Fit, fit_drive
 from automap.gap.noise import fit_noise
-from automap.gap.noise_conditions import Condition, Levels, conditional_noise
+from automap.gap.noise_conditions import Condition, conditional_noise
+from automap.gap.noise_levels import Levels
 from automap.gap.stochastic import noise_claims
 from tests.unit.test_gap import simulated
 

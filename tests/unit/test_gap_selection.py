@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from automap.gap import limits
-from automap.gap.candidates import Candidate
+from automap.gap.candidates import Candidate, twins_of
 from automap.gap.linear import Given, Linear
 from automap.gap.reforming import log_prior
-from automap.gap.selection import Chosen, Selection, twins_of
+from automap.gap.selection import Chosen, Selection
 from automap.gap.stepwise import close_rivals, rivals, select, told_apart
 from automap.records import FloatArray
 from tests.unit.gap_linear import columns_named, linear_of

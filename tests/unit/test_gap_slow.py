@@ -18,6 +18,7 @@ from automap.gap.columns import size_of
 from automap.gap.evidence import plain_nats
 from automap.gap.linear import Column, Given, Linear, conditional
 from automap.gap.result import equation
+from automap.gap.rows import Rows
 from automap.gap.slow import (
     NUMBER,
     PLATEAU,
@@ -32,7 +33,6 @@ from automap.gap.slow import (
     variants,
     with_shapes,
 )
-from automap.gap.whitening import Rows
 from automap.records import FloatArray
 
 LENGTH_S = 400.0

@@ -16,7 +16,7 @@ from automap.gap.fit import Fit, fit_drive
 from automap.gap.found import Found
 from automap.gap.limits import ANISOTROPY, LEVEL_RANGE, OCCAM_NATS
 from automap.gap.noise import Fitted, fit_noise, with_noise
-from automap.gap.noise_conditions import Levels
+from automap.gap.noise_levels import Levels
 from automap.gap.receivers import usual_finding
 from automap.gap.stochastic import _floored, noise_claims, stochastic_findings
 from tests.slow_cases import others_slow

@@ -8,14 +8,8 @@ import pytest
 from automap.fusion.layout import CH_NHC, CH_VEL
 from automap.gap.linear import Linear
 from automap.gap.mixing import Group, Mixing
-from automap.gap.whitening import (
-    Rows,
-    _factor,
-    _ridge,
-    _studentised,
-    stretch_scatter,
-    whitened_rows,
-)
+from automap.gap.rows import Rows
+from automap.gap.whitening import _factor, _ridge, _studentised, stretch_scatter, whitened_rows
 from automap.records import BoolArray, FloatArray
 from tests.unit.gap_linear import columns_named
 

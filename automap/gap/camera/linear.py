@@ -16,8 +16,8 @@ from automap.gap.camera.fit import CameraFit
 from automap.gap.camera.views import keys
 from automap.gap.candidates import candidates_of
 from automap.gap.linear import Column, Given, Linear
+from automap.gap.rows import Rows
 from automap.gap.selection import Selection
-from automap.gap.whitening import Rows
 from automap.records import FloatArray
 
 PATH = "path"
