@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
@@ -19,16 +18,17 @@ from automap.fusion.layout import (
     N_VALUES,
 )
 from automap.fusion.measurements.constraint import constrain
-from automap.fusion.measurements.position import has_position, lasting_share, position_errors
+from automap.fusion.measurements.position import (
+    has_position,
+    hold_reported_sd,
+    lasting_share,
+    position_errors,
+)
 from automap.fusion.measurements.rest import note_rest
 from automap.fusion.measurements.velocity import has_velocity, told_later, velocity_errors
 from automap.fusion.measurements.wheel_speed import Odometer, note_wheels
 from automap.fusion.options import FusionOptions
 from automap.records import Fixes, FloatArray, IntArray
-
-_STEP_SHARE, _STEP_SIGMAS = 0.9, 1.645 * math.sqrt(2.0)
-"""This share of the differences of two normal numbers is less than so many of their sigmas. Chosen:
-the median of those of a receiver that tells each figure twice is none, and rare changes stay."""
 
 
 @dataclass(frozen=True)
@@ -292,34 +292,3 @@ def _split(model: FixModel, shift: Shift) -> FixModel:
         model.row[rows],
         model.larger[rows],
     )
-
-
-def hold_reported_sd(sd: FloatArray) -> FloatArray:
-    """Accuracy figures [m, 3] that follow real changes and not the jitter of the reports.
-
-    A figure is held until the reported one differs by a quarter. Where reports scatter by more from
-    one fix to the next, the middle of some is held until one lies outside of that scatter.
-    """
-    if len(sd) == 0:
-        return sd
-    out = np.empty_like(sd)
-    for axis in range(sd.shape[1]):
-        log = np.log(sd[:, axis])
-        steps = np.abs(np.diff(log))
-        scatter = float(np.quantile(steps, _STEP_SHARE)) / _STEP_SIGMAS if len(steps) else 0.0
-        away_from = min(limits.JITTER_SIGMAS * scatter, limits.MOST_JITTER)
-        jitters = away_from > limits.ACCURACY_HELD
-        away_from = max(away_from, limits.ACCURACY_HELD)
-        held = log.copy()
-        start = 0
-        while start < len(log):
-            level = log[start]
-            if jitters:
-                middle = np.median(log[start : start + limits.JITTER_FIXES])
-                level = middle if abs(level - middle) <= away_from else level
-            away = np.flatnonzero(np.abs(log[start:] - level) > away_from)
-            stop = start + int(away[0]) if len(away) else len(log)
-            held[start:stop] = level
-            start = stop
-        out[:, axis] = np.exp(held)
-    return out

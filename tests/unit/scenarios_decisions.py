@@ -108,8 +108,8 @@ def decisions_fusion() -> Any:
     """Estimates, delays, levels, leans, headings, accuracies and sigmas over their limits."""
     from automap.fusion import adapt, consistency
     from automap.fusion.doubts import estimates, outcome
-    from automap.fusion.measurements.position import states_accuracy
-    from automap.fusion.nodes import Shift, hold_reported_sd
+    from automap.fusion.measurements.position import hold_reported_sd, states_accuracy
+    from automap.fusion.nodes import Shift
     from automap.fusion.options import FusionOptions
 
     sizes = _rows(0.02, 3.0)

@@ -185,6 +185,7 @@ def fusion_nodes() -> Any:
     """Fixes as the filter takes them, and nodes of them with delays, standstill and wheels."""
     from automap.fusion import nodes
     from automap.fusion.measurements import position, velocity
+    from automap.fusion.measurements.position import hold_reported_sd
     from automap.fusion.measurements.wheel_speed import Odometer
     from automap.fusion.options import FusionOptions
     from automap.fusion.wheels import path_speed
@@ -272,9 +273,7 @@ def fusion_nodes() -> Any:
     jumpy = np.exp(0.6 * rng.normal(size=(60, 3)))
     steady = np.repeat(np.exp(0.5 * rng.normal(size=(6, 3))), 10, axis=0)
     between = steady * np.exp(0.1 * rng.normal(size=(60, 3)))
-    found["held"] = [
-        nodes.hold_reported_sd(sd) for sd in (jumpy, steady, between, jumpy[:0], jumpy[:1])
-    ]
+    found["held"] = [hold_reported_sd(sd) for sd in (jumpy, steady, between, jumpy[:0], jumpy[:1])]
     return found
 
 

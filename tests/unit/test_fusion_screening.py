@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from automap.fusion.layout import HAS_POS_H, HAS_POS_V, HAS_VEL_H, HAS_VEL_V
-from automap.fusion.nodes import FixModel, Shift, build_nodes, hold_reported_sd
+from automap.fusion.measurements.position import hold_reported_sd
+from automap.fusion.nodes import FixModel, Shift, build_nodes
 from automap.fusion.options import FusionOptions
 from automap.fusion.screening import screen_fixes
 

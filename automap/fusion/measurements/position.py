@@ -11,9 +11,13 @@ from automap.effects.measured_kernels import antenna_position
 from automap.fusion.arrays import ModelArrays, NodeArrays
 from automap.fusion.layout import CH_POS, HAS_POS_H, HAS_POS_V
 from automap.fusion.limits import (
+    ACCURACY_HELD,
     DOWN_FACTOR,
     FIX_AGE_SD_S,
+    JITTER_FIXES,
+    JITTER_SIGMAS,
     LEAST_WHITE_M,
+    MOST_JITTER,
     UNKNOWN_HDOP,
     UNSTATED_SD_M,
 )
@@ -26,6 +30,9 @@ from automap.sync.digits import rounded_m
 
 CORRECTED = (FixType.DGNSS, FixType.FLOAT, FixType.FIXED)
 """Fixes whose receiver was told what satellites have in common."""
+_STEP_SHARE, _STEP_SIGMAS = 0.9, 1.645 * math.sqrt(2.0)
+"""This share of the differences of two normal numbers is less than so many of their sigmas. Chosen:
+the median of those of a receiver that tells each figure twice is none, and rare changes stay."""
 
 
 def position_errors(
@@ -53,6 +60,37 @@ def position_errors(
     white = np.where(carrier[:, None], sd, np.maximum(options.white_share * sd, LEAST_WHITE_M))
     white[:, :2] = np.hypot(white[:, :2], rounded_m(fixes))
     return sd, white
+
+
+def hold_reported_sd(sd: FloatArray) -> FloatArray:
+    """Accuracy figures [m, 3] that follow real changes and not the jitter of the reports.
+
+    A figure is held until the reported one differs by a quarter. Where reports scatter by more from
+    one fix to the next, the middle of some is held until one lies outside of that scatter.
+    """
+    if len(sd) == 0:
+        return sd
+    out = np.empty_like(sd)
+    for axis in range(sd.shape[1]):
+        log = np.log(sd[:, axis])
+        steps = np.abs(np.diff(log))
+        scatter = float(np.quantile(steps, _STEP_SHARE)) / _STEP_SIGMAS if len(steps) else 0.0
+        away_from = min(JITTER_SIGMAS * scatter, MOST_JITTER)
+        jitters = away_from > ACCURACY_HELD
+        away_from = max(away_from, ACCURACY_HELD)
+        held = log.copy()
+        start = 0
+        while start < len(log):
+            level = log[start]
+            if jitters:
+                middle = np.median(log[start : start + JITTER_FIXES])
+                level = middle if abs(level - middle) <= away_from else level
+            away = np.flatnonzero(np.abs(log[start:] - level) > away_from)
+            stop = start + int(away[0]) if len(away) else len(log)
+            held[start:stop] = level
+            start = stop
+        out[:, axis] = np.exp(held)
+    return out
 
 
 def states_accuracy(fixes: Fixes, options: FusionOptions) -> BoolArray:
